@@ -311,7 +311,7 @@ def read_text(path: str | Path, kind: str, largest: int | None = None) -> str:
     except FileNotFoundError:
         raise InputError(f"there is no file {path}; name {kind}") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; name {kind} in that encoding") from None
+        raise InputError(f"{path} is not text in UTF-8; name {kind} in that encoding") from None
     except InputError:
         raise
     except (OSError, ValueError) as error:
@@ -345,7 +345,7 @@ def read(path: str | Path) -> Table:
     except FileNotFoundError:
         raise InputError(f"there is no file {path}; name one that can be read") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path} holds no table of numbers with a header: it is no text") from None
+        raise InputError(f"{path} holds no table of numbers with a header: it is not text") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         first_line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} holds no table of numbers with a header: {first_line}") from error

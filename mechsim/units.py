@@ -327,7 +327,7 @@ def _require_text(text: str, unit: Unit, name: str) -> None:
     if not isinstance(text, str):  # pyright: ignore[reportUnnecessaryIsInstance]
         example = _KINDS[unit][1]
         raise InputError(
-            f"{name} is {text!r}, which is no text; give text such as {example!r}, or the number"
+            f"{name} must be text such as {example!r}, or a number, not {type(text).__name__} ({text!r})"
         )
 
 

@@ -139,7 +139,6 @@ def crank_rate(name: str, what: str, value: ArrayLike, count: int) -> Array:
     rate = numbers(value)
     if rate.shape not in ((), (1,), (count,)) or not (np.abs(rate) < HUGE).all():
         raise InputError(
-            f"{name}: the crank's {what} is no finite number; give one, or {count}, each a finite number "
-            f"below {HUGE:g} in SI"
+            f"{name}: the crank's {what} must be finite; give one number, or {count}, below {HUGE:g} in SI"
         )
     return np.broadcast_to(rate, (count,))

@@ -231,7 +231,7 @@ def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[
     for quantity, extent in [*extents.items(), *quantities.items()]:
         numbers = without_noise([extent["least"], extent["largest"], extent["final"]])
         rows.append((quantity, *numbers, extent["unit"], ends.get(quantity)))
-    head = ("quantity", "least", "largest", "at the end", "unit", "rate at the end")
+    head = ("quantity", "min", "max", "final", "unit", "final rate")
     rows += [
         (f"drive {name}", float(effort.min()), float(effort.max()), float(effort[-1]), unit, None)
         for name, effort in result.driving.items()

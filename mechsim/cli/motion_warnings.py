@@ -22,7 +22,7 @@ NEAR_CHANGE_POINT = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class FewDigits:
+class AccuracyWarning:
     """The instant of a motion whose accelerations have the fewest correct digits.
 
     Attributes:
@@ -46,7 +46,7 @@ class FewDigits:
         )
 
 
-def few_digits(solver: KinematicSolver, motion: Motion) -> FewDigits | None:
+def loss_of_significance(solver: KinematicSolver, motion: Motion) -> AccuracyWarning | None:
     """Return the instant with the fewest digits; None for `ENOUGH_DIGITS` digits or more, or if undetermined.
 
     Digits are undetermined if the drivers leave a degree of freedom, such as that of a floating body.
@@ -64,10 +64,10 @@ def few_digits(solver: KinematicSolver, motion: Motion) -> FewDigits | None:
     if digits >= ENOUGH_DIGITS:
         return None
     laws, instant = solver.motion_laws, float(examined.angle[worst])
-    return FewDigits(digits, instant / laws.rate, laws.axis, float(conditioning[worst]))
+    return AccuracyWarning(digits, instant / laws.rate, laws.axis, float(conditioning[worst]))
 
 
-def fewest_digits(*candidates: FewDigits | None) -> FewDigits | None:
+def most_severe(*candidates: AccuracyWarning | None) -> AccuracyWarning | None:
     """Return the candidate with the fewest digits."""
     return min(filter(None, candidates), key=lambda few: few.conditioning, default=None)
 

@@ -32,7 +32,12 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as
-from mechsim.pictures.render.frame_poses import PATH_POINTS, VISIBLE_DIFFERENCE, comes_round, frame_indices
+from mechsim.pictures.render.frame_poses import (
+    PATH_POINTS,
+    VISIBLE_DIFFERENCE,
+    frame_indices,
+    returns_to_start,
+)
 from mechsim.studies.drawn_motion import MAX_SAMPLES, drawn_motion, joint_loads
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
@@ -165,7 +170,7 @@ def render(
         look = replace(look, paths="whole" if look.paths else False)
         write_picture(path, solver.mechanism, motion, look, angle=angle, **extra)
         return _written(solver.name, output, None, masses)
-    periodic = comes_round(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
+    periodic = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
     tail = periodic and not timed and solver.crank_range().full
     look = replace(look, paths="tail" if look.paths and tail else look.paths)
     extra |= {"fps": animation.fps, "every": every}

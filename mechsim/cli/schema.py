@@ -24,7 +24,7 @@ import typer
 
 from mechsim import files
 from mechsim.cli.command import Result, command, data_type
-from mechsim.cli.motion_warnings import FewDigits
+from mechsim.cli.motion_warnings import AccuracyWarning
 from mechsim.cli.options import output_file, writable
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
@@ -71,7 +71,7 @@ class RunJson(TypedDict):
     settings: Settings
     output: str | None
     rows: int
-    few_digits: NotRequired[FewDigits | None]
+    few_digits: NotRequired[AccuracyWarning | None]
     findings: NotRequired[list[Finding]]
 
 

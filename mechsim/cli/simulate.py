@@ -12,7 +12,7 @@ from mechsim.analytic.loops.record import with_all_joints
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command, option_names
 from mechsim.cli.control_options import ControlOptions, user_scene
-from mechsim.cli.motion_warnings import few_digits, limited_swing
+from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
@@ -154,7 +154,7 @@ def simulate(
         run = _run(solver, motion, options, settings, model_scene)
         laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
     findings = scene_findings(solver, laws)
-    few = None if motion is None or run.motion.broken else few_digits(solver, run.motion)
+    few = None if motion is None or run.motion.broken else loss_of_significance(solver, run.motion)
     # the file is written last, so that invalid input writes nothing
     if path is not None:
         joints = with_all_joints(solver.mechanism, run.motion)

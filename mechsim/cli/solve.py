@@ -13,7 +13,7 @@ from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
-from mechsim.cli.motion_warnings import FewDigits, few_digits, fewest_digits, limited_swing
+from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance, most_severe
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
@@ -119,7 +119,7 @@ class SolveJson(TypedDict):
     rows: int
     output: str | None
     columns: dict[str, list[float]]
-    few_digits: FewDigits | None
+    few_digits: AccuracyWarning | None
 
 
 @command
@@ -181,7 +181,7 @@ def _whole(
     solver: KinematicSolver, motion: Motion | Poses, path: Path | None, shown: OutputUnits | None
 ) -> Result[SolveJson]:
     """Write a motion that is in memory, and return it as the result."""
-    few = few_digits(solver, motion) if isinstance(motion, Motion) else None
+    few = loss_of_significance(solver, motion) if isinstance(motion, Motion) else None
     if path is not None:
         files.write_table(path, in_units(motion.columns(), motion.column_units(), shown))
 
@@ -202,7 +202,7 @@ def _whole(
 
 def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) -> None:
     """Write or print a motion as .csv chunk by chunk, in constant memory."""
-    instants, fewest = task.instants, list[FewDigits]()
+    instants, fewest = task.instants, list[AccuracyWarning]()
     if not isinstance(task.solver, ClosedForm):
         # loop equations that have no solution over the whole motion fail before a row is written
         task.motion_at(np.array([instants.min(), instants.max()]))
@@ -210,7 +210,7 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
     def chunks() -> Iterator[dict[str, Array]]:
         for first in range(0, len(instants), CHUNK):
             motion = task.motion_at(instants[first : first + CHUNK])
-            fewest.extend(filter(None, [few_digits(task.solver, motion)]))
+            fewest.extend(filter(None, [loss_of_significance(task.solver, motion)]))
             yield in_units(motion.columns(), motion.column_units(), shown)
             report()
 
@@ -219,7 +219,7 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
             _print_csv(chunks())
         else:
             files.write_tables(path, chunks())
-    few = fewest_digits(*fewest)
+    few = most_severe(*fewest)
     if few is not None:
         few.warn()
     if path is not None:

@@ -59,15 +59,15 @@ def synthesize(
     if len(point) != 2:
         raise InputError(f"--through is {through!r}, {len(point)} numbers; give 2, with a comma")
     line = (point[0], point[1]), units.parse_angle(tilt, "--tilt"), units.parse_length(length, "--length")
-    by_circle = synthesize_looper(*line, base)
+    circle_fit = synthesize_looper(*line, base)
     straightest = synthesize_looper(*line, base, equal_ripple=True)
-    designs = {"smallest radial error": by_circle, "straightest": straightest}
+    designs = {"smallest radial error": circle_fit, "straightest": straightest}
 
     def text() -> None:
         head = ("criterion", "frame [mm]", "angle [deg]", "rocker [mm]", "deviation [mm]")
         print_table(base.name, head, [(name, *_row(design)) for name, design in designs.items()])
 
-    return Result({**_as_dict(by_circle), "straightest": _as_dict(straightest)}, text)
+    return Result({**_as_dict(circle_fit), "straightest": _as_dict(straightest)}, text)
 
 
 def _as_dict(design: Synthesis) -> LineDesign:

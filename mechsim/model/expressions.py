@@ -247,7 +247,7 @@ class Evaluator:
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 return self._call(name, args, depth + 1)
             case _:
-                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {_ALLOWED}")
+                raise InputError(f"contains {ast.unparse(node)!r}; only arithmetic is allowed: {_ALLOWED}")
 
     def _call(self, name: str, arguments: Sequence[ast.AST], depth: int) -> Term:
         function = FUNCTIONS.get(name)
@@ -268,7 +268,8 @@ class Evaluator:
         if function.unit == "angle" and self.angle != 1.0:
             if any(_has_pi(argument) for argument in arguments):
                 raise InputError(
-                    f"gives {name} a part of pi, but the file's angles are not in rad; write 45 for 45 deg"
+                    f"gives {name} an argument with pi, but angles in this file are in degrees: "
+                    "write 45, not pi/4"
                 )
             term = Term(term.value * self.angle)
         value = _plain(function.value(term.value))

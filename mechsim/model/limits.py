@@ -101,7 +101,7 @@ def require_revolutions(who: str, revolutions: float, duration: float) -> None:
     if not revolutions <= MAX_REVOLUTIONS:
         raise InputError(
             f"{who}: at the largest rate of the motion laws a driver makes {revolutions:.4g} revolutions or "
-            f"oscillations in {duration:g} s, and {MAX_REVOLUTIONS:,.0f} are the limit of one motion; give "
+            f"oscillations in {duration:g} s; the limit is {MAX_REVOLUTIONS:,.0f} per motion. Give "
             f"a --duration of {_rounded_down(duration * MAX_REVOLUTIONS / revolutions):g} s or less, or "
             "slower laws"
         )
@@ -125,9 +125,8 @@ def require_travel(who: str, start: str, end: str, travel: float) -> None:
     # the margin of 1 rad is for the continuation beyond the end of a motion
     if not travel <= REVOLUTION * MAX_REVOLUTIONS + 1.0:
         raise InputError(
-            f"{who} would be traced from {start} to {end}, {travel / REVOLUTION:,.0f} revolutions, and "
-            f"{MAX_REVOLUTIONS:,.0f} are the limit of one motion; request a motion "
-            f"{math.ceil(travel / REVOLUTION / MAX_REVOLUTIONS):,} times shorter"
+            f"{who} spans {travel / REVOLUTION:,.0f} revolutions, from {start} to {end}; the limit is "
+            f"{MAX_REVOLUTIONS:,.0f}. Shorten it {math.ceil(travel / REVOLUTION / MAX_REVOLUTIONS):,} times"
         )
 
 
@@ -156,6 +155,4 @@ def require_steps(what: str, steps: float, remedy: str, limit: int = MAX_STEPS) 
         limit: largest number of time steps.
     """
     if not steps <= limit:
-        raise InputError(
-            f"{what} takes {steps:.3g} time steps, and {limit:,} are the limit of one run; {remedy}"
-        )
+        raise InputError(f"{what} needs {steps:.3g} time steps; the limit is {limit:,} per run; {remedy}")

@@ -227,8 +227,8 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
     return grid
 
 
-def hand_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
-    """Return the poses over all drivers by hand: one grid of up to three, or one grid each of more."""
+def slider_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
+    """Return configurations on a grid over all drivers: one grid of up to three, or one grid each of more."""
     solver.mechanism.require_driver()
     drivers = solver.mechanism.drivers
     if len(drivers) <= max(NODES):

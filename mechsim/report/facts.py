@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
     """Return all properties of a mechanism that need no simulation, for JSON.
 
-    Of one that no crank alone settles, what does not ask for a crank.
+    For several drivers: only properties that need no crank.
 
     Args:
         solver: the mechanism.

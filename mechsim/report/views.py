@@ -33,9 +33,9 @@ from mechsim.report.driver_views import (
     SHOWN,
     box_of,
     halved_grid,
-    hand_grids,
     motion_law_grid,
     platform_of,
+    slider_grids,
     stepped_ghost,
 )
 from mechsim.studies.drawn_motion import stepped
@@ -66,10 +66,10 @@ def crank_grids(
         limits: of its angle in [rad], where a file states them.
 
     Raises:
-        AssemblyError: where its own assembly can stand nowhere.
+        AssemblyError: if this assembly mode closes at no crank angle.
     """
     if isinstance(solver, LoopForm):
-        # by hand it goes everywhere that the crank's own range lets it
+        # the slider covers the crank's whole range
         return [crank_grid(replace(solver, ranges={}), "own assembly", speed, limits)]
     assert isinstance(solver, ClosedForm)
     return [crank_grid(assembly, _called(assembly), speed, limits) for assembly in (solver, *_others(solver))]
@@ -299,7 +299,7 @@ def mechanism_view(
         return _view(solver, [*grids, *others], facts)
     assert isinstance(solver, LoopForm)
     start = start_poses(solver.mechanism)[1]
-    by_hand = hand_grids(solver, box_of(solver, limits, start))
+    by_hand = slider_grids(solver, box_of(solver, limits, start))
     programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]
     drawn = _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
     return replace(drawn, platform=platform_of(solver.mechanism, limits))

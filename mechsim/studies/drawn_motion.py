@@ -30,7 +30,7 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
         samples: number of samples; rounded.
     """
     if method not in ("closed", "simulated", "posed"):
-        raise InputError(f"there is no method {method!r}; choose from closed, simulated and, to draw, both")
+        raise InputError(f"there is no method {method!r}; choose closed, simulated or both")
     count = round(samples)
     if not 1 <= count <= MAX_SAMPLES:
         raise InputError(f"{samples:g} frames or samples requested; give 1 to {MAX_SAMPLES}")

@@ -273,7 +273,7 @@ def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, ev
     for branch in (1, -1):
         task = _Task(curve, base, in_space, every, *dyad(curve, base, branch, in_space=in_space))
         try:
-            solutions.append(task.leveled() if equal_ripple else task.by_circle().synthesis)
+            solutions.append(task.equal_ripple() if equal_ripple else task.circle_fit().synthesis)
         except AssemblyError:
             continue
     if not solutions:
@@ -312,13 +312,13 @@ class _Task:
         centre, radius = circle_of(x)
         return self.origin + centre, radius
 
-    def by_circle(self) -> _Trial:
+    def circle_fit(self) -> _Trial:
         """Return the linkage whose B keeps its circle best with C on every `every`-th point of the curve."""
         circle = best_circle(self.b[:: self.every])
         alternation = tuple(self.every * index for index in circle.alternation)
         return self._trial(circle.centre, circle.radius, self.angles, alternation)
 
-    def leveled(self) -> Synthesis:
+    def equal_ripple(self) -> Synthesis:
         """Return the linkage whose C has the smallest deviation from the curve."""
         best = self._guess()
         for _ in range(MAX_PROGRAMMES):

@@ -45,7 +45,7 @@ BAD = {
     "step too short": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
     "too many steps": (
         "simulate rssr --steps-per-turn 1000000000000",
-        ["1e+12", "the limit of one run"],
+        ["1e+12", "the limit is 100,000,000 per run"],
     ),
     "too many turns": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
     "too many records": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
@@ -109,7 +109,7 @@ def test_an_invalid_table_is_rejected_with_line_and_column(mechsim: Call, tmp_pa
         assert len(answer.err.strip().splitlines()) == 1
         assert all(word in answer.err for word in words)
     (tmp_path / "profile.csv").write_bytes(b"\xff\xfe\x00")
-    assert "it is no text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
+    assert "it is not text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
 
 
 def test_loop_errors_fail_without_a_requested_tolerance(

@@ -7,7 +7,7 @@ from exact_solutions import four_bar_b
 from mechsim import catalog, simulate, simulation
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.oracle import conditioning_of
-from mechsim.cli.motion_warnings import few_digits
+from mechsim.cli.motion_warnings import loss_of_significance
 from mechsim.verdict.tolerances import RATES
 
 SWINGS = {"ground": 0.1, "crank": 0.09, "coupler": 0.05, "rocker": 0.06}
@@ -47,7 +47,7 @@ def test_every_method_reports_a_loss_of_significance():
         (LoopForm(linkage.mechanism), LoopForm(linkage.mechanism).solve(angles, 1.0)),
         (linkage, run),
     ):
-        warning = few_digits(solver, motion)
+        warning = loss_of_significance(solver, motion)
         assert warning is not None
         assert 3 <= warning.digits <= 5
         assert warning.at == pytest.approx(near_dead_centre, abs=1e-12)
@@ -57,9 +57,12 @@ def test_exact_and_limiting_rates_give_no_warning():
     flat = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
     angles = np.linspace(0.0, 2.0 * np.pi, 73)
     for solver in (flat, LoopForm(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
-        assert few_digits(solver, solver.solve(angles, 1.0)) is None
+        assert loss_of_significance(solver, solver.solve(angles, 1.0)) is None
     swings = catalog.make("four_bar", **SWINGS)
-    assert few_digits(swings, swings.solve(np.array([max(swings.dead_centres()) - 1e-10]), 0.0)) is None
+    assert (
+        loss_of_significance(swings, swings.solve(np.array([max(swings.dead_centres()) - 1e-10]), 0.0))
+        is None
+    )
 
 
 def test_solve_reports_a_loss_of_significance_once_and_in_json(mechsim):

@@ -90,7 +90,7 @@ def test_a_late_rejection_writes_no_file(mechsim, file, tmp_path, monkeypatch):
     def reject(*_):
         raise InputError("no")
 
-    for function in ("scene_findings", "few_digits"):
+    for function in ("scene_findings", "loss_of_significance"):
         with monkeypatch.context() as patched:
             patched.setattr(f"mechsim.cli.simulate.{function}", reject)
             code, _, err = mechsim("simulate", file(SOUND), *DRIVEN, "-o", "run.csv")

@@ -96,7 +96,7 @@ REJECTED = {
     ),
     "rods for nothing": (lambda: ms.masses.with_inertia(None), "a mechanism is of type NoneType"),
     "density as text": (lambda: ms.masses.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),
-    "a number for text": (lambda: ms.units.parse_length(3.0), "the length is 3.0, which is no text"),
+    "a number for text": (lambda: ms.units.parse_length(3.0), "the length must be text such as"),
     "text for rpm": (lambda: ms.units.rpm("600 rpm"), r"or read text by units\.parse_speed"),
     "an unknown unit": (lambda: ms.units.parse("3", "mm"), "the value cannot be converted to 'mm'"),
 }

@@ -6,7 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
 from mechsim.pictures.view.pose_grid import interpolated, quaternions
-from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid
+from mechsim.report.driver_views import box_of, motion_law_grid, slider_grids
 from mechsim.report.views import case_view, mechanism_view
 from mechsim.studies.validate import case_of
 
@@ -59,7 +59,7 @@ def test_views_under_motion_laws_cover_their_time():
 def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.NODES", {2: 9})
     solver = ms.load("five_bar")
-    (grid,) = hand_grids(solver, box_of(solver, {"left": (1.9, 2.3)}, start_poses(solver.mechanism)[1]))
+    (grid,) = slider_grids(solver, box_of(solver, {"left": (1.9, 2.3)}, start_poses(solver.mechanism)[1]))
     slider = grid.sliders[0]
     assert (slider.nodes[0], slider.nodes[-1]) == pytest.approx((1.9, 2.3))
     assert np.isnan(grid.position["forearm_l"]).any()  # out of reach
@@ -82,7 +82,7 @@ def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
 def test_more_than_three_drivers_move_one_at_a_time(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
     solver = ms.load("stewart_gough")
-    grids = hand_grids(solver, box_of(solver, {}, start_poses(solver.mechanism)[1]))
+    grids = slider_grids(solver, box_of(solver, {}, start_poses(solver.mechanism)[1]))
     assert [grid.name for grid in grids] == [f"move l{i}" for i in range(1, 7)]
     assert all(grid.shape == (5,) for grid in grids)
 

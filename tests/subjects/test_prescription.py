@@ -211,5 +211,5 @@ def test_rows_too_far_apart_are_rejected_before_the_path_is_followed():
     solver = load("klann")
     rows = {"crank": np.array([0.0, 1.0, 6000.0])}
     driver_path(solver, rows, "rows.csv")
-    with pytest.raises(InputError, match=r"from row 2 to row 3, 159,155 revolutions.* 1,000 are the limit"):
+    with pytest.raises(InputError, match=r"159,155 revolutions, from row 2 to row 3; the limit is 1,000"):
         driver_path(solver, {"crank": np.array([0.0, 1.0, 1e6 + 1.0])}, "rows.csv")

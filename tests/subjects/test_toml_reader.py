@@ -92,7 +92,7 @@ CHANGES = {
     ),
     "division by zero": ('"ground + crank/2"', '"1/(crank - crank)"', ("line 8", "divides by zero")),
     "an imaginary number": ('"ground + crank/2"', '"sqrt(-1)"', ("line 8", "finite real number")),
-    "code": ('"ground + crank/2"', '"().__class__"', ("line 8", "no arithmetic")),
+    "code": ('"ground + crank/2"', '"().__class__"', ("line 8", "only arithmetic")),
     "a call": ('"ground + crank/2"', "\"__import__('os')\"", ("line 8", "no known function")),
     "nested powers": ('"ground + crank/2"', '"9**9**9"', ("line 8", "exponent", "64")),
     "a long expression": ('"ground + crank/2"', f'"{"1+" * 400}1"', ("line 8", "801 characters")),
@@ -101,7 +101,7 @@ CHANGES = {
     "pi in degrees": (
         '"crank*cos(10)"',
         '"crank*cos(pi/18)"',
-        ("line 33", "guess.coupler.at[0]", "a part of pi"),
+        ("line 33", "guess.coupler.at[0]", "an argument with pi"),
     ),
     "a parameter in degrees used as a length": (
         '"4 cm"',

@@ -261,8 +261,8 @@ def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
     most = np.abs(wrenches * units).max() * np.abs(unit.idle / units[:, None]).max()
     if work > 1e-9 * most:
         raise InputError(
-            f"{unit.mechanism.name}: {what} would spin a link whose spin nothing determines; "
-            "keep it on the link's line, or give the link a guide"
+            f"{unit.mechanism.name}: {what} acts about the axis of a passive rotation, which no "
+            "joint resists; keep it on the link's line, or give the link a guide"
         )
 
 

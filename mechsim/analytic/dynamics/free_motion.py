@@ -234,14 +234,14 @@ class CrankEnds:
             return "done", ""
         if trajectory.event == "backwards":
             reason = (
-                f"the crank made {self.turns:g} turns the other way round; give a drive of the other sign, "
-                f"or {-self.turns:g} turns"
+                f"the crank rotated {abs(self.turns):g} turns backwards; reverse the sign of the "
+                f"torque, or give {-self.turns:g} turns"
             )
             return ("cannot start" if from_rest else "turned back"), reason
         if trajectory.event == "turned back":
             reason = (
-                f"the crank turns back at {angle:.6g} rad, {made:.3g} turns from its start; nothing it loses "
-                "on the way comes back, so that it never gets beyond: give more torque or speed"
+                f"the crank turns back at {angle:.6g} rad, {made:.3g} turns from its start: its "
+                "kinetic energy is used up there; increase the torque or the initial speed"
             )
             return ("cannot start" if from_rest else "turned back"), reason
         still = abs(angle - self.start) <= MOVED

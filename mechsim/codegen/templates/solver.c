@@ -75,7 +75,7 @@ static inline void @substitute(const @state *s, real *b) {
 static inline void @displace(@state *s, const real *step) {
   for (int u = 0; u < @UNKNOWNS; u++) { s->coordinates[@UNKNOWN[u]] += @UNIT[u] * step[u]; }
 #if BALLS
-  /* balls turn: their quaternions (w, x, y, z) are multiplied by (1, step / 2) */
+  /* ball joints: multiply the quaternions (w, x, y, z) by (1, step / 2) */
   for (int k = 0; k < @BALLS; k++) {
     const int first = @BALL[k];
     const real x = step[first] / 2;
@@ -116,8 +116,8 @@ static inline void @differentiate(@state *s, const real *by_drivers) {
 #endif
 }
 
-/* Goes one step of the drivers: predicts by first and second derivatives, corrects by Newton's method.
-   The state is spoilt where the status is not @SOLVED. */
+/* Advances by one driver step: predicts by first and second derivatives, corrects by Newton's method.
+   On failure, a status other than @SOLVED, the state is undefined. */
 static inline int @advance(@state *s, const real *drivers) {
   real residual[@UNKNOWNS_OR_1];
   real by_drivers[@UNKNOWNS_OR_1 * @DRIVERS];

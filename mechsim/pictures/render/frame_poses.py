@@ -159,7 +159,7 @@ class FramePoses:
         )
 
 
-def comes_round(
+def returns_to_start(
     mechanism: Mechanism, motion: Motion, position_tolerance: float = 1e-9, angle_tolerance: float = 1e-6
 ) -> bool:
     """Return whether the last pose of a motion equals the first, within a part of the size and in [rad]."""

@@ -13,7 +13,7 @@ from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.render.frame_poses import comes_round, errors, factor
+from mechsim.pictures.render.frame_poses import errors, factor, returns_to_start
 from mechsim.shapes.camera import Angles
 from mechsim.shapes.shape import Shape
 
@@ -328,7 +328,9 @@ def motion_grid(
     poses = moved_links(mechanism, motion)
     position = {name: pose.position for name, pose in poses.items()}
     quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
-    slider = Slider(driver, unit, nodes, comes_round(mechanism, motion), float(nodes[0]), tuple(landmarks))
+    slider = Slider(
+        driver, unit, nodes, returns_to_start(mechanism, motion), float(nodes[0]), tuple(landmarks)
+    )
     readouts = (*_readouts(mechanism, motion, speeds), *extra)
     return PoseGrid(name, (slider,), position, quaternion, readouts)
 

@@ -8,7 +8,7 @@ from typing import Any, cast, get_args
 
 from mechsim import files
 from mechsim.model.progress import Progress, no_progress
-from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduce_scene, with_comment
+from mechsim.studies.reduction.search import By, Reduction, RemovedElement, reduce_scene, with_comment
 from mechsim.studies.scene.errors import UNITS, tolerance_in_si
 from mechsim.studies.scene.open_scene import open_scene, scene_file
 from mechsim.studies.scene.scene import spec_of
@@ -111,7 +111,7 @@ def reduce(
     return ReducedModel(result, limit, text, notes)
 
 
-def _removed(element: LeftOut, by: By) -> dict[str, Any]:
+def _removed(element: RemovedElement, by: By) -> dict[str, Any]:
     return {
         "what": element.candidate.what,
         "category": element.candidate.category,

@@ -43,7 +43,7 @@ MAX_TIMED = 5
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class RemovedElement:
     """An applied candidate.
 
     Attributes:
@@ -75,7 +75,7 @@ class Reduction:
     """
 
     text: str
-    left_out: Sequence[LeftOut]
+    left_out: Sequence[RemovedElement]
     errors: tuple[SceneErrors, SceneErrors]
     speedup: float
     time: float
@@ -135,7 +135,7 @@ def reduce_scene(
 
 _Steps = tuple[float, RemovalCandidate, float]
 _Kept = tuple[RemovalCandidate, UserScene, float]
-_State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
+_State = tuple[mujoco.MjSpec, float, tuple[RemovedElement, ...], tuple[_Steps, ...]]
 
 
 class _Search:
@@ -145,7 +145,7 @@ class _Search:
         self.evaluator, self.tolerance, self.progress = evaluator, tolerance, progress
         self.by: By = by
         self.spec, self.error, self.tried = evaluator.spec, 0.0, 0
-        self.left_out: list[LeftOut] = []
+        self.left_out: list[RemovedElement] = []
         # time ratio, candidate and error of other steps within the tolerance
         self.steps: list[_Steps] = []
         self.costly, self.fraction = False, SEARCH_FRACTION
@@ -220,7 +220,7 @@ class _Search:
         return (spec, scene, error) if error <= self.fraction * self.tolerance else None
 
     def take(self, candidate: RemovalCandidate, spec: mujoco.MjSpec, error: float) -> None:
-        self.left_out.append(LeftOut(candidate, DIVERGED, np.nan, error))
+        self.left_out.append(RemovedElement(candidate, DIVERGED, np.nan, error))
         self.spec, self.error = spec, error
 
     def coarser(self, start: float) -> None:
@@ -311,7 +311,7 @@ class _Search:
             removed = self.left_out.pop(worst)
             if removed.candidate.category == LONGER_STEPS and self.steps:
                 _, candidate, error = self.steps.pop(0)
-                self.left_out.insert(worst, LeftOut(candidate, DIVERGED, np.nan, error))
+                self.left_out.insert(worst, RemovedElement(candidate, DIVERGED, np.nan, error))
             elif removed.candidate.category == LONGER_STEPS and self.fraction > MIN_SEARCH_FRACTION:
                 # the second motion failed: search shorter steps with a larger reserve
                 self.fraction *= 0.5
@@ -326,7 +326,7 @@ class _Search:
             text, left_out, (errors[0], errors[1]), 1.0 / ratio, full_time, self.tried, undone, self.by
         )
 
-    def with_single_errors(self) -> list[LeftOut]:
+    def with_single_errors(self) -> list[RemovedElement]:
         """Return the applied candidates with error and time of each alone, if it applies alone."""
         scenes: dict[int, UserScene] = {}
         for number, item in enumerate(self.left_out):
@@ -343,7 +343,7 @@ class _Search:
 
     def rebuilt_text(self) -> str:
         """Return the MJCF of the scene with all candidates applied; drop those that do not apply."""
-        spec, kept = self.evaluator.spec, list[LeftOut]()
+        spec, kept = self.evaluator.spec, list[RemovedElement]()
         for item in self.left_out:
             try:
                 spec = with_candidate(spec, item.candidate)
@@ -390,7 +390,7 @@ def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -
     return f"<!--\n{text}\n-->\n{reduction.text}"
 
 
-def candidate_line(item: LeftOut, by: By, unit: str) -> str:
+def candidate_line(item: RemovedElement, by: By, unit: str) -> str:
     """Return the line of an applied candidate."""
     error, ratio = item.alone_errors.by(by), item.time_ratio
     if not error < float("inf"):
