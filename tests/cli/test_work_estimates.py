@@ -113,7 +113,8 @@ def test_too_many_steps_of_a_scene_are_rejected(
     )
     arguments = "simulate pendulum.xml --ctrl torque=1 --duration 1e5"
     output = rejection_line(arguments, monkeypatch, capsys)
-    assert "a motion of 100000 s with a time step of 0.002 s needs 5e+07 time steps; the limit is 2,000,000" in output
+    assert "a motion of 100000 s with a time step of 0.002 s needs 5e+07 time steps" in output
+    assert "the limit is 2,000,000" in output
 
 
 def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
