@@ -6,7 +6,8 @@ FOLDER defaults to mechsim of this checkout. A package is a folder of it, or a f
 Imports under TYPE_CHECKING and inside functions count. A cycle is a set of files that import each other.
 The number of layers is the length of the longest chain of imports between packages. Lines of code are those
 without blank lines, comments and docstrings. With --list, the code lines of each folder, the constants
-without a comment, and the public functions of one name with different first sentences are listed.
+without a comment, the options of each command, and the public functions of one name with different first
+sentences are listed.
 """
 
 import argparse
@@ -243,6 +244,16 @@ def _print_lists(package: Path) -> None:
         print(f"{count:6} {folder}")
 
 
+def options_of_commands() -> dict[str, int]:
+    """Return the number of options of each command, without --help."""
+    from mechsim.cli import COMMANDS, load_command
+
+    return {
+        name: sum(parameter.param_type_name == "option" for parameter in load_command(name).params)
+        for name in COMMANDS
+    }
+
+
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -251,7 +262,10 @@ def main() -> None:
     options = parser.parse_args()
     for name, value in figures(options.folder).items():
         print(f"{name:24} {value}")
+    options_of = options_of_commands()
+    print(f"{'options of all commands':24} {sum(options_of.values())}")
     if options.list:
+        print(*(f"  {name:22} {count}" for name, count in options_of.items()), sep="\n")
         _print_lists(options.folder)
 
 

@@ -28,10 +28,9 @@ PANELS = {
     "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
     "flywheel density diameter scene cut",
     "Initial state": "initial until restitution budget controller",
-    "Motion": "drive ctrl speed turns angles angle profile at every samples duration change-point free",
-    "Solver": "method tolerance timestep integrator steps-per-turn constant-steps solref solimp compliance "
-    "refsafe diagexact jacobian solver iterations ls-iterations residual eulerdamp island drive-inertia "
-    "budget seed",
+    "Motion": "drive ctrl speed turns angles angle profile at every samples duration change-point",
+    "Solver": "method tolerance timestep integrator steps-per-turn setting solref solimp compliance solver "
+    "iterations drive-inertia budget seed",
     "Output": "output units json verbose plot report csv help",
 }
 PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}

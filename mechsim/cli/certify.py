@@ -1,8 +1,10 @@
 """Command `mechsim certify`: interval proof of one regular assembly over a range."""
 
+from typing import Annotated
+
 import typer
 
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import DriveOptions, Model, Sets, changed_parameters
 from mechsim.cli.output import number, print_table, wrapped
 from mechsim.cli.progress import progress
@@ -24,7 +26,7 @@ def certify(
     within: str | None = option(
         None, "Prove it for all mechanisms within these tolerances: crank=±0.02mm,...", metavar="P=BOUND,..."
     ),
-    driven: DriveOptions,
+    driven: Annotated[DriveOptions, Without("track")],
     sets: Sets = None,
 ) -> Result[Certificate]:
     """Prove by interval arithmetic that one assembly and no singularity exists over a range.

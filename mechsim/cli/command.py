@@ -45,6 +45,13 @@ class Result(Generic[Data]):
             raise typer.Exit(1)
 
 
+class Without:
+    """Marks options of a dataclass that a command does not have, since they would have no effect on it."""
+
+    def __init__(self, *hidden: str):
+        self.hidden = hidden
+
+
 @dataclass(frozen=True, slots=True)
 class Stated:
     """The options that the command line states: parameter -> option, as --samples."""
@@ -87,9 +94,10 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
 
     A parameter whose default `units.option` declares is an option. A parameter whose type is a dataclass
     becomes an option for each field that `units.option` declares or whose type is `Annotated` with a typer
-    option; other fields keep their defaults. A parameter of type `Annotated[Mapping[str, Any], cls]` receives
-    only the fields that are set. A parameter of type `Stated` receives the options on the command line. A
-    function that returns a `Result` gets the option --json.
+    option; other fields keep their defaults, and so do those that `Annotated[cls, Without("name")]` names.
+    A parameter of type `Annotated[Mapping[str, Any], cls]` receives only the fields that are set. A parameter
+    of type `Stated` receives the options on the command line. A function that returns a `Result` gets the
+    option --json.
     """
     parameters: list[inspect.Parameter] = []
     own: dict[str, Field[Any]] = {}
@@ -110,7 +118,7 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
             continue
         types = get_type_hints(cls, include_extras=True)
-        declared = [field for field in fields(cls) if "doc" in field.metadata or _is_typer(types[field.name])]
+        declared = _declared_fields(cls, types, parameter.annotation)
         groups[parameter.name] = dict if only_set else cls, declared, only_set
         parameters += [_parameter(field.name, field, types[field.name], only_set) for field in declared]
     has_json = data_type(function) is not None and all(p.name != "as_json" for p in parameters)
@@ -148,9 +156,21 @@ def _option_class(annotation: Any) -> tuple[Any, bool]:
     if is_dataclass(annotation):
         return annotation, False
     arguments = get_args(annotation)
+    if arguments and is_dataclass(arguments[0]):
+        return arguments[0], False
     if len(arguments) == 2 and is_dataclass(arguments[1]):
         return arguments[1], True
     return None, False
+
+
+def _declared_fields(cls: Any, types: Mapping[str, Any], annotation: Any) -> list[Field[Any]]:
+    """Return the fields of a dataclass that are options, without those that `Without` names."""
+    hidden = {name for item in get_args(annotation) for name in getattr(item, "hidden", ())}
+    return [
+        field
+        for field in fields(cls)
+        if field.name not in hidden and ("doc" in field.metadata or _is_typer(types[field.name]))
+    ]
 
 
 def _is_typer(kind: Any) -> bool:

@@ -5,8 +5,8 @@ from typing import Annotated, TypedDict
 
 import typer
 
-from mechsim.cli.command import Result, command
-from mechsim.cli.options import ModelOptions, output_file, writable
+from mechsim.cli.command import Result, Without, command
+from mechsim.cli.options import ModelOptions, output_file, require_other_drivers, writable
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
@@ -32,7 +32,7 @@ class CompileJson(TypedDict):
 
 @command
 def compile_solver(
-    options: ModelOptions,
+    options: Annotated[ModelOptions, Without("duration")],
     *,
     output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.")],
     test: str | None = option(
@@ -54,6 +54,7 @@ def compile_solver(
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
+    require_other_drivers(options.model, options.sets, options)
     code = solver_code(assembly(options.load(), certify))
     in_c = path.suffix.lower() == ".h"
     text = c_header(code) if in_c else javascript(code)

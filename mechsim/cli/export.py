@@ -8,7 +8,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic import catalog
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -17,6 +17,7 @@ from mechsim.cli.options import (
     joint_ranges,
     load_model,
     output_file,
+    require_other_drivers,
     scene_of,
     writable,
 )
@@ -24,7 +25,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.settings import Settings
+from mechsim.simulation.settings import RARE_SETTINGS, Settings
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, exported, require_compatible
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
@@ -114,7 +115,8 @@ def export(
     *,
     options: ExportOptions,
     settings: Annotated[Mapping[str, Any], Settings],
-    driven: DriveOptions,
+    more: tuple[tuple[str, Any], ...] = RARE_SETTINGS,
+    driven: Annotated[DriveOptions, Without("duration")],
     sets: Sets = None,
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
@@ -126,6 +128,7 @@ def export(
     mechsim export four_bar --speed 600rpm -o four_bar.xml
     mechsim export gripper.xml --format toml -o gripper.toml
     """
+    settings = {**settings, **dict(more)}
     if (model is None) == (options.every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if options.every is not None:
@@ -138,6 +141,7 @@ def export(
         return _catalogue(options.every, scene_of(options.scene))
     assert model is not None
     options.require_compatible(settings)
+    require_other_drivers(model, sets, driven)
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     with progress("export", None) as report:

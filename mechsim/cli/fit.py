@@ -8,8 +8,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command, option_names
-from mechsim.cli.load_options import LoadOptions
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import SPEED, ModelOptions, output_file, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
@@ -87,7 +86,6 @@ class FitJson(TypedDict):
 def fit(
     source: ModelOptions,
     options: FitOptions,
-    loads: LoadOptions,
     stated: Stated,
     output: Annotated[
         str | None, output_file("Result to write: .json, or residuals as .csv or .npz.")
@@ -107,11 +105,8 @@ def fit(
     parametric = source.load_parametric()
     solver = parametric.make({})
     measured = measured_of(files.read(table), solver, table)
-    loading = Loading(loads.forces, loads.density, loads.diameter)
     speed = _crank_speed(options.speed, measured, solver)
-    moved = MovedFamily(parametric, measured.angles, speed, loading)
-    if not moved.loaded(measured.values):
-        stated.exclude(option_names(LoadOptions), "on measured quantities that are no forces")
+    moved = MovedFamily(parametric, measured.angles, speed, Loading())
     with progress("fit", None) as report:
         result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
     data = _as_dict(result, measured, output)

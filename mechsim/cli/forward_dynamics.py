@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NotRequired, TypedDict
 
+import numpy as np
+
 from mechsim import files
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
 from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET
+from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.dynamics_report import (
     FreeJson,
@@ -20,7 +24,7 @@ from mechsim.cli.dynamics_report import (
     require_turns,
     with_masses,
 )
-from mechsim.cli.load_options import DriveLoadOptions, InitialOptions, released_model
+from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress, sections
@@ -80,6 +84,13 @@ class ForwardOptions(InitialOptions):
     """The end of a run, its comparison, and its files."""
 
     turns: float | None = option(None, "End the run after turns of the crank; negative for backwards.")
+    restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
+    budget: int | None = option(
+        None,
+        f"Work budget: largest number of states that a run evaluates before it ends. Default: {BUDGET:,}; "
+        f"with --turns {FREE_BUDGET:,}.",
+        metavar="N",
+    )
     samples: int = option(361, "Rows, both ends included.", metavar="N")
     quantities: tuple[str, ...] = option(
         (),
@@ -118,7 +129,7 @@ SHARES = {"formulas": 1.0, "check in MuJoCo": 2.0}
 @command
 def forward(
     source: ModelOptions,
-    loads: DriveLoadOptions,
+    loads: LoadOptions,
     options: ForwardOptions,
     stated: Stated,
     verbose: Verbose = False,
@@ -132,10 +143,17 @@ def forward(
     mechsim dynamics forward four_bar --motor line:1,600rpm --turns 3
     """
     options.check()
+    if not (options.output or options.quantities or options.until):
+        stated.exclude(["track"], "without -o, --of or --until")
     model = released_model(source, loads)
     if options.turns is not None:
         stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank")
-    release = options.release(model, source, turns=options.turns)
+    ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}
+    if options.turns is None:
+        ends["restitution"] = options.restitution
+    elif source.duration is None:
+        ends["duration"] = np.inf
+    release = options.release(model, source, **ends)
     # rejects unknown names before the run
     release.quantities(options.quantities)
     # MuJoCo stops when its steps are short enough

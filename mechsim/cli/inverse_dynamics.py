@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import files
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, actuated, fluctuation, flywheel_for
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
     DynamicsJson,
     Verbose,
@@ -125,7 +125,7 @@ class InverseOptions:
 @command
 def inverse(
     source: ModelOptions,
-    loads: LoadOptions,
+    loads: Annotated[LoadOptions, Without("motor", "gear", "controller")],
     options: InverseOptions,
     stated: Stated,
     verbose: Verbose = False,

@@ -9,7 +9,6 @@ import numpy as np
 from mechsim import files, units
 from mechsim.analytic import dynamics
 from mechsim.analytic.dynamics import DynamicModel
-from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Stated
 from mechsim.cli.exit_codes import notes
@@ -157,7 +156,7 @@ def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadOptions:
-    """Masses of the links, and loads on a prescribed motion."""
+    """Masses of the links, loads, and motors."""
 
     gravity: tuple[float, float, float] | None = option(
         None,
@@ -169,6 +168,13 @@ class LoadOptions:
         "Table of loads: columns angle [rad] or t [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
         metavar="FILE",
     )
+    motor: PlainMotor | None = option(
+        None,
+        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A.",
+        read=motor_of,
+        metavar="KIND:NUMBERS",
+    )
+    gear: float | None = option(None, "Gear ratio: turns of the motor per turn of the crank.")
     friction: tuple[Friction, ...] = option(
         (),
         "Viscous and Coulomb friction in a joint, in SI.",
@@ -190,6 +196,13 @@ class LoadOptions:
         many=True,
         metavar="A:B=DAMPING",
     )
+    controller: tuple[Controller, ...] = option(
+        (),
+        "Torque or force on joint J: an expression of J.q, J.v and t, in SI.",
+        read=controller_of,
+        many=True,
+        metavar="J=EXPRESSION",
+    )
     flywheel: float | None = option(None, "Additional moment of inertia on the crank, in kg m2.")
     density: float = option(
         7850.0, "Density in kg/m3 of links without masses, which are taken as round rods."
@@ -198,9 +211,16 @@ class LoadOptions:
         None, "Diameter of these rods. Default: 0.05 of the mechanism's size.", unit="m"
     )
 
+    def __post_init__(self) -> None:
+        if self.gear is not None and self.motor is None:
+            raise InputError("--gear needs a motor; add --motor")
+
     def forces(self, solver: KinematicSolver) -> Forces:
         """Return all forces on a mechanism, from its file and the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
+        motor = self.motor
+        if motor is not None and self.gear is not None:
+            motor = Geared(motor, self.gear)
         elements = (*self.spring, *self.damper)
         own = forces_of(solver)
         return replace(
@@ -210,6 +230,8 @@ class LoadOptions:
             springs=(*own.springs, *_of_type(Spring, elements)),
             joint_springs=(*own.joint_springs, *_of_type(JointSpring, elements)),
             flywheel=own.flywheel if self.flywheel is None else self.flywheel,
+            motor=motor or own.motor,
+            controllers=(*own.controllers, *self.controller),
             **loads,
         )
 
@@ -221,38 +243,6 @@ class LoadOptions:
         return dynamics.dynamic_model(
             solver, self.forces(solver), density=self.density, diameter=self.diameter
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveLoadOptions(LoadOptions):
-    """Masses, loads, and motors that move a mechanism."""
-
-    motor: PlainMotor | None = option(
-        None,
-        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A.",
-        read=motor_of,
-        metavar="KIND:NUMBERS",
-    )
-    gear: float | None = option(None, "Gear ratio: turns of the motor per turn of the crank.")
-    controller: tuple[Controller, ...] = option(
-        (),
-        "Torque or force on joint J: an expression of J.q, J.v and t, in SI.",
-        read=controller_of,
-        many=True,
-        metavar="J=EXPRESSION",
-    )
-
-    def __post_init__(self) -> None:
-        if self.gear is not None and self.motor is None:
-            raise InputError("--gear needs a motor; add --motor")
-
-    def forces(self, solver: KinematicSolver) -> Forces:
-        """Return all forces on a mechanism, from its file and the options."""
-        own, motor = LoadOptions.forces(self, solver), self.motor
-        if motor is not None and self.gear is not None:
-            motor = Geared(motor, self.gear)
-        controllers = (*own.controllers, *self.controller)
-        return replace(own, motor=motor or own.motor, controllers=controllers)
 
 
 def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:
@@ -282,8 +272,8 @@ def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InitialState:
-    """Initial coordinates and rates."""
+class InitialOptions:
+    """A run from an initial state."""
 
     initial: tuple[tuple[str, str], ...] = option(
         (),
@@ -293,49 +283,29 @@ class InitialState:
         many=True,
         metavar="J.q=VALUE",
     )
-
-    def __post_init__(self) -> None:
-        require_distinct("--initial", self.initial)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InitialOptions(InitialState):
-    """A run from an initial state."""
-
     until: str | None = option(
         None,
         "End the run at this event: P.y=0, J.q=90deg or distance:P,Q=10mm.",
         metavar="QUANTITY=VALUE",
     )
-    restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
-    budget: int | None = option(
-        None,
-        f"Work budget: largest number of states that a run evaluates before it ends. Default: {BUDGET:,}.",
-        metavar="N",
-    )
+
+    def __post_init__(self) -> None:
+        require_distinct("--initial", self.initial)
 
     @property
     def requested(self) -> bool:
         """Whether a run is requested."""
         return bool(self.initial or self.until)
 
-    @property
-    def limited(self) -> bool:
-        """Whether options are given that need a run."""
-        return bool(self.restitution or self.budget is not None)
-
-    def release(self, model: DynamicModel, source: ModelOptions, turns: float | None = None) -> Release:
-        """Return the release of a model; a run without turns has a default duration of 1 s."""
-        default = DURATION if turns is None else np.inf
+    def release(self, model: DynamicModel, source: ModelOptions, **more: Any) -> Release:
+        """Return the release of a model, with `more` fields; its run has a default duration of 1 s."""
+        duration: Any = {"duration": DURATION if source.duration is None else source.duration}
         return Release(
             model=model,
             initial=dict(self.initial),
             prescribed=tuple(name for name, _ in source.drive),
-            duration=default if source.duration is None else source.duration,
-            turns=turns,
             until=self.until,
-            restitution=self.restitution,
-            budget=self.budget,
+            **(duration | more),
         )
 
 
@@ -353,23 +323,10 @@ class ReleaseOptions(InitialOptions):
         return bool(self.initial or self.until or self.mode is not None)
 
 
-def released_model(source: ModelOptions, loads: DriveLoadOptions) -> DynamicModel:
+def released_model(source: ModelOptions, loads: LoadOptions | None = None) -> DynamicModel:
     """Return the dynamic model of a mechanism; --duration sets the duration of its run."""
+    loads = LoadOptions() if loads is None else loads
     return loads.dynamic_model(replace(source, duration=None).load(still=True))
-
-
-def require_release(loads: DriveLoadOptions, options: InitialOptions, usage: str) -> None:
-    """Raise InputError for loads or a restitution without a run to apply them.
-
-    Args:
-        loads: options for loads.
-        options: options of the run.
-        usage: the options that would apply them, for the message.
-    """
-    if loads != DriveLoadOptions() or options.limited:
-        raise InputError(
-            f"loads, masses, --restitution and --budget act in a run from an initial state; {usage}"
-        )
 
 
 def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:
@@ -377,4 +334,4 @@ def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:
     if release.mode is None:
         stated.exclude(["speed"], "in a run from an initial state")
     else:
-        stated.exclude(["speed", "until", "duration", "restitution", "drive"], "on a mode of vibration")
+        stated.exclude(["speed", "until", "duration", "drive", "track"], "on a mode of vibration")

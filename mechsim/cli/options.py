@@ -5,7 +5,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -215,8 +215,8 @@ def pairs(example: str, doc: str, metavar: str, *, name_alone: bool = False) -> 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AssemblyOptions:
-    """The assembled mechanism: locked joints and start values."""
+class DriveOptions:
+    """Drivers, locked joints and tracked points of a mechanism."""
 
     lock: tuple[tuple[str, str | None], ...] = pairs(
         "--lock boom=30deg",
@@ -238,35 +238,6 @@ class AssemblyOptions:
     )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE")
-
-    def as_arguments(self) -> dict[str, Any]:
-        """Return the options as arguments of `load`."""
-        arguments: dict[str, Any] = {}
-        for name in (field.name for field in fields(self) if field.name not in ("model", "sets")):
-            value = getattr(self, name)
-            if name in ("drive", "lock", "start"):
-                require_distinct(f"--{name}", value)
-                value = dict(value)
-            arguments[name] = value
-        return arguments
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RestOptions(AssemblyOptions):
-    """A mechanism without motion, and its changed parameters."""
-
-    model: Model
-    sets: Sets = None
-
-    def load(self) -> KinematicSolver:
-        """Return the mechanism; see `mechsim.load`."""
-        return load_model(self.model, self.sets, self, still=True)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveOptions(AssemblyOptions):
-    """Drivers, locked joints and tracked points of a mechanism."""
-
     drive: tuple[tuple[str, str], ...] = pairs(
         "--drive left=30deg*sin(2*pi*t)",
         "Motion law of a joint, a point (P.x) or a link (plate.x, plate.rz): a speed (600rpm, 20mm/s), an "
@@ -280,6 +251,14 @@ class DriveOptions(AssemblyOptions):
     duration: float | None = option(
         None, "Duration of the motion laws. Default: that of the file or of its table, else 1 s.", unit="s"
     )
+
+    def as_arguments(self) -> dict[str, Any]:
+        """Return the options as arguments of `load`."""
+        require_distinct("--drive", self.drive)
+        require_distinct("--lock", self.lock)
+        require_distinct("--start", self.start)
+        options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
+        return options | {name: dict(getattr(self, name)) for name in ("drive", "lock", "start")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,13 +284,13 @@ class ModelOptions(DriveOptions):
 def load_model(
     model: str,
     sets: list[str] | None = None,
-    driven: AssemblyOptions | None = None,
+    driven: DriveOptions | None = None,
     *,
     still: bool = False,
     by_motors: bool = False,
 ) -> KinematicSolver:
     """Return a mechanism with changed parameters and drivers; see `mechsim.load`."""
-    driven, parameters = driven or AssemblyOptions(), changed_parameters(sets)
+    driven, parameters = driven or DriveOptions(), changed_parameters(sets)
     warn_about_parameters(model, parameters)
     opened = load_by_motors if by_motors else load
     solver = opened(model, parameters, **driven.as_arguments(), still=still)
@@ -372,6 +351,17 @@ def _with_notes(solver: KinematicSolver) -> KinematicSolver:
     for fact in solver.facts if isinstance(solver, LoopForm) else ():
         notes.append(f"{solver.name}: {fact}")
     return solver
+
+
+def require_other_drivers(model: str, sets: list[str] | None, driven: DriveOptions) -> None:
+    """Raise InputError if --drive names the drivers of a model, where only their names have an effect."""
+    if driven.drive:
+        solver = load(model, changed_parameters(sets), **replace(driven, drive=()).as_arguments(), still=True)
+        if {*solver.mechanism.drivers} == {name for name, _ in driven.drive}:
+            raise InputError(
+                f"--drive has no effect, since {solver.name} is driven at "
+                f"{', '.join(solver.mechanism.drivers)} and no motion law is written; leave it out"
+            )
 
 
 def require_motion(solver: KinematicSolver) -> KinematicSolver:

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import (
-    DriveLoadOptions,
     InitialOptions,
+    LoadOptions,
     masses_in_json,
     print_masses,
     released_model,
@@ -33,6 +33,8 @@ TIMED = (
     "power",
     "quantities",
 )
+# kinds of plots in which points have no part
+WITHOUT_POINTS = ("phase", "transmission", "plan", "stability", "torque", "reactions", "power", "modes")
 # kinds of plots of vibrations, which need no run
 VIBRATIONS = ("bode", "modes")
 
@@ -48,7 +50,6 @@ def plot(
     source: ModelOptions,
     output: Annotated[str, output_file("Plot to write: .svg, .pdf or .png.")],
     options: PlotOptions,
-    loads: DriveLoadOptions,
     initial: InitialOptions,
     stated: Stated,
     kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto."),
@@ -82,12 +83,14 @@ def plot(
             raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
         row = PLOTS[kind]
         require_taken(kind, row.takes, options)
+        if kind in WITHOUT_POINTS:
+            stated.exclude(["track"], f"on plot {kind!r}")
         if row.released == "always" or (row.released == "either" and initial.requested):
             if kind in VIBRATIONS:
-                stated.exclude(["until", "duration", "restitution", "drive"], f"on plot {kind!r}")
-            plotted = _released(source, loads, initial, options, speed)
+                stated.exclude(["until", "duration", "drive", "track"], f"on plot {kind!r}")
+            plotted = _released(source, initial, options, speed)
         else:
-            plotted = _driven(source, loads, initial, options, speed, kind)
+            plotted = _driven(source, initial, options, speed, kind)
         with progress("plot", None) as report:
             plotted = replace(plotted, progress=report)
             figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
@@ -96,11 +99,9 @@ def plot(
     return Result(data, lambda: print_masses(masses), files=[output])
 
 
-def _released(
-    source: ModelOptions, loads: DriveLoadOptions, initial: InitialOptions, options: PlotOptions, speed: str
-) -> PlotSource:
+def _released(source: ModelOptions, initial: InitialOptions, options: PlotOptions, speed: str) -> PlotSource:
     """Return what is drawn of a mechanism whose drivers move freely."""
-    release = initial.release(released_model(source, loads), source)
+    release = initial.release(released_model(source), source)
     if speed != SPEED:
         raise InputError("--speed applies to a driven crank, and the drivers are free; give --initial J.v")
     return PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
@@ -108,21 +109,17 @@ def _released(
 
 def _driven(
     source: ModelOptions,
-    loads: DriveLoadOptions,
     initial: InitialOptions,
     options: PlotOptions,
     speed: str,
     kind: str,
 ) -> PlotSource:
     """Return what is drawn of a driven motion."""
-    if initial.requested or initial.limited:
+    if initial.requested:
         kinds = ", ".join(name for name, row in PLOTS.items() if row.released != "never")
         raise InputError(
             f"plot {kind!r} shows a driven motion; a run from an initial state is shown by {kinds}"
         )
-    if loads != DriveLoadOptions() and not (PLOTS[kind].loaded and options.method == "closed"):
-        kinds = ", ".join(name for name, row in PLOTS.items() if row.loaded or row.released == "always")
-        raise InputError(f"plot {kind!r} shows no forces; loads are of {kinds}, by the closed form")
     solver = source.load_moving()
     if not solver.motion_laws.crank and speed != SPEED:
         raise InputError(
@@ -130,4 +127,6 @@ def _driven(
         )
     if not solver.motion_laws.crank and kind not in TIMED:
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {', '.join(TIMED)}")
-    return PlotSource(solver=solver, speed=crank_speed(speed), options=options, model=loads.dynamic_model)
+    return PlotSource(
+        solver=solver, speed=crank_speed(speed), options=options, model=LoadOptions().dynamic_model
+    )

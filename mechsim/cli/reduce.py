@@ -5,7 +5,7 @@ from typing import Annotated, Any, TypedDict
 
 import typer
 
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, output_file, require_distinct, writable
@@ -62,7 +62,7 @@ def reduce(
     by: str = option(
         "trajectory", "Error to keep: that of tracked points, or of efforts.", metavar="trajectory|torque"
     ),
-    driven: DriveOptions,
+    driven: Annotated[DriveOptions, Without("loops")],
     controls: ControlOptions,
     output: Annotated[str, output_file("Reduced scene to write: .xml.")],
 ) -> Result[ReduceJson]:

@@ -14,13 +14,11 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import (
-    DriveLoadOptions,
     ReleaseOptions,
     exclude_without_effect,
     masses_in_json,
     print_masses,
     released_model,
-    require_release,
 )
 from mechsim.cli.options import ModelOptions, output_file, warn_about_angle, writable
 from mechsim.cli.output import number
@@ -116,7 +114,6 @@ def render(
     ],
     animation: AnimationOptions,
     look: Look,
-    loads: DriveLoadOptions,
     release: ReleaseOptions,
     stated: Stated,
 ) -> Result[RenderJson]:
@@ -135,8 +132,7 @@ def render(
     _check(output, animation, look)
     if release.requested:
         exclude_without_effect(stated, release)
-        return _released(source, output, animation, look, loads, release)
-    require_release(loads, release, "add --initial, --until or --mode")
+        return _released(source, output, animation, look, release)
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
@@ -195,13 +191,12 @@ def _released(
     output: str,
     animation: AnimationOptions,
     look: Look,
-    loads: DriveLoadOptions,
     options: ReleaseOptions,
 ) -> Result[RenderJson]:
     """Draw a run from an initial state, or one cycle of a mode of vibration."""
     reason = "{name} applies to a driven crank, and the drivers are free; leave it out"
     _check_left_out(animation, look, ("--slow", "--positions"), reason)
-    model = released_model(source, loads)
+    model = released_model(source)
     release = options.release(model, source)
     if options.mode is None:
         (motion, every), caption = released_motion(release, animation.fps, animation.slow), ""

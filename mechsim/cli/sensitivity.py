@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.command import Result, Stated, command, option_names
-from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
+from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, output_file, warn_about_angles, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress
@@ -124,7 +124,6 @@ class SensitivityJson(WithMasses):
 def sensitivity(
     source: ModelOptions,
     options: SensitivityOptions,
-    loads: LoadOptions,
     stated: Stated,
     output: Annotated[str | None, output_file("Table of derivatives to write: .csv or .npz.")] = None,
 ) -> Result[SensitivityJson]:
@@ -152,8 +151,7 @@ def sensitivity(
     else:
         instants = units.parse_angles(options.angles, "the crank angles")
         warn_about_angles("--angles", options.angles, solver.written.angle)
-    loading = Loading(loads.forces, loads.density, loads.diameter)
-    moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED), loading)
+    moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED), Loading())
     tolerances = None
     if options.tolerances is not None:
         bounds = written_tolerances(options.tolerances)
@@ -163,8 +161,6 @@ def sensitivity(
     with progress("sensitivity", None) as report:
         to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
         table = derivative_table(moved, options.quantities, to)
-        if not table.moved.loaded(table.values):
-            stated.exclude(option_names(LoadOptions), "on quantities that are no forces")
         study = None
         if tolerances is not None:
             study = tolerance_study(
@@ -174,7 +170,7 @@ def sensitivity(
         files.write_table(path, dict(table.columns()) | dict(() if study is None else study.columns()))
     if plot_path is not None:
         plots.write(plot_path, _drawn(table, study))
-    masses = loading.dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
+    masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
 
     def text() -> None:
         if study is None:

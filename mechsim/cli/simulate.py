@@ -40,7 +40,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.run import Run
 from mechsim.simulation.run import simulate as run_in_mujoco
-from mechsim.simulation.settings import Settings, plain_settings
+from mechsim.simulation.settings import RARE_SETTINGS, Settings, plain_settings
 from mechsim.studies.motions import driven_as
 from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.subjects.mjcf_source import scene_findings
@@ -48,7 +48,12 @@ from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_
 
 RunSettings = Annotated[Mapping[str, Any], Settings]
 # options without an effect on a file that is stepped under controls
-WITHOUT_CONTROLS = ("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia")
+WITHOUT_CONTROLS = (
+    *("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia", "start"),
+    "lock_others",
+)
+# options of time steps
+OF_STEPS = ("timestep", "more", *option_names(Settings))
 # options that apply to a crank only and are invalid with motion laws
 CRANK_OPTIONS = ("speed", "turns", "profile", "every")
 HAS_LAW = "applies to a crank without a motion law; leave it out, and give --duration"
@@ -121,6 +126,7 @@ def simulate(
     *,
     stated: Stated,
     settings: RunSettings,
+    more: tuple[tuple[str, Any], ...] = RARE_SETTINGS,
     controls: ControlOptions,
     scene: str = option("motion", "Detail of the MuJoCo model: pose, motion, dynamics or picture."),
     cut: str | None = option(None, "Joints at which the loops are cut."),
@@ -134,7 +140,7 @@ def simulate(
     mechsim simulate four_bar --speed 600rpm --turns 2 --tolerance 1um
     mechsim simulate gripper.xml --ctrl 'fingers=120*sin(t)' -o run.csv
     """
-    path = None if output is None else writable(output, ".csv", ".npz")
+    path, settings = None if output is None else writable(output, ".csv", ".npz"), {**settings, **dict(more)}
     if controls.ctrl:
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
         from mechsim.cli.scene_run import run_under_controls
@@ -144,7 +150,9 @@ def simulate(
         plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, path)
     if options.method == "pose":
-        stated.exclude(("timestep", *option_names(Settings)), "with --method pose, which takes no steps")
+        stated.exclude(OF_STEPS, "with --method pose, which takes no steps")
+    if path is None:
+        stated.exclude(["units"], "without -o")
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
     motion = None if options.poses is not None else _motion(require_motion(solver), options)

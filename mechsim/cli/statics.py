@@ -10,10 +10,10 @@ import typer
 
 from mechsim import files
 from mechsim.analytic.dynamics import Equilibrium, Mode, equilibria, holding, nearest_equilibrium
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
-from mechsim.cli.load_options import DriveLoadOptions, InitialState
-from mechsim.cli.options import RestOptions, output_file, writable
+from mechsim.cli.load_options import InitialOptions, LoadOptions
+from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.model.masses import LinkMass
@@ -27,6 +27,8 @@ from mechsim.studies.release import frequency_response, mode_motions
 from mechsim.units import option
 from mechsim.verdict.checks import Check
 
+AtRest = Annotated[ModelOptions, Without("drive", "track", "duration")]
+InitialConfiguration = Annotated[InitialOptions, Without("until")]
 # imaginary parts of a mode shape below this fraction of its largest amplitude are rounding errors
 REAL = 1e-6
 # maximum number of printed amplitudes of a mode shape, the largest first
@@ -106,9 +108,9 @@ class ResponseJson(TypedDict):
 
 @command
 def statics(
-    source: RestOptions,
-    loads: DriveLoadOptions,
-    initial: InitialState,
+    source: AtRest,
+    loads: LoadOptions,
+    initial: InitialConfiguration,
     verbose: Verbose = False,
     output: Annotated[str | None, output_file("Table of the equilibria to write: .csv or .npz.")] = None,
     assemblies: int = option(0, "Also search from N random configurations of any assembly.", metavar="N"),
@@ -124,7 +126,7 @@ def statics(
     """
     require_method(method, "pose", "none")
     path = _written_paths(output, None)
-    model, state = loads.dynamic_model(source.load()), dict(initial.initial)
+    model, state = loads.dynamic_model(source.load(still=True)), dict(initial.initial)
     mechanism, solutions = model.mechanism, equilibria(model, initial=state, assemblies=assemblies)
     verdicts = {
         f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
@@ -239,9 +241,9 @@ def _mode_facts(mode: Mode) -> ModeJson:
 
 @command
 def modes(
-    source: RestOptions,
-    loads: DriveLoadOptions,
-    initial: InitialState,
+    source: AtRest,
+    loads: LoadOptions,
+    initial: InitialConfiguration,
     output: Annotated[str | None, output_file("Table of the modes to write: .csv or .npz.")] = None,
     plot: str | None = option(None, "Draw the mode shapes: .svg, .pdf or .png.", metavar="FILE"),
 ) -> Result[ModesJson]:
@@ -254,7 +256,7 @@ def modes(
     mechsim dynamics modes four_bar --spring crank=3,0.5 --plot modes.svg
     """
     path = _written_paths(output, plot)
-    model = loads.dynamic_model(source.load())
+    model = loads.dynamic_model(source.load(still=True))
     equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
     name = model.mechanism.name
     if path is not None:
@@ -305,7 +307,7 @@ def _cycles(equilibrium: Equilibrium) -> dict[str, Motion]:
 
 @command
 def response(
-    source: RestOptions,
+    source: AtRest,
     response: Annotated[
         str,
         typer.Argument(
@@ -313,8 +315,8 @@ def response(
             help="Unit load in joint J or on coordinate P.x of a point, and the quantity that responds.",
         ),
     ],
-    loads: DriveLoadOptions,
-    initial: InitialState,
+    loads: LoadOptions,
+    initial: InitialConfiguration,
     output: Annotated[str | None, output_file("Table of the response to write: .csv or .npz.")] = None,
     plot: str | None = option(None, "Bode diagram: .svg, .pdf or .png.", metavar="FILE"),
 ) -> Result[ResponseJson]:
@@ -325,7 +327,7 @@ def response(
     mechsim dynamics response four_bar B.y:B.y --plot bode.svg
     """
     path = _written_paths(output, plot)
-    model = loads.dynamic_model(source.load())
+    model = loads.dynamic_model(source.load(still=True))
     result = frequency_response(model, response, dict(initial.initial))
     table = result.columns()
     if path is not None:

@@ -105,7 +105,6 @@ def sweep(
     options: SweepOptions,
     *,
     stated: Stated,
-    settings: Annotated[Mapping[str, Any], Settings],
     release: InitialOptions,
 ) -> Result[SweepJson]:
     """Measure many designs of a mechanism; write a table, chunk by chunk.
@@ -134,7 +133,7 @@ def sweep(
         sample=options.sample,
         samples=options.samples,
         speed=crank_speed(options.speed),
-        settings=Settings(**settings) if options.method == "step" or settings else None,
+        settings=Settings() if options.method == "step" else None,
         initial=dict(release.initial),
         until=release.until,
         **({"duration": duration} if released else {}),
@@ -164,7 +163,6 @@ def sweep(
 
 def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
     """Raise InputError for options that do not change the measures of a sweep."""
-    stated.exclude(["restitution"], "in a sweep")
     measures = task.measures
     if not any(measure.turns for measure in measures):
         stated.exclude(["speed", "samples"], "on these measures, which need no driven motion")

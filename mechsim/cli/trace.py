@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, TypedDict
 
 from mechsim import files
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import (
     Units,
@@ -69,7 +69,7 @@ class TraceJson(TypedDict):
 
 @command
 def trace(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("duration")],
     stated: Stated,
     output: Annotated[str | None, output_file("Table of the curves to write: .csv or .npz.")] = None,
     plot: str | None = option(None, "Plot the curves: .svg, .pdf or .png.", metavar="FILE"),

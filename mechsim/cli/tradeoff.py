@@ -9,7 +9,7 @@ import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model, output_file, writable
 from mechsim.cli.output import Value, number, print_table, print_text, width
@@ -94,7 +94,7 @@ class TradeoffJson(TypedDict):
 
 @command
 def tradeoff(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("loops")],
     controls: ControlOptions,
     *,
     stated: Stated,

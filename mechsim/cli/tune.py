@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 from mechsim import units
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, require_distinct, writable
@@ -84,7 +84,7 @@ def tune(
         "positions, trajectory with a run of small steps and stiff loops, torque compares efforts.",
         metavar="closure|trajectory|torque",
     ),
-    driven: DriveOptions,
+    driven: Annotated[DriveOptions, Without("loops")],
     controls: ControlOptions,
     allow: str = option("", f"What may be disabled or softened: {', '.join(ALLOWABLE)}.", metavar="KIND,..."),
     budget: str = option(f"{SECONDS:g}s", "Duration of the search; a bare number is in s."),

@@ -13,11 +13,9 @@ import typer
 
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import (
-    DriveLoadOptions,
     ReleaseOptions,
     exclude_without_effect,
     released_model,
-    require_release,
 )
 from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric, output_file, writable
 from mechsim.cli.schema import Written
@@ -39,7 +37,6 @@ class ViewJson(Written):
 @command
 def view(
     source: ModelOptions,
-    loads: DriveLoadOptions,
     release: ReleaseOptions,
     stated: Stated,
     output: Annotated[
@@ -69,7 +66,7 @@ def view(
 
     require_axis("--up", up)
     path = None if output is None else writable(output, ".html")
-    contents = replace(_contents(source, loads, release, stated, speed), up=up)
+    contents = replace(_contents(source, release, stated, speed), up=up)
     if live:
         contents = _live(contents, source, release, speed)
     if certify:
@@ -89,18 +86,15 @@ def view(
     return Result(data, lambda: typer.echo(text))
 
 
-def _contents(
-    source: ModelOptions, loads: DriveLoadOptions, release: ReleaseOptions, stated: Stated, speed: str
-) -> "View":
+def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated, speed: str) -> "View":
     """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.report.driver_views import release_view
     from mechsim.report.views import model_view
 
     if release.requested:
         exclude_without_effect(stated, release)
-        model = released_model(source, loads)
+        model = released_model(source)
         return release_view(release.release(model, source), release.mode)
-    require_release(loads, release, "add --initial, --until or --mode")
     solver = source.load()
     if not solver.motion_laws.crank:
         stated.exclude(["speed"], "under motion laws")

@@ -136,7 +136,6 @@ class PlotKind:
         draw: function of a source.
         on_page: whether the page of a validation shows it.
         released: whether it shows a run from an initial state or vibrations: "never", "always" or "either".
-        loaded: whether it shows forces in a prescribed motion.
         closed: whether it needs a closed form.
         takes: names of the `PlotOptions` that apply.
     """
@@ -147,7 +146,6 @@ class PlotKind:
     on_page: bool = False
     closed: bool = False
     released: Literal["never", "always", "either"] = "never"
-    loaded: bool = False
 
     def figure(self, source: PlotSource) -> "Figure":
         """Return the plot, titled with mechanism and speed."""
@@ -322,21 +320,16 @@ PLOTS = {
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
     "assemblies": PlotKind("all assemblies as curves", _assemblies, ("coordinates",)),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),
-    "torque": PlotKind(
-        "drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",), loaded=True
-    ),
+    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",)),
     "reactions": PlotKind(
-        "force in each joint as a path", lambda source: plots.reaction_plot(source.study()), loaded=True
+        "force in each joint as a path", lambda source: plots.reaction_plot(source.study())
     ),
-    "power": PlotKind(
-        "powers that must balance", lambda source: plots.energy_plot(source.study()), loaded=True
-    ),
+    "power": PlotKind("powers that must balance", lambda source: plots.energy_plot(source.study())),
     "quantities": PlotKind(
         "quantities that --of names, over the motion or a run from an initial state",
         _quantities,
         ("coordinates", "method"),
         released="either",
-        loaded=True,
     ),
     "history": PlotKind(
         "coordinates and energies of a run from an initial state, over time",

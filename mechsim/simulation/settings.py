@@ -16,7 +16,7 @@ from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
-from mechsim.units import si
+from mechsim.units import option, parse, si
 
 Jacobian = Literal["dense", "sparse"]
 KINDS: dict[Jacobian, int] = {
@@ -70,19 +70,21 @@ def number_setting(
     return setting(default, about, least=least, remedy=remedy, **options)
 
 
-def setting(default: Any, about: str, **declared: Any) -> Any:
+def setting(default: Any, about: str, *, typed: bool = True, **declared: Any) -> Any:
     """Declare a setting of a run.
 
     Args:
         default: value if none is set.
         about: meaning of the setting.
+        typed: whether it is an option of the command line; the others are written as `--setting NAME=VALUE`.
         declared: `options`, the allowed words; or `least`, with the message `remedy` for smaller numbers; or
             `count` of its numbers and the `fewest` that must be given; `doc`, its help on the command line
             (default `about`), with the keys of `units.option`; `row`, its name in a report and the function
             of its text.
     """
     shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
-    return field(default=default, metadata={"about": about, "doc": about, **shown, **declared})
+    as_option = {"doc": about, **shown} if typed else {}
+    return field(default=default, metadata={"about": about, **as_option, **declared})
 
 
 def check_setting(name: str, value: Any, rule: Mapping[str, Any]) -> None:
@@ -147,7 +149,7 @@ class Settings:
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
-        doc="Time constant of the constraints, in steps. Default: a tenth of a turn; 20 steps in a file.",
+        typed=False,
         row=("constraint time constant", _steps),
     )
     solref: tuple[float, float] | None = setting(
@@ -171,15 +173,17 @@ class Settings:
         doc="Factor on MuJoCo's constraint compliance. Default: 1e-8, or what the tolerance requires.",
         row=("constraint compliance", _compliance),
     )
-    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant above two steps.")
+    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant above two steps.", typed=False)
     diagexact: bool = setting(
-        False, "Whether MuJoCo computes the diagonal of the constraint inertia exactly."
+        False,
+        "Whether MuJoCo computes the diagonal of the constraint inertia exactly.",
+        typed=False,
     )
     jacobian: str = setting(
         "auto",
         "Matrices in the constraint solver; auto takes the faster, and dense if the two differ.",
         options=JACOBIANS,
-        doc=f"Matrices of the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
+        typed=False,
     )
     solver: str | None = setting(
         None,
@@ -199,17 +203,19 @@ class Settings:
         "Maximum iterations of the solver's line search; None takes MuJoCo's.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
-        doc="Maximum iterations of the solver's line search.",
+        typed=False,
     )
     residual: float | None = number_setting(
         None,
         "Residual at which the solver stops; None makes all iterations.",
         least=0.0,
         remedy="{name} is {value}; give a finite number, 0 or above",
-        doc="Residual at which the solver stops.",
+        typed=False,
     )
-    eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.")
-    island: bool = setting(False, "Whether MuJoCo solves independent groups of constraints separately.")
+    eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.", typed=False)
+    island: bool = setting(
+        False, "Whether MuJoCo solves independent groups of constraints separately.", typed=False
+    )
     drive_inertia: float | None = number_setting(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
@@ -307,6 +313,37 @@ class Settings:
         return {row[0]: row[1](value) for row, value in options if row}
 
 
+RARE = tuple(setting_.name for setting_ in fields(Settings) if "doc" not in setting_.metadata)
+
+
+def rare_setting(text: str) -> tuple[str, Any]:
+    """Return name and value of a setting without an option of its own, written as NAME=VALUE.
+
+    Raises:
+        InputError: for an unknown name, or a value of the wrong kind.
+    """
+    name, _, value = text.partition("=")
+    if name not in RARE:
+        raise InputError(f"there is no setting {name!r}; choose from {', '.join(RARE)}")
+    default = getattr(Settings(), name)
+    if isinstance(default, bool):
+        if value not in ("true", "false"):
+            raise InputError(f"setting {name} is {value!r}; give true or false")
+        return name, value == "true"
+    if isinstance(default, str):
+        return name, value
+    number = float(parse(value, "1", f"setting {name}"))
+    return name, int(number) if number.is_integer() else number
+
+
+RARE_SETTINGS = option(
+    (),
+    f"Rarely used setting of steps: {', '.join(RARE)}.",
+    read=rare_setting,
+    many=True,
+    name="--setting",
+    metavar="NAME=VALUE",
+)
 # settings of a driven run -> names in plain MuJoCo
 MUJOCO_NAMES = {"residual": "tolerance"}
 
@@ -341,7 +378,7 @@ def plain_settings(
         step = REVOLUTION / abs(speed) / values["steps_per_turn"]
     if "constant_steps" in values:
         if "solref" in values:
-            raise InputError("both --constant-steps and --solref were given; give only one")
+            raise InputError("both constant_steps and solref were given; give only one")
         values["solref"] = values["constant_steps"] * (step or file_timestep), 1.0
     names = {field.name for field in fields(PlainSettings)} & {*values}
     return PlainSettings(timestep=step, **{name: values[name] for name in names})

@@ -253,6 +253,8 @@ def concluded(
         unit: unit of that instant.
     """
     checks = tuple(checks)
+    if not checks:
+        return Verdict("failed", (), "nothing was compared")
     failed = [check for check in checks if not check.passed]
     if not failed:
         return Verdict("passed", checks)

@@ -151,7 +151,6 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
         (("--kind", "error", "--points", "A"), "takes no --points"),
         (("--kind", "torque", "--stopped", "crank1"), "takes no --stopped, which is of plan"),
         (("--kind", "torque", "--from", "posed"), "--from closed or simulated, not from posed"),
-        (("--kind", "curve", "--spring", "crank=1"), "plot 'curve' shows no forces; loads are of torque, "),
         (
             ("--kind", "curve", "--initial", "crank.q=1"),
             "a run from an initial state is shown by quantities, ",
@@ -253,7 +252,6 @@ def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
     ("options", "message"),
     [
         (("--mode", "2", *INITIAL), "there is no mode 2; this equilibrium has modes 1 to 1"),
-        (("--spring", "crank=1"), "add --initial, --until or --mode"),
         ((*INITIAL, "--angle", "3deg"), "--angle applies to a driven crank"),
         ((*INITIAL, "--duration", "1e9s"), "frames; give a shorter --duration"),
     ],

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.verdict import record_errors as errors
+from mechsim.verdict.checks import concluded
 
 N = 7
 RANDOM = np.random.default_rng(7)
@@ -177,3 +178,8 @@ def test_reactions_at_a_reversal_of_friction_are_ignored():
     assert errors.gear_torque(result, exact, "a-b").tolist() == counts
     assert list(errors.gears(result, exact)) == ["a-b"]
     assert list(errors.reactions(result, exact)) == ["A"]
+
+
+def test_a_verdict_without_checks_does_not_pass():
+    verdict = concluded([])
+    assert (verdict.outcome, verdict.passed, verdict.reason) == ("failed", False, "nothing was compared")

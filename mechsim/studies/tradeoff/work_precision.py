@@ -13,7 +13,7 @@ from mechsim.files import atomic_path
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
-from mechsim.simulation.settings import Settings
+from mechsim.simulation.settings import RARE, Settings
 from mechsim.studies.tradeoff.methods import DEFAULTS, Build, SteppingMethod
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
@@ -287,9 +287,9 @@ def _plain(value: Any) -> Any:
 
 def _option(name: str, value: Any) -> str:
     """Return a setting as an option of the command line."""
+    if name in RARE:
+        return f"--setting {name}={str(value).lower() if isinstance(value, bool) else value}"
     name = name.replace("_", "-")
-    if isinstance(value, bool):
-        return f"--{name}" if value else f"--no-{name}"
     if isinstance(value, tuple):
         return f"--{name}={_numbers(value, ',')}"
     return f"--{name} {value!r}" if isinstance(value, float) else f"--{name} {value}"
