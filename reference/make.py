@@ -2,7 +2,7 @@
 
 Reads mechanisms/NAME.toml and motions.toml, writes data/NAME.csv, and, where all are made, datapackage.json
 and checksums. Needs numpy and mpmath, and nothing of mechsim. Everything is computed with 60 digits and again
-with 75; what is written is the second, and what both do not agree on to the last digit written is refused.
+with 75; the second is written. A difference in the last digit written is an error.
 """
 
 import csv
@@ -19,8 +19,8 @@ import mpmath
 import numpy as np
 from mpmath import mp, mpf
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))  # run as a script or loaded as a file
+FOLDER = Path(__file__).resolve().parent
+sys.path.insert(0, str(FOLDER))  # run as a script or loaded as a file
 
 from exact.description import Description, read  # noqa: E402
 from exact.loops import State  # noqa: E402
@@ -37,12 +37,12 @@ RATES = ("", "v", "a")
 
 def names() -> list[str]:
     """Return the mechanisms."""
-    return sorted(path.stem for path in (HERE / "mechanisms").glob("*.toml"))
+    return sorted(path.stem for path in (FOLDER / "mechanisms").glob("*.toml"))
 
 
 def motions() -> dict[str, Any]:
-    """Return how the drivers go."""
-    return tomllib.loads((HERE / "motions.toml").read_text(encoding="utf-8"))
+    """Return the motions of the drivers."""
+    return tomllib.loads((FOLDER / "motions.toml").read_text(encoding="utf-8"))
 
 
 def written(number: Any) -> str:
@@ -51,22 +51,22 @@ def written(number: Any) -> str:
 
 
 def instants(described: Description) -> list[tuple[str, dict[str, tuple[Any, Any, Any]]]]:
-    """Return the first cell of every row, and how the drivers stand there: value, rate, acceleration.
+    """Return the first cell of every row, and value, rate and acceleration of the drivers there.
 
-    What stands in the first cell, angle in [rad] or time in [s], is exact: all else is computed from it.
+    The first cell, an angle in [rad] or a time in [s], is exact: all else is computed from it.
     """
-    told = motions()
-    if described.name in told["by_program"]:
-        cells = [written(mpf(k) / ROWS) for k in range(ROWS)]
+    stated = motions()
+    if described.name in stated["by_program"]:
+        first_column = [written(mpf(k) / ROWS) for k in range(ROWS)]
         return [
-            (cell, {name: _states(go, mpf(cell)) for name, go in described.programs.items()})
-            for cell in cells
+            (first, {name: _states(go, mpf(first)) for name, go in described.motion_laws.items()})
+            for first in first_column
         ]
-    arc = told["arcs"].get(described.name, told["turn"])
-    speed = mpf(told["speeds"].get(described.name, told["speed"]))
-    cells = [written((mpf(arc["first"]) + k * mpf(arc["step"])) * mp.pi / 180) for k in range(ROWS)]
+    arc = stated["arcs"].get(described.name, stated["turn"])
+    speed = mpf(stated["speeds"].get(described.name, stated["speed"]))
+    first_column = [written((mpf(arc["first"]) + k * mpf(arc["step"])) * mp.pi / 180) for k in range(ROWS)]
     crank = described.drivers[0]
-    return [(cell, {crank: (mpf(cell), speed, mpf(0))}) for cell in cells]
+    return [(first, {crank: (mpf(first), speed, mpf(0))}) for first in first_column]
 
 
 def _states(go: Any, t: Any) -> tuple[Any, Any, Any]:
@@ -76,9 +76,12 @@ def _states(go: Any, t: Any) -> tuple[Any, Any, Any]:
 
 @cache
 def roughly_stood(name: str) -> list[tuple[State, dict[str, float]]]:
-    """Return where a mechanism stands at all rows, in doubles, and its coordinates there."""
-    described = read(HERE / "mechanisms" / f"{name}.toml")
-    path = [{one: float(at[0]) for one, at in drive.items()} for _, drive in instants(described)]
+    """Return the state of a mechanism at all rows, in doubles, and its coordinates there."""
+    described = read(FOLDER / "mechanisms" / f"{name}.toml")
+    path = [
+        {item: float(prescribed[0]) for item, prescribed in motion.items()}
+        for _, motion in instants(described)
+    ]
     return followed(in_doubles(described), path)
 
 
@@ -88,48 +91,48 @@ def solved(name: str, digits: int, only: Sequence[int] = ()) -> Iterator[tuple[s
     Args:
         name: of the mechanism.
         digits: to work with.
-        only: places of the rows wanted; all if left out.
+        only: numbers of the rows; empty for all.
     """
     mp.dps = digits
-    described = read(HERE / "mechanisms" / f"{name}.toml")
-    wanted = instants(described)
+    described = read(FOLDER / "mechanisms" / f"{name}.toml")
+    requested = instants(described)
     stood = roughly_stood(name)
-    for k in only or range(len(wanted)):
-        cell, drive = wanted[k]
-        yield cell, columns(described, drive, instant(described, *stood[k], drive))
+    for k in only or range(len(requested)):
+        first, motion = requested[k]
+        yield first, columns(described, motion, instant(described, *stood[k], motion))
 
 
-def columns(described: Description, drive: dict[str, Any], found: Instant) -> dict[str, Any]:
+def columns(described: Description, motion: dict[str, Any], equations: Instant) -> dict[str, Any]:
     """Return a row's numbers by column."""
     row: dict[str, Any] = {}
-    if described.programs:
-        for name, states in drive.items():
-            row |= {f"{name}.{'qva'[i]}": one for i, one in enumerate(states)}
-    for name, states in found.points.items():
+    if described.motion_laws:
+        for name, states in motion.items():
+            row |= {f"{name}.{'qva'[i]}": item for i, item in enumerate(states)}
+    for name, states in equations.points.items():
         row |= {
-            f"{name}.{rate}{axis}": one
+            f"{name}.{rate}{axis}": item
             for rate, state in zip(RATES, states, strict=True)
-            for axis, one in zip(AXES, state, strict=True)
+            for axis, item in zip(AXES, state, strict=True)
         }
     slides = {pair.name for pair in described.pairs if pair.kind == "prismatic"}
-    for name, effort in found.efforts.items():
+    for name, effort in equations.drive_forces.items():
         row[f"{'force' if name in slides else 'torque'}:{name}"] = effort
     return row
 
 
 def table(name: str) -> tuple[list[str], list[list[str]]]:
-    """Return a mechanism's table as text, refusing digits of which it is not sure."""
-    rough, fine = (list(solved(name, digits)) for digits in PRECISIONS)
+    """Return a mechanism's table as text; ArithmeticError if both precisions differ."""
+    doubles, fine = (list(solved(name, digits)) for digits in PRECISIONS)
     largest = {key: max(abs(row[key]) for _, row in fine) for key in fine[0][1]}
     lines: list[list[str]] = []
-    for (cell, one), (_, other) in zip(rough, fine, strict=True):
-        line = [cell]
+    for (first, item), (_, other) in zip(doubles, fine, strict=True):
+        line = [first]
         for key, number in other.items():
             # of a column that is zero everywhere the unit itself is the scale
-            kept = mpf(0) if abs(number) <= ZERO * max(largest[key], mpf(10) ** -3) else number
-            if abs(one[key] - number) > abs(kept) * mpf(10) ** -(DIGITS + 2) + ZERO:
-                raise ArithmeticError(f"{name}: {key} is {written(one[key])} and {written(number)}")
-            line.append(written(kept))
+            results = mpf(0) if abs(number) <= ZERO * max(largest[key], mpf(10) ** -3) else number
+            if abs(item[key] - number) > abs(results) * mpf(10) ** -(DIGITS + 2) + ZERO:
+                raise ArithmeticError(f"{name}: {key} is {written(item[key])} and {written(number)}")
+            line.append(written(results))
         lines.append(line)
     first = "t" if name in motions()["by_program"] else "angle"
     return [first, *fine[0][1]], lines
@@ -138,7 +141,7 @@ def table(name: str) -> tuple[list[str], list[list[str]]]:
 def write_table(name: str) -> None:
     """Write data/NAME.csv."""
     head, lines = table(name)
-    path = HERE / "data" / f"{name}.csv"
+    path = FOLDER / "data" / f"{name}.csv"
     path.parent.mkdir(exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([head, *lines])
@@ -157,13 +160,13 @@ def unit_of(column: str, slides: Sequence[str] = ()) -> str:
 
 
 def resource(name: str) -> dict[str, Any]:
-    """Return what datapackage.json says of one table."""
-    path = HERE / "data" / f"{name}.csv"
+    """Return the entry of datapackage.json for one table."""
+    path = FOLDER / "data" / f"{name}.csv"
     with path.open(encoding="utf-8", newline="") as file:
         head, *lines = csv.reader(file)
-    described = read(HERE / "mechanisms" / f"{name}.toml")
+    described = read(FOLDER / "mechanisms" / f"{name}.toml")
     slides = [pair.name for pair in described.pairs if pair.kind == "prismatic"]
-    speed = None if described.programs else motions()["speeds"].get(name, motions()["speed"])
+    speed = None if described.motion_laws else motions()["speeds"].get(name, motions()["speed"])
     data = path.read_bytes()
     return {
         "name": name.replace("_", "-"),
@@ -177,7 +180,7 @@ def resource(name: str) -> dict[str, Any]:
         "hash": f"sha256:{hashlib.sha256(data).hexdigest()}",
         "rows": len(lines),
         "schema": {
-            "fields": [{"name": one, "type": "number", "unit": unit_of(one, slides)} for one in head],
+            "fields": [{"name": item, "type": "number", "unit": unit_of(item, slides)} for item in head],
             "primaryKey": head[0],
         },
     }
@@ -216,20 +219,20 @@ def sealed() -> Iterator[str]:
     """Return lines of checksums, as `sha256sum -c` reads them."""
     kinds = ("mechanisms/*.toml", "data/*.csv", "motions.toml", "datapackage.json", "make.py", "exact/*.py")
     for kind in kinds:
-        for path in sorted(HERE.glob(kind)):
+        for path in sorted(FOLDER.glob(kind)):
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
-            yield f"{digest}  {path.relative_to(HERE).as_posix()}\n"
+            yield f"{digest}  {path.relative_to(FOLDER).as_posix()}\n"
 
 
-def main(wanted: Sequence[str]) -> None:
-    """Make what is wanted, or all."""
-    for name in wanted or names():
+def main(requested: Sequence[str]) -> None:
+    """Make some tables, or all."""
+    for name in requested or names():
         write_table(name)
         print(name, flush=True)
-    if all((HERE / "data" / f"{name}.csv").is_file() for name in names()):
-        told = json.dumps(package(), indent=1, ensure_ascii=False) + "\n"
-        (HERE / "datapackage.json").write_text(told, encoding="utf-8")
-        (HERE / "SHA256SUMS").write_text("".join(sealed()), encoding="utf-8")
+    if all((FOLDER / "data" / f"{name}.csv").is_file() for name in names()):
+        stated = json.dumps(package(), indent=1, ensure_ascii=False) + "\n"
+        (FOLDER / "datapackage.json").write_text(stated, encoding="utf-8")
+        (FOLDER / "SHA256SUMS").write_text("".join(sealed()), encoding="utf-8")
 
 
 if __name__ == "__main__":

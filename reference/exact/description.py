@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from mpmath import mp, mpf
 
-from exact.numbers import angle_unit, length_unit, program, value
+from exact.numbers import angle_unit, length_unit, motion_law, value
 
 GROUND = "ground"
 
@@ -29,7 +29,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two links that meet."""
+    """A joint of two links."""
 
     name: str
     kind: str
@@ -58,7 +58,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Description:
-    """All that a file says; `programs` by driver are functions of time."""
+    """All that a file states; `motion_laws`: driver -> function of time."""
 
     name: str
     links: tuple[str, ...]
@@ -69,7 +69,7 @@ class Description:
     start: dict[str, Any]
     points: dict[str, tuple[str, Any]]
     guess: dict[str, tuple[Any, Any]]
-    programs: dict[str, Any]
+    motion_laws: dict[str, Any]
     gravity: Any
 
 
@@ -86,45 +86,47 @@ class Reader:
             self.names[name] = self.number(text)
 
     def number(self, text: Any) -> Any:
-        """Return a number as it stands, in the file's units."""
+        """Return a number in the file's units."""
         return value(text, self.names, self.angle)
 
-    def vector(self, given: Any, scale: Any = 1) -> Any:
+    def vector(self, entry: Any, scale: Any = 1) -> Any:
         """Return three numbers times a unit."""
-        return np.array([self.number(one) * scale for one in given], dtype=object)
+        return np.array([self.number(item) * scale for item in entry], dtype=object)
 
-    def side(self, given: dict[str, Any]) -> Side:
+    def side(self, entry: dict[str, Any]) -> Side:
         """Return one side of a joint."""
-        axis = unit(self.vector(given.get("axis", [0, 0, 1])))
-        mark = given.get("mark") or ([1, 0, 0] if abs(axis[0]) < mpf("0.9") else [0, 1, 0])
-        mark = self.vector(mark)
-        mark = unit(mark - axis * (axis @ mark))
-        point = self.vector(given.get("at", [0, 0, 0]), self.length)
-        return Side(given["link"], point, np.column_stack([mark, cross(axis, mark), axis]))
+        axis = unit(self.vector(entry.get("axis", [0, 0, 1])))
+        reference = entry.get("mark") or ([1, 0, 0] if abs(axis[0]) < mpf("0.9") else [0, 1, 0])
+        reference = self.vector(reference)
+        reference = unit(reference - axis * (axis @ reference))
+        point = self.vector(entry.get("at", [0, 0, 0]), self.length)
+        return Side(entry["link"], point, np.column_stack([reference, cross(axis, reference), axis]))
 
-    def mate(self, given: dict[str, Any]) -> Mate:
-        """Return a coupling told by its keys: a gear's ratio, or the radius of a rack's pinion."""
-        if "radius" in given:
-            ratio = self.number(given["radius"]) * self.length
-        elif "ratio" in given:
-            ratio = self.number(given["ratio"])
+    def mate(self, entry: dict[str, Any]) -> Mate:
+        """Return a coupling by its keys: a gear's ratio, or the radius of a rack's pinion."""
+        if "radius" in entry:
+            ratio = self.number(entry["radius"]) * self.length
+        elif "ratio" in entry:
+            ratio = self.number(entry["ratio"])
         else:
-            raise ValueError(f"a coupling by {', '.join(given)} is not known here")
-        return Mate(given["driver"], given["driven"], ratio, self.number(given.get("phase", 0)) * self.angle)
+            raise ValueError(f"a coupling by {', '.join(entry)} is not known here")
+        return Mate(entry["driver"], entry["driven"], ratio, self.number(entry.get("phase", 0)) * self.angle)
 
-    def body(self, given: dict[str, Any]) -> Body:
+    def body(self, entry: dict[str, Any]) -> Body:
         """Return a link's inertia; masses and moments stand in SI."""
-        told = given["inertia"]
-        moments = np.diag(self.vector(told["moments"]))
-        return Body(self.number(told["mass"]), self.vector(told["centre"], self.length), moments)
+        stated = entry["inertia"]
+        moments = np.diag(self.vector(stated["moments"]))
+        return Body(self.number(stated["mass"]), self.vector(stated["centre"], self.length), moments)
 
-    def pose(self, given: dict[str, Any]) -> tuple[Any, Any]:
-        """Return a rough place and attitude."""
-        place = self.vector(given.get("at", [0, 0, 0]), self.length)
-        if "rotation" in given:
-            return place, np.array([self.vector(row) for row in given["rotation"]], dtype=object)
-        turn = given.get("turn", {"axis": [0, 0, 1], "angle": 0})
-        return place, rotation(unit(self.vector(turn["axis"])), self.number(turn["angle"]) * self.angle)
+    def pose(self, entry: dict[str, Any]) -> tuple[Any, Any]:
+        """Return an approximate position and rotation."""
+        position = self.vector(entry.get("at", [0, 0, 0]), self.length)
+        if "rotation" in entry:
+            return position, np.array([self.vector(row) for row in entry["rotation"]], dtype=object)
+        axis_angle = entry.get("turn", {"axis": [0, 0, 1], "angle": 0})
+        return position, rotation(
+            unit(self.vector(axis_angle["axis"])), self.number(axis_angle["angle"]) * self.angle
+        )
 
 
 def unit(vector: Any) -> Any:
@@ -144,13 +146,13 @@ def read(path: Path) -> Description:
     reader = Reader(path)
     raw = reader.raw
     pairs = tuple(
-        Pair(name, one["kind"], reader.side(one["a"]), reader.side(one["b"]))
-        for name, one in raw["joints"].items()
+        Pair(name, item["kind"], reader.side(item["a"]), reader.side(item["b"]))
+        for name, item in raw["joints"].items()
     )
     links = dict.fromkeys(side.link for pair in pairs for side in (pair.a, pair.b) if side.link != GROUND)
     drivers = tuple(raw.get("drivers", ["crank"]))
-    given = raw.get("start", 0)
-    start = given if isinstance(given, dict) else dict.fromkeys(drivers, given)
+    entry = raw.get("start", 0)
+    start = entry if isinstance(entry, dict) else dict.fromkeys(drivers, entry)
     slides = {pair.name for pair in pairs if pair.kind == "prismatic"}
     scale = {name: reader.length if name in slides else reader.angle for name in drivers}
     return Description(
@@ -158,14 +160,14 @@ def read(path: Path) -> Description:
         links=tuple(links),
         bodies={name: reader.body(raw["links"][name]) for name in links},
         pairs=pairs,
-        mates=tuple(reader.mate(one) for one in raw.get("couplings", {}).values()),
+        mates=tuple(reader.mate(item) for item in raw.get("couplings", {}).values()),
         drivers=drivers,
         start={name: reader.number(start[name]) * scale[name] for name in drivers},
         points={
-            name: (one["link"], reader.vector(one.get("at", [0, 0, 0]), reader.length))
-            for name, one in raw["points"].items()
+            name: (item["link"], reader.vector(item.get("at", [0, 0, 0]), reader.length))
+            for name, item in raw["points"].items()
         },
-        guess={name: reader.pose(one) for name, one in raw.get("guess", {}).items()},
-        programs={name: program(text, reader.names) for name, text in raw.get("programs", {}).items()},
+        guess={name: reader.pose(item) for name, item in raw.get("guess", {}).items()},
+        motion_laws={name: motion_law(text, reader.names) for name, text in raw.get("programs", {}).items()},
         gravity=reader.vector(raw["forces"]["gravity"]),
     )

@@ -32,42 +32,45 @@ def angle_unit(name: str) -> Any:
 
 
 def value(text: Any, names: Mapping[str, Any], angle: Any) -> Any:
-    """Return what an expression comes to; literals are read as decimals, not as doubles.
+    """Return the value of an expression; literals are read as decimals, not as doubles.
 
     Args:
         text: a number, or an expression.
-        names: what may be named in it.
+        names: values by name.
         angle: the unit in which its functions take and give angles, in [rad].
     """
     source = str(text)
 
-    def of(node: ast.expr) -> Any:
+    def evaluated(node: ast.expr) -> Any:
         if isinstance(node, ast.Constant):
             return mpf(ast.get_source_segment(source, node))
         if isinstance(node, ast.Name):
             return mp.pi + 0 if node.id == "pi" else names[node.id]
         if isinstance(node, ast.UnaryOp):
-            return -of(node.operand) if isinstance(node.op, ast.USub) else of(node.operand)
+            return -evaluated(node.operand) if isinstance(node.op, ast.USub) else evaluated(node.operand)
         if isinstance(node, ast.BinOp):
-            return OPERATORS[type(node.op)](of(node.left), of(node.right))
+            return OPERATORS[type(node.op)](evaluated(node.left), evaluated(node.right))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            return _called(node.func.id, [of(one) for one in node.args], angle)
-        raise ValueError(f"{source!r} holds what is no number")
+            return _called(node.func.id, [evaluated(item) for item in node.args], angle)
+        raise ValueError(f"{source!r} contains an item that is no number")
 
-    return of(ast.parse(source.strip(), mode="eval").body)
+    return evaluated(ast.parse(source.strip(), mode="eval").body)
 
 
-def _called(name: str, given: list[Any], angle: Any) -> Any:
+def _called(name: str, entry: list[Any], angle: Any) -> Any:
     if name in FORWARD:
-        return getattr(mp, name)(given[0] * angle)
+        return getattr(mp, name)(entry[0] * angle)
     if name in BACKWARD:
-        return getattr(mp, name)(*given) / angle
-    return getattr(mp, name)(*given)
+        return getattr(mp, name)(*entry) / angle
+    return getattr(mp, name)(*entry)
 
 
-def program(text: str, names: Mapping[str, Any]) -> Any:
+def motion_law(text: str, names: Mapping[str, Any]) -> Any:
     """Return a function of time in [s] for a driver's program; its sines take radians."""
-    units = {name: mpf(size) for name, size in LENGTHS.items()} | {"deg": mp.pi / 180, "rad": mpf(1)}
+    units = {name: mpf(unit_size) for name, unit_size in LENGTHS.items()} | {
+        "deg": mp.pi / 180,
+        "rad": mpf(1),
+    }
     spelled = WITH_UNIT.sub(r"(\1*unit_\2)", text)
-    known = dict(names) | {f"unit_{name}": size for name, size in units.items()}
-    return lambda t: value(spelled, known | {"t": t}, mpf(1))
+    available = dict(names) | {f"unit_{name}": unit_size for name, unit_size in units.items()}
+    return lambda t: value(spelled, available | {"t": t}, mpf(1))

@@ -7,7 +7,7 @@ import pytest
 from readability.private_words import page_uses, private_name, python_uses, uses
 
 ROOT = Path(__file__).parents[2]
-CHECKED = ("mechsim", "docs", "README.md", "CONTRIBUTING.md", "tests", "validation")
+CHECKED = ("mechsim", "docs", "README.md", "CONTRIBUTING.md", "tests", "validation", "reference", "examples")
 
 
 @pytest.mark.parametrize("path", CHECKED)
