@@ -32,6 +32,8 @@ MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
 MAX_STEPS, MAX_SEGMENTS = 400_000, 8
 # rate of a joint that never moves, in [rad/s] or [m/s]
 REST = 1e-12
+# rate of points at rest relative to that of rotations at the size of the mechanism, from rounding
+RESTING = 1e-9
 # tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo
 # models Coulomb friction by a soft constraint
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
@@ -218,7 +220,7 @@ def _compared_with_mujoco(
         finest = 2 * substeps > (most if valid else MAX_STEPS // intervals)
         if valid:
             compared = _forward_quantities(section, dynamic_model.mechanism, coarse, fine)
-            largest = _largest_values(run, compared)
+            largest = _largest_values(run, compared, dynamic_model.mechanism.characteristic_length)
             changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
             errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
             relative = [(unit, changes[name] / largest[unit]) for name, unit, *_ in compared if largest[unit]]
@@ -304,14 +306,21 @@ def _forward_quantities(
 
 
 def _largest_values(
-    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]]
+    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]], length: float
 ) -> dict[str, float]:
-    """Return unit -> largest value in a run of all compared points or joints, since one of them may rest."""
+    """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
+
+    Points that all rest on rotating links have the rates of the rotations at a characteristic length [m].
+    """
     whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion)}
     whole |= {f"drive of {name}": effort for name, effort in run.driving.items()}
     largest: dict[str, float] = {}
     for name, unit, *_ in compared:
         largest[unit] = max(largest.get(unit, 0.0), float(np.abs(whole[name]).max()))
+    for points, rotations in (("m/s", "rad/s"), ("m/s2", "rad/s2")):
+        rate = length * largest.get(rotations, 0.0)
+        if points in largest and largest[points] < RESTING * rate:
+            largest[points] = rate
     return largest
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.rounded_geometry import MAX_ANGLE, Corrected, corrected
 from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
@@ -303,6 +304,11 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
         return replace(mechanism, guess_coordinates=guess_coordinates | locked)
     drivers = (*mechanism.drivers, *locked)
     unlocked = replace(mechanism, driver=drivers, locked={})
+    # what the drivers leave undetermined stays on the path, and is free afterwards
+    still = {
+        name: guess_coordinates[name] for name in undetermined_joints(unlocked) if name in guess_coordinates
+    }
+    unlocked = replace(unlocked, locked=still)
     states = {
         name: steady(
             guess_coordinates[name], displaced.get(name, guess_coordinates[name]) - guess_coordinates[name]

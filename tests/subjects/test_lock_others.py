@@ -5,9 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from model_files import model_text
+from scipy.integrate import solve_ivp
 
+import mechsim as ms
 from mechsim import simulate
 from mechsim.analytic.loops.mobility import driver_determinacy
+from mechsim.cli import main
 from mechsim.errors import MobilityError
 from mechsim.subjects.readers import load
 
@@ -68,3 +71,36 @@ def test_undriven_joints_of_a_toml_file_are_locked(file):
     )
     path = file(CHAIN.format(joints=joints + "\n[links.L3]"))
     assert set(load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
+
+
+TWO_RODS = """<mujoco model="two_rods"><compiler angle="radian"/><worldbody>
+<body><joint name="j1" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size=".01"/>
+<body pos=".3 0 0"><joint name="j2" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size=".01"/>
+</body></body></worldbody></mujoco>"""
+
+
+def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path, monkeypatch, capsys):
+    """The second rod then swings about a fixed pivot; points at rest are compared to rounding."""
+    path = tmp_path / "two_rods.xml"
+    path.write_text(TWO_RODS)
+    solver = ms.load(str(path), lock={"j1": "30deg"}, still=True)
+    run = ms.dynamics.run(solver, initial={"j2.q": 0.1}, duration=0.2)
+    np.testing.assert_allclose(run.motion.joints["j1"].value, np.pi / 6, atol=1e-12)
+    # a uniform capsule: mass of cylinder and half spheres, about its end
+    length, radius = 0.3, 0.01
+    cylinder, balls = np.pi * radius**2 * length, 4.0 / 3.0 * np.pi * radius**3
+    axial = cylinder * (length**2 / 12.0 + radius**2 / 4.0)
+    axial += balls * (0.4 * radius**2 + length**2 / 4.0 + 0.375 * length * radius)
+    inertia, mass = axial + (cylinder + balls) * (length / 2.0) ** 2, cylinder + balls
+
+    def rate(_, state):
+        # the angle of the second rod to the horizontal, positive downwards
+        return [state[1], mass * 9.81 * length / 2.0 * np.cos(state[0] + np.pi / 6) / inertia]
+
+    exact = solve_ivp(rate, (0.0, 0.2), [0.1, 0.0], rtol=1e-11, atol=1e-12).y[0, -1]
+    assert run.motion.joints["j2"].value[-1] == pytest.approx(exact, abs=1e-7)
+    words = f"forward {path} --lock j1=30deg --initial j2.q=0.1 --duration 0.2s --json".split()
+    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code in (0, None), capsys.readouterr().out

@@ -79,7 +79,7 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
             by=abs(force),
             message=f"actuator {name} starts {abs(off):.3g} from the target of its control, 0, "
             f"with a force of {abs(force):.3g}",
-            remedy="give it the control of the start, in a keyframe or by --ctrl",
+            remedy="give it the control of the start by --ctrl",
             **_lines(scene)[a],
         )
 

@@ -67,7 +67,7 @@ def _outside(
             by=excess,
             message=f"{label} starts at {value:.6g} {unit}, {excess:.3g} "
             f"beyond its range, {low:.6g} to {high:.6g}",
-            remedy="widen the range, or start from a keyframe within it",
+            remedy="widen the range, or start within it",
             **location,
         )
 

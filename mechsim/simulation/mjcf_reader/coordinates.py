@@ -45,13 +45,12 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
         if kinds.get(name) == FREE:
             raise InputError(
                 f"{what} names {name!r}, a free joint, which no one value places; hold it where it starts "
-                f"with --lock {name} or --fix-base, at a keyframe with --key NAME"
+                f"with --lock {name} or --fix-base"
             )
         if kinds.get(name) == BALL:
             raise InputError(
                 f"{what} names {name!r}, a ball joint, which no one value turns; hold it where it starts "
-                f"with --lock {name}, at a keyframe with --key NAME, or write three hinges across each other "
-                "in its place and name them"
+                f"with --lock {name}, or write three hinges across each other in its place and name them"
             )
         raise InputError(
             f"{what} names {name!r}{did_you_mean(name, names)}; "

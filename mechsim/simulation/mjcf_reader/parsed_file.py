@@ -287,8 +287,14 @@ def name_elements(spec: mujoco.MjSpec) -> None:
     joints = [joint for body in bodies for joint in body.joints]
     name_unnamed(joints, [f"{joint.parent.name}_joint" for joint in joints])
     equalities = list(spec.equalities)
-    kinds = [str(mujoco.mjtEq(equality.type).name).removeprefix("mjEQ_").lower() for equality in equalities]
-    name_unnamed(equalities, [f"{kind}{number}" for number, kind in enumerate(kinds, 1)])
+    proposed = [
+        # a coupling, such as a mimic of URDF, has the names of its joints
+        f"{equality.name2}-{equality.name1}"
+        if equality.type == mujoco.mjtEq.mjEQ_JOINT and equality.name2
+        else f"{str(mujoco.mjtEq(equality.type).name).removeprefix('mjEQ_').lower()}{number}"
+        for number, equality in enumerate(equalities, 1)
+    ]
+    name_unnamed(equalities, proposed)
 
 
 def name_unnamed(elements: Iterable[Any], proposed: Iterable[str]) -> None:
