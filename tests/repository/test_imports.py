@@ -94,7 +94,7 @@ REACHED = {
     "solve": 15000,
     "simulate": 22500,
     "validate": 25500,
-    "export": 24550,
+    "export": 24700,
     "check": 21000,
     "sample": 18650,
     "map": 19150,
