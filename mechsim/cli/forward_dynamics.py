@@ -24,6 +24,7 @@ from mechsim.cli.dynamics_report import (
     require_turns,
     with_masses,
 )
+from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -122,6 +123,8 @@ class ForwardOptions(InitialOptions):
             writable(self.plot, ".svg", ".pdf", ".png")
 
 
+# duration in [s] above which a run states its work budget at once
+LONG = 100.0
 # shares of the processor time, measured on runs of four_bar, rssr and klann from an initial state
 SHARES = {"formulas": 1.0, "check in MuJoCo": 2.0}
 
@@ -156,6 +159,8 @@ def forward(
     release = options.release(model, source, **ends)
     # rejects unknown names before the run
     release.quantities(options.quantities)
+    if release.duration > LONG and options.turns is None:
+        print_stderr(f"dynamics: ends after {release.budget or BUDGET:,} states at the latest (--budget)")
     # MuJoCo stops when its steps are short enough
     with progress("dynamics", None, at_least=True) as report:
         formulas, check = sections(report, SHARES)

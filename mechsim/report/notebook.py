@@ -186,6 +186,23 @@ def verdict_html(verdict: "Verdict") -> str:
     return _title(title, PASS_COLOUR if verdict.passed else FAIL_COLOUR) + _table(head, rows, colours)
 
 
+def result_html(result: Any) -> str:
+    """Return a validation or an agreement as what was found and the table of its checks."""
+    from mechsim.verdict.checks import Verdict
+
+    return verdict_html(Verdict(result.outcome, result.checks, result.why))
+
+
+def motion_html(motion: "Motion") -> str:
+    """Return a motion as its length and columns, and a plot."""
+    from mechsim.pictures import plots
+
+    names = [*motion.points, *motion.joints]
+    rows = [("instants", len(motion)), ("source", motion.source), ("points and joints", ", ".join(names))]
+    picture = figure_svg(plots.motion_plot(motion)) if len(motion) > 1 and motion.points else ""
+    return _table((), rows) + (picture or "")
+
+
 class Shown(Protocol):
     """The interface of a run for display."""
 
@@ -231,6 +248,9 @@ def figure_svg(figure: Any) -> str | None:
 # (module, class) -> MIME type and function of its display
 SHOWN = {
     ("mechsim.verdict.checks", "Verdict"): ("text/html", verdict_html),
+    ("mechsim.studies.validate", "Validation"): ("text/html", result_html),
+    ("mechsim.studies.agreement.agreement", "Agreement"): ("text/html", result_html),
+    ("mechsim.model.motion", "Motion"): ("text/html", motion_html),
     ("mechsim.simulation.result", "Run"): ("text/html", run_html),
     ("matplotlib.figure", "Figure"): ("image/svg+xml", figure_svg),
 }

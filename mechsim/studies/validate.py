@@ -38,7 +38,16 @@ from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm, scene_findings
 from mechsim.subjects.readers import parametric_model as dimension_family
-from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
+from mechsim.verdict.checks import (
+    Check,
+    Verdict,
+    check_of,
+    checks_of,
+    combined,
+    concluded,
+    first_lines,
+    tolerances_of,
+)
 from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, RecordInstants, Requested, Tolerance
@@ -124,7 +133,7 @@ class Validation:
     def __str__(self) -> str:
         return "\n".join([f"{self.outcome}: {self.why}", *(f"  {check}" for check in self.checks)])
 
-    __repr__ = __str__
+    __repr__ = first_lines
 
     @property
     def compliance(self) -> float | None:

@@ -24,6 +24,19 @@ from mechsim.verdict.tolerances import (
 Tolerances = Mapping[str, Tolerance]
 
 
+# most lines of a `repr`
+REPR_LINES = 8
+
+
+def first_lines(self: Any) -> str:
+    """Return the first lines of `str(self)`; used as `__repr__` of results with many checks."""
+    lines = str(self).splitlines()
+    more = len(lines) - REPR_LINES + 1
+    return "\n".join(
+        lines if more <= 1 else [*lines[: REPR_LINES - 1], f"  and {more} more; print lists all"]
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
     """One quantity of a verdict.
@@ -140,7 +153,7 @@ class Verdict:
         head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"
         return "\n".join([head, *(f"  {check}" for check in self.checks)])
 
-    __repr__ = __str__
+    __repr__ = first_lines
 
 
 def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

@@ -62,6 +62,15 @@ def test_a_spent_work_budget_is_an_outcome(facts):
     assert 0.0 < run["duration"] < 9.0
 
 
+def test_a_long_run_states_its_work_budget_at_once(command):
+    long = ("--initial", "crank.q=30deg", "--duration", "1e9s", "--budget", "1000", "--method", "none")
+    code, out, error = command(*long)
+    assert code == 1
+    assert "ends after 1,000 states at the latest" in error
+    assert "work budget spent" in out
+    assert "at the latest" not in command("--duration", "0.1s", "--method", "none")[2]
+
+
 def test_an_unreached_event_is_reported(facts):
     code, run = facts("--until", "crank.q=900deg", "--duration", "0.01s", "--method", "none")
     assert code == 1

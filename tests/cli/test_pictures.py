@@ -69,7 +69,7 @@ def test_slow_motion_sets_the_number_of_frames(mechsim):
         (("--from", "both", "--magnify", "0"), "give a finite factor above 0"),
         (("--magnify", "30"), "add --from both"),
         (("--angle", "30deg"), "for a still picture"),
-        (("--from", "foo"), "closed, simulated and, to draw, both"),
+        (("--from", "foo"), "choose closed, simulated or both"),
         (("--turns", "1e9"), "fewer than 10000"),
     ],
 )

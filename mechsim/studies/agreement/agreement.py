@@ -41,7 +41,7 @@ from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.units import si
-from mechsim.verdict.checks import Check, Verdict, concluded
+from mechsim.verdict.checks import Check, Verdict, concluded, first_lines
 
 if TYPE_CHECKING:
     from mechsim.studies.agreement.attribution import AskFunction
@@ -133,7 +133,7 @@ class Agreement:
     def __str__(self) -> str:
         return "\n".join([f"{self.outcome}: {self.why}", *(f"  {check}" for check in self.checks)])
 
-    __repr__ = __str__
+    __repr__ = first_lines
 
 
 def compare(

@@ -138,8 +138,8 @@ def certified_motion(
         return _in_instants(_uncertified(solver.name, whole, reason, solved), laws)
     if solved > unknown:
         motion = motion.with_independent_rows()
-    proven, rest = proven_segments(motion, progress)
-    proof = _in_instants(_certificate(solver.name, motion, between or whole, proven, rest), laws)
+    proven, rest, spent = proven_segments(motion, progress)
+    proof = _in_instants(_certificate(solver.name, motion, between or whole, proven, rest, spent), laws)
     if solved == unknown or not proof.certified:
         return proof
     reason = (
@@ -168,8 +168,8 @@ def _uncertified(name: str, between: tuple[float, float], reason: str, equations
 
 def proven_segments(
     motion: ComputedMotion, progress: Progress = no_progress
-) -> tuple[Segments, list[tuple[float, float]]]:
-    """Return the proven segments, and the intervals without a proof, in ascending order."""
+) -> tuple[Segments, list[tuple[float, float]], bool]:
+    """Return the proven segments, the intervals without a proof, and whether `MAX_SEGMENTS` were tested."""
     count = max(2, int(np.ceil(FIRST_PER_UNIT * (motion.high - motion.low))))
     edges = np.linspace(motion.low, motion.high, count + 1)
     guess = motion.configurations(0.5 * (edges[:-1] + edges[1:]))
@@ -198,7 +198,7 @@ def proven_segments(
             tested = tested_segments(motion, *halves(failed, motion.equations))
             waiting.append(replace(tested, misses=np.tile(failed.misses, 2)))
     segments = join(proven)
-    return segments.select(np.argsort(segments.low)), _merged(rest)
+    return segments.select(np.argsort(segments.low)), _merged(rest), count > MAX_SEGMENTS
 
 
 def _merged(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -217,11 +217,14 @@ def _certificate(
     between: tuple[float, float],
     segments: Segments,
     rest: list[tuple[float, float]],
+    spent: bool,
 ) -> Certificate:
     joins = segments_that_join(motion, segments) if len(segments) else np.ones(0, dtype=np.bool_)
     ends = [end for end, target in zip((motion.low, motion.high), between, strict=True) if end != target]
     singular = _singular_points(motion, rest, ends if motion.end_message else [])
     reason = _reason(motion, segments, rest, joins, singular)
+    if reason and spent:
+        reason += f"; the work budget of {MAX_SEGMENTS:,} segments is spent"
     return Certificate(
         name,
         not reason,

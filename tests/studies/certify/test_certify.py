@@ -183,7 +183,8 @@ def test_a_planted_dead_centre_is_never_certified(miss):
 def test_an_enclosure_excludes_the_other_assembly_mode():
     solver = ms.catalog.make("slider_crank")
     motion = computed_motion(solver, None, {})
-    segments, rest = proven_segments(motion)
+    segments, rest, spent = proven_segments(motion)
+    assert not spent
     assert not rest
     column = motion.equations.unknown.tolist().index(motion.equations.tree.index_of["A"])
     with mpmath.workdps(50):
@@ -403,3 +404,13 @@ def test_powers_of_time_and_sums_with_units_are_enclosed(law):
 def test_a_tolerance_without_a_unit_is_rejected():
     with pytest.raises(ms.InputError, match=r"tolerance of m: 0\.1 has no unit; the file is in mm"):
         ms.certify("jansen", within={"m": "±0.1"})
+
+
+def test_a_spent_work_budget_is_named(monkeypatch):
+    """A rhombus is singular at its change points: intervals about them are divided until the limit."""
+    limit = 30
+    monkeypatch.setattr("mechsim.studies.certify.certificate.MAX_SEGMENTS", limit)
+    proof = ms.certify("four_bar", set={"crank": 0.1, "coupler": 0.1, "rocker": 0.1, "ground": 0.1})
+    assert not proof.certified
+    assert f"the work budget of {limit} segments is spent" in proof.summary
+    assert "work budget" not in ms.certify("slider_crank", (0.1, 0.2)).summary
