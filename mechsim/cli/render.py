@@ -12,7 +12,7 @@ from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.exit_codes import print_stderr
+from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import (
     ReleaseOptions,
     exclude_without_effect,
@@ -137,6 +137,10 @@ def render(
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
     look = replace(look, **drawn_as(solver))
+    if getattr(solver, "source", None) is not None and look.bodies is None:
+        notes.append(
+            f"{solver.name}: no moving link has a geom in the file: links are drawn from their joints"
+        )
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank

@@ -272,8 +272,9 @@ def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[Any]:
         if match:
             open_value = {"dimension": dimension.name, "scale": scale}
             pieces[line] = [*before, last[: match.start(2)], open_value, last[match.end(2) :]]
-    if ("formula", "python") in model.source.lines:
-        number = model.source.lines["formula", "python"] - 1
+    if "formula" in model.source.document:
+        # of an inline table the line of the table
+        number = model.source.line(("formula", "python")) - 1
         pieces[number] = [f"# {lines[number]}  # needs its Python file in the same folder"]
     return [{"parts": line} if len(line) > 1 else line[0] for line in pieces]
 

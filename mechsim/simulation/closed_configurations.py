@@ -367,7 +367,10 @@ def straight_path(
     """Return the paths from the closed configuration at a start, by default the reference or a keyframe."""
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
-        raise InputError("the model has no loops; add equality constraints that close them")
+        raise InputError(
+            "the model has no loops: joints of an open chain take any value within their limits; add "
+            "equality constraints that close its loops"
+        )
     kinds = model.jnt_type[model.dof_jntid]
     if fix_base and not (kinds == FREE).any():
         raise InputError("no body has a free joint; leave out --fix-base")

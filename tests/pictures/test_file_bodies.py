@@ -237,6 +237,21 @@ def test_loop_closures_are_marked(tmp_path):
     assert closure["at"] == pytest.approx([0.2, 0.0, 0.04])
 
 
+def test_loop_closures_are_marked_at_every_overlaid_position(tmp_path):
+    solver = loop(tmp_path, colour='rgba="0.2 0.2 0.2 1"')
+    motion = solver.solve(np.linspace(0.0, 0.8, 5))
+    look = Look(**drawn_as(solver), overlay=2)
+    drawn = Source(solver.mechanism, motion).drawn(look)
+    marked = still(solver.mechanism, motion, look).astype(int)
+    coupler = motion.links["coupler"]
+    for instant in (0, 2):
+        pin = coupler.position[instant] + coupler.rotation[instant] @ np.array([0.2, 0.0, 0.04])
+        column, row = drawn.camera.pixel(pin).round().astype(int)
+        red, green, blue = marked[row, column]
+        assert red > green + 80
+        assert blue > green + 80
+
+
 @pytest.mark.parametrize(("reach", "start"), [("", 0.0), ('range="-40 50"', 0.0)])
 def test_a_page_opens_at_the_pose_of_the_file(tmp_path, reach, start):
     solver = loop(tmp_path, reach=reach)

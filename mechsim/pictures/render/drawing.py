@@ -130,7 +130,8 @@ class Trace:
         for fixed in self.fixed:
             fixed.put(scene)
         for name in now.starts.keys() & {*self.drawn.look.closures}:
-            self._put_mark(scene, now.starts[name][frame])
+            for shown in self.drawn.frames_shown(frame):
+                self._put_mark(scene, now.starts[name][shown])
         nearer = BEFORE * self.drawn.radius * self.drawn.camera.back
         for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}

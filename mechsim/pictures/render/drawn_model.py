@@ -255,14 +255,20 @@ class DrawnModel:
             replace(arrow_set, vectors=self.frames.vectors[arrow_set.kind]) for arrow_set in self.arrows
         ]
 
-    def set_frame(self, frame: int) -> None:
-        """Set the links to the poses of a frame; overlaid positions do not move."""
+    def frames_shown(self, frame: int) -> list[int]:
+        """Return the frames that a picture shows together: one, or those of the overlaid positions."""
         overlay = self.look.overlay
+        if overlay == 1:
+            return [frame]
         # the last frame of a closed revolution equals the first
         spread = len(self.frames) - (1 if self.frames.closed else 0)
+        return [round(copy * spread / overlay) % len(self.frames) for copy in range(overlay)]
+
+    def set_frame(self, frame: int) -> None:
+        """Set the links to the poses of a frame; overlaid positions do not move."""
+        shown = self.frames_shown(frame)
         for (name, copy), slot in self._slots.items():
-            index = frame if overlay == 1 else round(copy * spread / overlay) % len(self.frames)
-            self._put(slot, self.frames.poses[name].select(index))
+            self._put(slot, self.frames.poses[name].select(shown[copy]))
         for name, slot in self._ghost_slots.items():
             assert self.ghost is not None
             pose, deeper = self.ghost.poses[name].select(frame), BEHIND * self.radius * self.camera.back
