@@ -294,7 +294,7 @@ def map_over_grid(
         pieces.append(path.reach(grid[first : first + BATCH]))
     qpos, valid = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
     if not valid.any():
-        raise AssemblyError("no point of the grid is reached from the reference; give a smaller range")
+        raise AssemblyError("no grid point is reached from the start; begin in it by --start JOINT=VALUE")
     qpos, reached = qpos[valid], grid[valid]
     output, jacobian = evaluator.evaluate(qpos)
     inertia, holding = inertia_and_holding(path, qpos)
