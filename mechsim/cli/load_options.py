@@ -21,7 +21,6 @@ from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
 from mechsim.studies.release import DURATION, Release
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
 
 Element = TypeVar("Element")
@@ -237,7 +236,7 @@ class LoadOptions:
 
     def dynamic_model(self, solver: KinematicSolver) -> dynamics.DynamicModel:
         """Return the dynamic model of a mechanism; note effects of its MJCF file that the model omits."""
-        read = solver.source if isinstance(solver, MjcfForm) else None
+        read = solver.source
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
         return dynamics.dynamic_model(

@@ -13,9 +13,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
 from mechsim.errors import InputError, OutputError, require_extra
@@ -348,7 +346,7 @@ def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) 
 
 def _with_notes(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism, and note what was changed to read and assemble it."""
-    for fact in solver.facts if isinstance(solver, LoopForm) else ():
+    for fact in solver.facts:
         notes.append(f"{solver.name}: {fact}")
     return solver
 
@@ -367,7 +365,7 @@ def require_other_drivers(model: str, sets: list[str] | None, driven: DriveOptio
 def require_motion(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
     # a closed form has a crank; its mechanism may be impossible to assemble
-    if not isinstance(solver, ClosedForm):
+    if not solver.direct:
         solver.motion_laws.require_drivers(solver.mechanism)
     return solver
 

@@ -9,7 +9,6 @@ import numpy as np
 import typer
 
 from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.exit_codes import notes, print_stderr
@@ -40,7 +39,6 @@ from mechsim.studies.drawn_motion import MAX_SAMPLES, drawn_motion, joint_loads
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
 from mechsim.studies.scene.published_run import runs_as_published
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import crank_speed, option, parse_angle
 
 # duration of the animation of one cycle of a mode in [s]
@@ -150,7 +148,7 @@ def render(
     both = animation.method == "both"
     every = 1 if picture else between(samples)
     motion = drawn_motion(solver, "simulated" if both else animation.method, profile, round(samples) * every)
-    if animation.method != "closed" and isinstance(solver, MjcfForm) and not runs_as_published(solver):
+    if animation.method != "closed" and solver.source is not None and not runs_as_published(solver):
         print_stderr(
             "mechsim: stepped with mechsim's settings: MuJoCo alone runs a file whose drivers are joints"
         )
@@ -161,10 +159,8 @@ def render(
         extra |= joint_loads(solver, animation.method, profile, motion)
         masses = dynamic_model(solver).masses
         captions.append("joint loads as they act on the driven link")
-    if both and isinstance(solver, LoopForm):
+    if both:
         extra["exact"] = solver.solve_as(motion)
-    elif both:
-        extra["exact"] = solver.solve_along(motion.angle, motion.speed, motion.acceleration)
     look = replace(look, caption="; ".join(captions))
     if picture:
         look = replace(look, paths="whole" if look.paths else False)

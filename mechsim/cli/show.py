@@ -6,7 +6,6 @@ from typing import Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.loops.mobility import Determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
@@ -161,7 +160,7 @@ def show(
 
 def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
     declared = solver.written
-    if isinstance(solver, ClosedForm):
+    if solver.direct:
         rows = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
         print_table("Parameters", ("name", "value", "unit", "meaning"), rows)
     else:

@@ -10,7 +10,6 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
 from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance, most_severe
@@ -203,7 +202,7 @@ def _whole(
 def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) -> None:
     """Write or print a motion as .csv chunk by chunk, in constant memory."""
     instants, fewest = task.instants, list[AccuracyWarning]()
-    if not isinstance(task.solver, ClosedForm):
+    if not task.solver.direct:
         # loop equations that have no solution over the whole motion fail before a row is written
         task.motion_at(np.array([instants.min(), instants.max()]))
 

@@ -6,7 +6,7 @@ from typing import Any, TypedDict
 
 from mechsim import units
 from mechsim.analytic import catalog
-from mechsim.analytic.solvers import closed_form
+from mechsim.analytic.catalog.base import closed_form
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table

@@ -12,7 +12,6 @@ import typer
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
@@ -208,7 +207,7 @@ def _without_formula(design: DesignFamily) -> DesignFamily:
 
     def make(values: Mapping[str, float]) -> KinematicSolver:
         solver = design.make(values)
-        return replace(solver, formula="") if isinstance(solver, LoopForm) else solver
+        return solver.with_mechanism(solver.mechanism, formula="") if solver.formula else solver
 
     return replace(design, make=make)
 

@@ -16,7 +16,6 @@ from mechsim.model.masses import summary
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
 from mechsim.report.facts import kind
-from mechsim.subjects.mjcf_source import MjcfForm
 
 if TYPE_CHECKING:
     from mechsim.studies.agreement.agreement import Agreement
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> MotionLaws | None:
     """Return the motion of the crank of an MJCF file as a motion law; None for any other mechanism."""
-    if not isinstance(solver, MjcfForm):
+    if solver.source is None:
         return None
     return make_motion_laws(solver.mechanism, {solver.mechanism.drivers[0]: motion.state}, motion.duration)
 

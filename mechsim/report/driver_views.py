@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.maximal_coordinates import equations, scaled
 from mechsim.analytic.loops.motion import driven_path, solve_along
 from mechsim.analytic.loops.path import LoopPath
@@ -208,7 +207,7 @@ class Box:
     high: Mapping[str, float]
 
 
-def motion_law_grid(solver: LoopForm) -> PoseGrid:
+def motion_law_grid(solver: KinematicSolver) -> PoseGrid:
     """Return the poses over the time of the motion laws of a mechanism.
 
     Raises:
@@ -227,7 +226,7 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
     return grid
 
 
-def slider_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
+def slider_grids(solver: KinematicSolver, box: Box) -> list[PoseGrid]:
     """Return configurations on a grid over all drivers: one grid of up to three, or one grid each of more."""
     solver.mechanism.require_driver()
     drivers = solver.mechanism.drivers
@@ -236,7 +235,9 @@ def slider_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
     return [_hand_grid(solver.mechanism, f"move {name}", (name,), box, ALONE) for name in drivers]
 
 
-def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> Box:
+def box_of(
+    solver: KinematicSolver, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]
+) -> Box:
     """Return the ranges of the drivers of a mechanism when moved by hand.
 
     Args:

@@ -7,9 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
@@ -19,7 +16,6 @@ from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.subjects import gallery
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
@@ -42,7 +38,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     from mechsim.theory.mobility_count import mobility
 
     record = _described(solver)
-    if isinstance(solver, LoopForm):
+    if not solver.direct:
         record |= _mobility(solver)
         if (
             not solver.mechanism.has_crank
@@ -104,10 +100,8 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
 
 def about(solver: KinematicSolver) -> str:
     """Return the description of a catalogue or gallery mechanism; empty for others."""
-    if isinstance(solver, ClosedForm):
-        return (type(solver).__doc__ or "").splitlines()[0]
-    path = None if isinstance(solver, MjcfForm) else gallery.files().get(solver.name)
-    return "" if path is None else gallery.description(path)
+    path = None if solver.source is not None else gallery.files().get(solver.name)
+    return solver.about if solver.about or path is None else gallery.description(path)
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
@@ -132,7 +126,7 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
     return ", ".join(words)
 
 
-def _mobility(solver: LoopForm) -> dict[str, Any]:
+def _mobility(solver: KinematicSolver) -> dict[str, Any]:
     """Return the mobility of a mechanism and the motion of its drivers, also as text."""
     mechanism = solver.mechanism
     determinacy = driver_determinacy(mechanism)
@@ -164,19 +158,8 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
 
 
 def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
-    if isinstance(solver, LoopForm):
-        return {
-            name: {"value": value, "unit": "as written", "doc": ""}
-            for name, value in solver.parameters.items()
-        }
-    return {
-        field.name: {
-            "value": getattr(solver, field.name),
-            "unit": field.metadata["unit"],
-            "doc": field.metadata["doc"],
-        }
-        for field in catalog.parameters(solver.name).values()
-    }
+    rows = solver.parameter_rows.items()
+    return {name: {"value": value, "unit": unit, "doc": doc} for name, (value, unit, doc) in rows}
 
 
 def assembly_facts(solver: KinematicSolver, angle: float) -> dict[str, Any]:
@@ -197,12 +180,14 @@ def assembly_facts(solver: KinematicSolver, angle: float) -> dict[str, Any]:
 
 def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     arcs = solver.crank_range().arcs
-    if not arcs or not isinstance(solver, ClosedForm):
+    if not arcs:
         return None
     low, high = arcs[0]
     clearance = 1e-6 * (high - low)
     angles = np.linspace(low + clearance, high - clearance, 361)
     values = solver.transmission_angle(angles)
+    if values is None:
+        return None
     worst = int(np.argmin(values))
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.assembly import SolvedAssembly, assembly
@@ -27,7 +25,6 @@ from mechsim.model.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import values_of
 from mechsim.subjects.toml_writer import to_toml
@@ -168,7 +165,7 @@ def _numbers(
 def _drivers(solved: SolvedAssembly, solver: KinematicSolver, full: bool) -> Iterator[dict[str, Any]]:
     """Yield name, unit, start and range of each driver, and whether its range is a closed ring."""
     mechanism = solver.mechanism
-    limits = solver.source.limits if isinstance(solver, MjcfForm) and solver.source else {}
+    limits = solver.ranges
     for name, index in zip(solved.drivers, solved.driven, strict=True):
         start, angle = float(solved.start.values[index, 0]), mechanism.unit(name) == "rad"
         ring = angle and full and mechanism.has_crank and name not in limits
@@ -250,10 +247,9 @@ def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> 
         return {"pieces": _file_pieces(model, geometry)}
     mechanism = with_closed_guess(solver.mechanism)
     # a formula is read from the folder of its file only
-    source = replace(solver, mechanism=mechanism, formula="") if isinstance(solver, LoopForm) else mechanism
-    pieces = [*_pieces(to_toml(source).splitlines())]
-    # the dimensions of a catalogue's form have names; those of other mechanisms are coordinates
-    if isinstance(solver, ClosedForm) and geometry.dimensions:
+    pieces = [*_pieces(to_toml(solver.with_mechanism(mechanism, formula="")).splitlines())]
+    # own dimensions have names; those of other mechanisms are coordinates
+    if solver.dimensions and geometry.dimensions:
         pieces = [*_with_parameters(pieces, mechanism, geometry)]
     return {"pieces": pieces}
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from mechsim.analytic import catalog
+from mechsim.analytic.catalog.base import closed_form
 from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.solvers import KinematicSolver, closed_form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion

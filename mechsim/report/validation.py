@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
@@ -165,7 +164,7 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         for name, kind in PLOTS.items()
         if kind.on_page
         and (name in UNSTEPPED_PLOTS or not case.quick)
-        and (isinstance(case.solver, ClosedForm) or not kind.closed)
+        and (case.solver.direct or not kind.closed)
     ]
     return [(kind.about, _webp(plots.drawn(kind.figure(source), "png"))) for kind in kinds]
 
@@ -189,7 +188,7 @@ def _facts(case: Validation) -> dict[str, Any]:
     ]
     rows["crank range"] = "full turn" if known_facts["crank_range"] == "full turn" else arcs
     # loop equations follow one assembly; only a closed form has all of them
-    if isinstance(case.solver, ClosedForm):
+    if case.solver.direct:
         count, angle = len(known_facts["assemblies"]), math.degrees(known_facts["angle"])
         rows["assemblies"] = f"{count} at crank angle {angle:g}°"
     if known_facts["dead_centres"]:

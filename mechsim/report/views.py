@@ -6,10 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import SELECTORS
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
@@ -40,7 +37,6 @@ from mechsim.report.driver_views import (
 )
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.validate import Validation
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.model_source import ModelSource
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, even_motion
 from mechsim.theory.continuation.mechanism_trace import trace
@@ -68,10 +64,10 @@ def crank_grids(
     Raises:
         AssemblyError: if this assembly mode closes at no crank angle.
     """
-    if isinstance(solver, LoopForm):
+    if not solver.direct:
         # the slider covers the crank's whole range
-        return [crank_grid(replace(solver, ranges={}), "own assembly", speed, limits)]
-    assert isinstance(solver, ClosedForm)
+        free = solver.with_mechanism(solver.mechanism, ranges={})
+        return [crank_grid(free, "own assembly", speed, limits)]
     return [crank_grid(assembly, _called(assembly), speed, limits) for assembly in (solver, *_others(solver))]
 
 
@@ -84,8 +80,8 @@ def crank_grid(
     motion = solver.solve_along(angles, speed)
     extra: list[Readout] = []
     landmarks = landmarks_of(solver)
-    if isinstance(solver, ClosedForm):
-        transmission = solver.transmission_angle(angles)
+    transmission = solver.transmission_angle(angles)
+    if transmission is not None:
         extra.append(Readout("transmission angle", "rad", {"": transmission}))
         least = int(np.argmin(transmission))
         landmarks.append(
@@ -107,9 +103,9 @@ def crank_grid(
     return replace(grid, sliders=(slider,), ghost=_ghost(solver, speed), error=error)
 
 
-def _others(solver: ClosedForm) -> list[ClosedForm]:
+def _others(solver: KinematicSolver) -> list[KinematicSolver]:
     """Return the other assemblies that stand at some crank angle."""
-    names, assemblies = {_called(solver)}, list[ClosedForm]()
+    names, assemblies = {_called(solver)}, list[KinematicSolver]()
     for angle in np.linspace(-np.pi, np.pi, CRANK_ANGLES, endpoint=False).tolist():
         for assembly in solver.assemblies(angle):
             if _called(assembly) not in names:
@@ -174,9 +170,9 @@ def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
     return None if len(run) < SAMPLES // 2 else stepped_ghost(solver, run)
 
 
-def _called(solver: ClosedForm) -> str:
+def _called(solver: KinematicSolver) -> str:
     """Return what an assembly is called: by the parameters that select it."""
-    chosen = [f"{name} {getattr(solver, name)}" for name in SELECTORS if hasattr(solver, name)]
+    chosen = [f"{name} {value}" for name, value in solver.selectors.items()]
     return ", ".join(chosen) or "its assembly"
 
 
@@ -191,7 +187,7 @@ def curve_grids(solver: KinematicSolver) -> tuple[list[PoseGrid], str]:
     Returns:
         The grids, and a sentence on what was sought; empty where no curve could be followed.
     """
-    own_alone = not isinstance(solver, LoopForm)
+    own_alone = solver.direct
     swings = not solver.crank_range().full
     if own_alone and not swings:
         return [], ""
@@ -250,8 +246,8 @@ NOT_SOUGHT = "Other assemblies than that in which the file starts were not sough
 
 def model_view(solver: KinematicSolver, speed: float, up: Up | None = None) -> View:
     """Return what a page shows of a loaded model, with the joint limits of its MJCF file."""
-    source = solver.source if isinstance(solver, MjcfForm) else None
-    return replace(mechanism_view(solver, speed, source.limits if source else None), up=up)
+    limits = None if solver.source is None else solver.ranges
+    return replace(mechanism_view(solver, speed, limits), up=up)
 
 
 def live_view(
@@ -288,7 +284,7 @@ def mechanism_view(
         AssemblyError: where it closes nowhere.
     """
     searched, limits = limits is None, limits or {}
-    method = "closed form" if isinstance(solver, ClosedForm) else "loop equations"
+    method = "closed form" if solver.direct else "loop equations"
     if solver.mechanism.has_crank and solver.motion_laws.crank:
         grids = crank_grids(solver, speed, limits.get(solver.mechanism.crank.name))
         others, sentence = curve_grids(solver) if searched else ([], NOT_SOUGHT)
@@ -297,7 +293,6 @@ def mechanism_view(
             sentence,
         ]
         return _view(solver, [*grids, *others], facts)
-    assert isinstance(solver, LoopForm)
     start = start_poses(solver.mechanism)[1]
     by_hand = slider_grids(solver, box_of(solver, limits, start))
     programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]

@@ -13,7 +13,6 @@ from mechsim.model.motion_laws import CrankProfile
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motions import driven_as, simulated
 from mechsim.studies.scene.published_run import published_motion, runs_as_published
-from mechsim.subjects.mjcf_source import MjcfForm
 
 # largest number of samples of a picture or video
 MAX_SAMPLES = 100_000
@@ -46,7 +45,6 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
 def stepped(solver: KinematicSolver, profile: CrankProfile, samples: int) -> Motion:
     """Return a motion stepped by MuJoCo, of a file that MuJoCo can run with its own settings."""
     if runs_as_published(solver):
-        assert isinstance(solver, MjcfForm)
         return published_motion(solver, profile, samples)
     return simulated(solver, profile, samples=samples, method="step").motion
 

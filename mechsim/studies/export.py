@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from mechsim import files
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
@@ -118,7 +117,7 @@ def export(
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
         require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
-        solver = model if isinstance(model, LoopForm) else load(model, set, **options)
+        solver = model if isinstance(model, KinematicSolver) and not set else load(model, set, **options)
         contents = _Contents(scene, tuple(cut), settings, timestep, speed, tolerance)
         result = _exported(solver, format, style, contents, progress)
     if output is not None:
@@ -152,7 +151,7 @@ def _exported(
     if style != "plain":
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
     if format == "toml":
-        text = to_toml(solver if isinstance(solver, LoopForm) else solver.mechanism)
+        text = to_toml(solver)
         return ExportedModel(solver.name, format, text)
     text, shortfall = _mjcf_text(solver, contents, progress)
     return ExportedModel(solver.name, format, text, shortfall)

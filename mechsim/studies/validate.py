@@ -9,7 +9,6 @@ from typing import Any, TypedDict, Unpack, overload
 import numpy as np
 
 from mechsim.analytic import loops
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
@@ -36,7 +35,7 @@ from mechsim.studies.agreement.agreement import (
 )
 from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
-from mechsim.subjects.mjcf_source import MjcfForm, scene_findings
+from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.verdict.checks import (
     Check,
@@ -194,7 +193,7 @@ def case_of(
     solver.motion_laws.require_drivers(solver.mechanism)
     work = _Work(quick, tolerance, ProcessorBudget(budget), progress)
     case = _validated(solver, designs, speed, work)
-    for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
+    for name, variant in solver.variants().items():
         # a variant that cannot be assembled is skipped
         with suppress(AssemblyError):
             other = _validated(variant, dimension_family(variant), speed, work)
@@ -222,7 +221,7 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = solver.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
-    if isinstance(solver, ClosedForm):
+    if solver.direct:
         verdicts["closed form"] = against_loops(solver, exact)
     formula = None
     if solver.formula:
@@ -240,7 +239,7 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
             run, verdicts["step"] = _stepped(solver, profile, speed, position, work)
         except BudgetError as error:
             verdicts["step"] = Verdict("failed", (), str(error))
-        if isinstance(solver, MjcfForm) and solver.source is not None:
+        if solver.source is not None:
             published, own = published_run(solver, profile), own_tolerance(solver.mechanism, tolerance)
             findings = by_severity(*(findings or ()), published.finding(own.value))
             if published.run or tolerance is not None:
@@ -458,7 +457,7 @@ def validate_all(
 CHANGE_POINT_DISTANCE = 0.05
 
 
-def against_loops(solver: ClosedForm, exact: Motion) -> Verdict:
+def against_loops(solver: KinematicSolver, exact: Motion) -> Verdict:
     """Check the closed form by the loop equations, an independent method."""
     mechanism = solver.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in exact.links.items()}

@@ -66,8 +66,7 @@ def poses_of_table(solver: KinematicSolver, table: Mapping[str, Array], source: 
     path = driver_path(solver, table, source)
     zero = np.zeros_like(path.times)
     loops = LoopForm(solver.mechanism, motion_laws=path.motion_laws, ranges=solver.ranges)
-    motion = loops.within_ranges(loops.solve_along(path.times, zero, zero))
-    return Poses(replace(motion, time=path.times))
+    return Poses(replace(loops.solve_along(path.times, zero, zero), time=path.times))
 
 
 def driver_path(

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -19,9 +18,8 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.finding import HARMLESS, Finding
 from mechsim.model.limits import Ranges
-from mechsim.model.links import VIRTUAL_PREFIX, Pose
+from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, against
-from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription, file_reader
@@ -33,38 +31,6 @@ if TYPE_CHECKING:
 
 # displacement of a locked joint that is rounding, in [rad] or [m]: the first Newton step removes it
 ROUNDING = 1e-9
-
-
-@dataclass(frozen=True)
-class MjcfForm(LoopForm):
-    """A mechanism read from an MJCF file.
-
-    Attributes:
-        source: the model as read: the specification that MuJoCo runs, limits, actuators, remarks.
-        corrected: largest corrections of joints in [m] and [rad] that let the loops close.
-    """
-
-    source: "MjcfModel | None" = None
-    corrected: tuple[float, float] = (0.0, 0.0)
-
-    __repr__ = short_repr
-
-    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
-        """Return the motion along the path, without the virtual bodies between several joints of one body.
-
-        Raises:
-            AssemblyError: where the loops do not close, or a joint would leave its range.
-        """
-        return _without_hidden_links(self.within_ranges(super().solve_along(parameter, rate, second)))
-
-    def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion at the actual driver positions of another motion."""
-        return _without_hidden_links(super().solve_as(driven))
-
-
-def _without_hidden_links(motion: Motion) -> Motion:
-    """Return a motion without links that are no body in the file."""
-    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(VIRTUAL_PREFIX)})
 
 
 @dataclass(frozen=True)
@@ -106,7 +72,7 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
     Raises:
         InputError: for `loops` with another model.
     """
-    if isinstance(model, MjcfForm) and model.source is not None:
+    if isinstance(model, KinematicSolver) and model.source is not None:
         model = model.source.spec
     named = fspath(model) if isinstance(model, str | PathLike) else model
     closed = with_loops(named, None if loops is None else fspath(loops))
@@ -164,7 +130,7 @@ def read_mjcf(
     track: Sequence[str] = (),
     still: bool = False,
     start: Mapping[str, str | float] | None = None,
-) -> MjcfForm:
+) -> LoopForm:
     """Return the mechanism of a model that MuJoCo compiles.
 
     Args:
@@ -214,7 +180,7 @@ def read_mjcf(
     if initial.note or start:
         model = replace(model, qpos=_state(model, initial.mechanism))
     mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
-    return MjcfForm(
+    return LoopForm(
         mechanism,
         forces=model.forces,
         source=model,
@@ -338,7 +304,7 @@ def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> t
         solver: the mechanism.
         laws: motion laws of the drivers; the default is those of the mechanism.
     """
-    if not isinstance(solver, MjcfForm) or solver.source is None:
+    if solver.source is None:
         return None
     # MuJoCo is loaded for MJCF files only
     from mechsim.simulation.findings import findings

@@ -128,7 +128,7 @@ READERS: list[Reader] = [
     Reader("mechsim.subjects.planar_json:PlanarJson", suffixes=(".json", ".pmks")),
     Reader(
         "mechsim.subjects.python_object:GivenObject",
-        types=("mechsim.Mechanism", "mechsim.ClosedForm", "mechsim.LoopForm"),
+        types=("mechsim.Mechanism", "mechsim.KinematicSolver"),
     ),
 ]
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.analytic.loops.start import closed_start, start_poses
@@ -64,23 +63,23 @@ def prescribed_solver(
         name = description.solver.name
         raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
     solver = description.solver
-    if prescription.start and not isinstance(solver, LoopForm):
+    if prescription.start and solver.direct:
         raise InputError(
             f"{solver.name}: its parameters select the assembly, as --set branch=-1; leave out --start"
         )
     if description.prescribed:
         prescription = Prescription(drive=prescription.drive, duration=prescription.duration)
-    elif isinstance(solver, LoopForm):
+    elif not solver.direct:
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
-        solver = replace(solver, mechanism=started_near(solver.mechanism, prescription.start, solver.written))
+        solver = solver.with_mechanism(started_near(solver.mechanism, prescription.start, solver.written))
         if assembled:
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
             exact = corrected(solver.mechanism)
             start = closed_start(exact.mechanism)
             facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
-            solver = replace(solver, mechanism=start.mechanism, facts=facts)
+            solver = solver.with_mechanism(start.mechanism, facts=facts)
         if not prescription.still and (turning := _turning_balls(solver.mechanism)) is not None:
             law: dict[str, State] = {turning.drivers[0]: steady(0.0, REVOLUTION)}
             fact = (
@@ -88,7 +87,7 @@ def prescribed_solver(
                 "joints keep their pose"
             )
             laws, facts = make_motion_laws(turning, law, DEFAULT_DURATION), (*solver.facts, fact)
-            return replace(solver, mechanism=turning, motion_laws=laws, facts=facts)
+            return solver.with_mechanism(turning, motion_laws=laws, facts=facts)
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
@@ -98,12 +97,12 @@ def written_guess(source: ModelSource) -> Mapping[str, Pose]:
     """Return the assembly of a model as it is written, without changed parameters; empty if it has none."""
     with suppress(MechsimError):
         written = source.describe({}, Prescription(still=True)).solver
-        if isinstance(written, LoopForm) and len(written.mechanism.guess) < len(written.mechanism.links):
+        if not written.direct and len(written.mechanism.guess) < len(written.mechanism.links):
             return start_poses(written.mechanism)[0]
     return {}
 
 
-def with_written_guess(solver: LoopForm, guess: Mapping[str, Pose]) -> LoopForm:
+def with_written_guess(solver: KinematicSolver, guess: Mapping[str, Pose]) -> KinematicSolver:
     """Return a design in which links without a guess start as in the written one.
 
     All commands then choose the same assembly of a design.
@@ -111,7 +110,7 @@ def with_written_guess(solver: LoopForm, guess: Mapping[str, Pose]) -> LoopForm:
     mechanism, links = solver.mechanism, {link.name for link in solver.mechanism.links}
     if len(mechanism.guess) == len(links) or set(guess) != links:
         return solver
-    return replace(solver, mechanism=replace(mechanism, guess={**guess, **mechanism.guess}))
+    return solver.with_mechanism(replace(mechanism, guess={**guess, **mechanism.guess}))
 
 
 def _with_prescription(
@@ -135,12 +134,11 @@ def _with_prescription(
         raise InputError(
             f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
         )
-    loop_form = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
     mechanism = with_pose_drivers(solver.mechanism, prescription.drive)
     if prescription.track:
         mechanism = replace(
             mechanism,
-            points=dict(_tracked_point(mechanism, text, loop_form.written) for text in prescription.track),
+            points=dict(_tracked_point(mechanism, text, solver.written) for text in prescription.track),
         )
     fixed = _joints_to_fix(mechanism, prescription)
     if fixed:
@@ -148,25 +146,24 @@ def _with_prescription(
         prescription = replace(
             prescription, lock={name: law for name, law in prescription.lock.items() if name not in fixed}
         )
-    mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, loop_form.written)
+    mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, solver.written)
     if (
         mechanism is solver.mechanism
         and not (prescription.drive or file_laws)
         and prescription.duration is None
     ):
         return solver
-    form_laws = loop_form.motion_laws
-    laws: dict[str, DriverLaw] = dict(form_laws.by_name)
+    own_laws = solver.motion_laws
+    laws: dict[str, DriverLaw] = dict(own_laws.by_name)
     laws |= file_laws
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
-    if file_duration is None and not form_laws.crank:
-        file_duration = form_laws.duration
-    return replace(
-        loop_form,
-        mechanism=mechanism,
+    if file_duration is None and not own_laws.crank:
+        file_duration = own_laws.duration
+    return solver.with_mechanism(
+        mechanism,
         # the user's formula is a function of the mechanism's own drivers
-        formula=loop_form.formula if mechanism.drivers == solver.mechanism.drivers else "",
-        motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
+        formula=solver.formula if mechanism.drivers == solver.mechanism.drivers else "",
+        motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, solver.written),
     )
 
 
@@ -174,7 +171,7 @@ class _NeedsStartError(Exception):
     """A motion law starts at the initial value of its driver, which is unknown."""
 
 
-def _started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
+def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> KinematicSolver:
     """Return a mechanism whose drivers start at the initial values of their motion laws if these are unknown.
 
     A value in the file, or a guess of both links of a driver's joint, has priority.
@@ -188,7 +185,7 @@ def _started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopFor
                 starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
     if starts == mechanism.guess_coordinates or not np.isfinite(list(starts.values())).all():
         return solver
-    return replace(solver, mechanism=replace(mechanism, guess_coordinates=starts))
+    return solver.with_mechanism(replace(mechanism, guess_coordinates=starts))
 
 
 def _no_start() -> float:

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 from mechsim import units
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
@@ -52,7 +51,7 @@ class PythonObject(ModelSource):
             result = run_user_code(f"{path}: {name}()", lambda: function(**arguments))
         elif changed:
             raise InputError(f"{self.address}: an object in a Python file has no parameters; leave out --set")
-        if isinstance(result, ClosedForm | LoopForm):
+        if isinstance(result, KinematicSolver):
             return result
         if isinstance(result, Mechanism):
             return LoopForm(result)
@@ -83,7 +82,7 @@ class GivenObject(ModelSource):
 
 
 def _is_factory(loaded: Any) -> bool:
-    return callable(loaded) and not isinstance(loaded, Mechanism | ClosedForm | LoopForm)
+    return callable(loaded) and not isinstance(loaded, Mechanism | KinematicSolver)
 
 
 def _defaults(function: Any) -> dict[str, float]:

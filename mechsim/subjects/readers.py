@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechsim import units
 from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_designs, placed_designs
+from mechsim.analytic.derivatives.dimensions import DesignFamily, own_designs
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
@@ -221,7 +220,7 @@ def parametric_model(
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
-        return catalog_designs(solver) if isinstance(solver, ClosedForm) else placed_designs(solver)
+        return own_designs(solver)
 
     def design(values: Mapping[str, float], *, assembled: bool) -> KinematicSolver:
         if not values:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import Coupling, End, Gear, Joint
@@ -53,7 +53,7 @@ def _table(entries: Mapping[Any, Any], *names: str) -> Iterator[str]:
     yield from ("", f"[{_key(*names)}]", *_lines(entries))
 
 
-def to_toml(source: Mechanism | LoopForm) -> str:
+def to_toml(source: Mechanism | KinematicSolver) -> str:
     """Return a mechanism as TOML text, in metres and radians, numbers with 17 digits.
 
     Args:
@@ -64,7 +64,7 @@ def to_toml(source: Mechanism | LoopForm) -> str:
     """
     mechanism = source if isinstance(source, Mechanism) else source.mechanism
     lines = [*_lines({"name": mechanism.name, "drivers": mechanism.drivers}), *_lines(_start(mechanism))]
-    if isinstance(source, LoopForm):
+    if not isinstance(source, Mechanism):
         lines += _solver_lines(source)
     if mechanism.up is not None:
         lines += _table({"up": mechanism.up}, "display")
@@ -87,7 +87,7 @@ def to_toml(source: Mechanism | LoopForm) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _solver_lines(solver: LoopForm) -> Iterator[str]:
+def _solver_lines(solver: KinematicSolver) -> Iterator[str]:
     """Yield the lines of motion laws, formula, forces and initial state."""
     if not solver.motion_laws.crank:
         yield from _lines({"duration": solver.motion_laws.duration})

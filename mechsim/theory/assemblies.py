@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.numerics.arrays import Array
@@ -58,10 +57,9 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         (True, 8)
     """
     solver = load(model)
-    if isinstance(solver, ClosedForm):
+    if solver.direct:
         listed, reason = solver.assembly_points(angle), "its formula has every assembly"
         return _assemblies_of(angle, listed, True, reason)
-    assert isinstance(solver, LoopForm)
     try:
         groups = _by_groups(solver, angle)
     except (InputError, AssemblyError) as error:
@@ -83,7 +81,7 @@ def _assemblies_of(
     return Assemblies(angle, selectors, points, complete, reason, families)
 
 
-def _by_groups(solver: LoopForm, angle: float) -> GroupAssemblies:
+def _by_groups(solver: KinematicSolver, angle: float) -> GroupAssemblies:
     """Return every assembly at the driver positions of the solver's own."""
     if plane_normal(solver.mechanism) is None:
         raise UnsolvedGroupError("it is not planar")

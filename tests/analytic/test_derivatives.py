@@ -11,9 +11,9 @@ from mpmath import mp
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import (
     DesignFamily,
-    catalog_designs,
     changes,
     numbers_of,
+    own_designs,
     placed_designs,
 )
 from mechsim.analytic.derivatives.motion import motion_derivatives
@@ -56,7 +56,7 @@ def exact_derivatives(function, linkage, parameter, angle):
 )
 def test_derivatives_of_positions_and_rates_agree_with_50_digits(name, point, function, parameters):
     linkage = catalog.make(name)
-    result = motion_derivatives(linkage, changes(catalog_designs(linkage), parameters), ANGLES, SPEED)
+    result = motion_derivatives(linkage, changes(own_designs(linkage), parameters), ANGLES, SPEED)
     for parameter in parameters:
         moved = result.by[parameter].points[point]
         for i, angle in enumerate(ANGLES[:1]):
@@ -115,7 +115,7 @@ def test_joint_position_and_rocker_length_have_the_same_derivative():
     designs = placed_designs(LoopForm(linkage.mechanism))
     own = changes(designs, ["P3.b.at.x"])
     result = motion_derivatives(linkage, own, ANGLES)
-    by_rocker = motion_derivatives(linkage, changes(catalog_designs(linkage), ["rocker"]), ANGLES)
+    by_rocker = motion_derivatives(linkage, changes(own_designs(linkage), ["rocker"]), ANGLES)
     # the joint angle depends equally on both dimensions
     reported = result.by["P3.b.at.x"].joints["rocker"].value
     assert (
@@ -134,14 +134,14 @@ def test_a_dimension_that_violates_redundant_equations_is_rejected():
 
 def test_derivatives_at_a_change_point_are_rejected():
     linkage = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
-    change = changes(catalog_designs(linkage), ["coupler"])
+    change = changes(own_designs(linkage), ["coupler"])
     with pytest.raises(AssemblyError, match="is a change point, where derivatives"):
         motion_derivatives(linkage, change, [1.0, np.pi - 1e-6])
 
 
 def test_a_description_with_a_kink_is_rejected():
     linkage = catalog.make("four_bar")
-    plain = catalog_designs(linkage)
+    plain = own_designs(linkage)
     kinked = replace(
         plain, describe=lambda v: plain.describe({"arm": abs(v.get("crank", 0.032) - 0.032) + 0.05})
     )
@@ -151,7 +151,7 @@ def test_a_description_with_a_kink_is_rejected():
 
 def test_derivatives_of_another_mechanism_are_rejected():
     linkage = catalog.make("four_bar")
-    other = changes(catalog_designs(catalog.make("rssr")), ["crank"])
+    other = changes(own_designs(catalog.make("rssr")), ["crank"])
     with pytest.raises(InputError, match="has shape"):
         motion_derivatives(linkage, other, ANGLES)
 

@@ -92,7 +92,7 @@ def test_the_mirrored_mechanism_has_the_mirrored_motion(name, data):
 def test_larger_dimensions_scale_the_motion(name, data, scale):
     linkage = data.draw(CASES[name].random)
     larger, angles = resized(linkage, scale), angles_of(linkage, 6, lowest_transmission=1e-3)
-    original, scaled = (item.solve(angles, 3.0, 2.0, links=False).points for item in (linkage, larger))
+    original, scaled = (item.solve(angles, 3.0, 2.0).points for item in (linkage, larger))
     for point, motion in original.items():
         for quantity in QUANTITIES:
             expected = scale * getattr(motion, quantity)

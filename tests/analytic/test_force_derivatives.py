@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import catalog, dynamics
-from mechsim.analytic.derivatives.dimensions import catalog_designs, changes
+from mechsim.analytic.derivatives.dimensions import changes, own_designs
 from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers
 from mechsim.analytic.derivatives.motion import followed_motion
 from mechsim.model.forces import Forces, Friction, JointSpring, Spring
@@ -38,7 +38,7 @@ def force_derivatives(model, change, speed=1.0, acceleration=0.0):
     ],
 )
 def test_derivatives_of_forces_agree_with_finite_differences(name, forces, dimension):
-    designs = catalog_designs(catalog.make(name))
+    designs = own_designs(catalog.make(name))
 
     def model(values):
         return dynamics.dynamic_model(designs.make(values), forces, diameter=0.004)
@@ -71,7 +71,7 @@ def test_derivatives_of_forces_agree_with_finite_differences(name, forces, dimen
 
 
 def test_derivatives_by_the_position_of_a_spring_are_exact():
-    designs = catalog_designs(catalog.make("four_bar"))
+    designs = own_designs(catalog.make("four_bar"))
 
     def forces(values):
         return Forces(springs=(Spring("C", ("ground", (values.get("crank", 0.032), 0.1, 0.0)), 80.0, 0.02),))

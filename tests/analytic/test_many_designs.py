@@ -102,5 +102,5 @@ def test_each_design_with_invalid_parameters_is_rejected():
 
 
 def test_scalar_parameters_are_not_vectorised():
-    assert not md.can_be_many(catalog.make("rssr", guide=True), {"psi1": np.zeros(2)})
-    assert not md.can_be_many(catalog.make("looper"), {"crank": np.ones(2)})
+    assert md.formula_of_many(catalog.make("rssr", guide=True), {"psi1": np.zeros(2)}) is None
+    assert md.formula_of_many(catalog.make("looper"), {"crank": np.ones(2)}) is None

@@ -180,7 +180,7 @@ def test_a_solution_is_independent_of_chunks(
             cli.main()
         assert ended.value.code == 0
     assert (tmp_path / "whole.csv").read_bytes() == (tmp_path / "parts.csv").read_bytes()
-    exact = catalog.make("rrsrr").solve(units.parse_angles("0:360:5deg"), units.rpm(600), links=False)
+    exact = catalog.make("rrsrr").solve(units.parse_angles("0:360:5deg"), units.rpm(600))
     table = files.read(tmp_path / "parts.csv")
     for name, column in exact.columns():
         np.testing.assert_array_equal(table[name], column)

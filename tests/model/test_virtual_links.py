@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.link_poses import moved_links
 
@@ -22,7 +21,7 @@ def solver():
 def test_poses_of_virtual_bodies_follow_from_their_joints(solver):
     unseen = [link.name for link in solver.mechanism.links if not link.is_body]
     assert unseen == ["~slide.way"]
-    everything = LoopForm.solve_along(solver, ANGLES)
+    everything = solver.whole_motion(ANGLES)
     for motion in (
         solver.solve(ANGLES),
         ms.simulate(solver, speed=1.0, turns=6.0 / (2 * np.pi), samples=6).motion,

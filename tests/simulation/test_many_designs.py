@@ -38,9 +38,9 @@ def models_of(name, rows):
 
 
 def forms_of(name, rows):
-    from mechsim.analytic.derivatives.dimensions import catalog_designs
+    from mechsim.analytic.derivatives.dimensions import own_designs
 
-    make = catalog_designs(ms.catalog.make(name)).make
+    make = own_designs(ms.catalog.make(name)).make
     return [make({key: values[i] for key, values in rows.items()}) for i in range(2)]
 
 

@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic.derivatives.dimensions import catalog_designs
+from mechsim.analytic.derivatives.dimensions import own_designs
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.toml_intervals import joint_radii
@@ -83,7 +83,7 @@ def fraction_of_tube(motion, segments, angle, exact):
 def measure(name, tolerance, count, rng):
     """Return how many exact configurations lie in their tubes, and the largest fraction of a half-width."""
     solver = ms.catalog.make(name)
-    designs = catalog_designs(solver)
+    designs = own_designs(solver)
     radii = joint_radii(designs, dict.fromkeys(NAMES[name], tolerance)) if tolerance else {}
     motion = computed_motion(solver, None, radii)
     segments, uncertified = proven_segments(motion)

@@ -36,7 +36,7 @@ def speeds() -> dict[str, float]:
         angles = np.linspace(0.0, 2.0 * np.pi, count)
         calls: dict[str, Callable[[], object]] = {
             "places": lambda: closed_form.positions(angles),  # noqa: B023
-            "rates": lambda: closed_form.solve(angles, 62.8, links=False),  # noqa: B023
+            "rates": lambda: closed_form.solve_along(angles, 62.8, links=False),  # noqa: B023
             "all": lambda: closed_form.solve(angles, 62.8),  # noqa: B023
         }
         for kind, call in calls.items():

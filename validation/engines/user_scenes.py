@@ -23,14 +23,12 @@ from engines import Engine, installed
 from mechsim.simulation import mjcf
 from mechsim.studies.scene.run import SceneRun
 from mechsim.studies.scene.scene import UserScene, scene_of
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import load
 
 
 def scene(path: Path, duration: float) -> UserScene:
     """Return the scene of a file, at its first keyframe if it has one."""
     subject = load(str(path))
-    assert isinstance(subject, MjcfForm)
     assert subject.source is not None
     model = subject.source.spec.copy().compile()
     key = (model.key(0).name or None) if model.nkey else None

@@ -25,7 +25,7 @@ GALLERY = ROOT / "models" / "gallery"
 COMMANDS = {
     "solve FILE.toml": (
         ["solve", f"{GALLERY / 'jansen.toml'}", "--angles", "0:360:5deg", "-o", "{out}.csv"],
-        "LoopForm.solve",
+        "KinematicSolver.solve",
     ),
     "validate FILE.xml": (["validate", f"{ROOT / 'models' / 'four_bar.xml'}"], "crosscheck"),
     "sweep FILE.toml": (
@@ -37,7 +37,7 @@ COMMANDS = {
             "-o",
             "{out}.csv",
         ],
-        "LoopForm.solve",
+        "KinematicSolver.solve",
     ),
 }
 # the model is a path first, then an object of these classes
@@ -47,7 +47,6 @@ MODEL_CLASSES = {
     "ModelDescription",
     "MujocoSource",
     "MjcfModel",
-    "MjcfForm",
     "LoopForm",
     "Mechanism",
     "Values",

@@ -22,9 +22,9 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.studies.dynamics_check import crosscheck_forward
-from mechsim.subjects.mjcf_source import MjcfForm
 
 DURATION, SAMPLES, STEPS, MAX_STEPS = 0.5, 40, 2000, 128_000
 # initial displacement and rate of every driver, in [rad] or relative to the size
@@ -70,7 +70,7 @@ def mujoco_positions(
     return {name: np.array(positions) for name, positions in bodies.items()}
 
 
-def initial_state(solver: MjcfForm) -> dict[str, float]:
+def initial_state(solver: KinematicSolver) -> dict[str, float]:
     """Return a displacement and a rate of each driver, within its limits."""
     initial: dict[str, float] = {}
     for name in solver.mechanism.drivers:

@@ -20,12 +20,13 @@ import mujoco
 import numpy as np
 from mjcf_closure_oracle import worst_difference
 
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader import states_of
-from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
+from mechsim.subjects.mjcf_source import read_mjcf
 
 # samples; tolerance; allowed multiple of the correction of a file whose dimensions contradict each other
 SAMPLES, TOLERANCE, CONTRADICTION_FACTOR = 101, 1e-9, 10.0
@@ -43,7 +44,7 @@ def swing(start, amplitude):
     )
 
 
-def amplitudes(solver: MjcfForm, requested):
+def amplitudes(solver: LoopForm, requested):
     """Return the swing of each driver: 0.3 rad or a tenth of the size, within its limits."""
     mechanism, result = solver.mechanism, {}
     for name in mechanism.drivers:
@@ -58,7 +59,7 @@ def amplitudes(solver: MjcfForm, requested):
 
 
 @quiet()
-def largest_violation(solver: MjcfForm, motion):
+def largest_violation(solver: LoopForm, motion):
     """Return the largest violation of MuJoCo's equality constraints at the poses of a motion."""
     model = solver.source.spec.copy().compile()
     data, largest = mujoco.MjData(model), 0.0
@@ -71,7 +72,7 @@ def largest_violation(solver: MjcfForm, motion):
 
 
 @quiet()
-def closure_differences(solver: MjcfForm, motion):
+def closure_differences(solver: LoopForm, motion):
     """Return the largest differences from the separate closure: distance, rotation, residual."""
     model = solver.source.spec.copy().compile()
     instants = np.linspace(0.0, solver.motion_laws.duration, SAMPLES)[::EVERY]
@@ -100,7 +101,7 @@ def table_row(path, options):
     laws = make_motion_laws(
         solver.mechanism, {name: swing(start[name], amplitude[name]) for name in start}, 1.0
     )
-    moving = MjcfForm(solver.mechanism, motion_laws=laws, source=solver.source)
+    moving = LoopForm(solver.mechanism, motion_laws=laws, source=solver.source)
     motion = moving.solve(t=np.linspace(0.0, laws.duration, SAMPLES))
     violation, length = largest_violation(solver, motion), solver.mechanism.characteristic_length
     distance, rotation, residual = closure_differences(moving, motion)

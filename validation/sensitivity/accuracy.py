@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
 
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_designs, changes
+from mechsim.analytic.derivatives.dimensions import EIGHTH, changes, own_designs
 from mechsim.analytic.derivatives.motion import followed_motion, motion_derivatives
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
@@ -60,7 +60,7 @@ def compare_with_digits():
     """Print the errors against 50 digits."""
     for name, (point, exact_position) in EXACT.items():
         mechanism = catalog.make(name)
-        designs = catalog_designs(mechanism)
+        designs = own_designs(mechanism)
         result = motion_derivatives(mechanism, changes(designs, [*designs.dimensions]), ANGLES)
         worst = [0.0, 0.0]
         for dimension, derivatives in result.by.items():

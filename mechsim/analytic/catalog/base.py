@@ -1,52 +1,91 @@
 """Solvers of the catalogue: the motion in closed form at crank angles or times."""
 
-from dataclasses import dataclass, replace
-from typing import Self
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, fields, replace
+from typing import Any, Self
 
 from numpy.typing import ArrayLike
 
-from mechsim import units
 from mechsim.analytic.catalog.formulas import (
     SELECTORS,
     Formulas,
-    chunks,
-    motion_at,
+    motion_in_chunks,
+    parameters_from,
     require_closed,
     require_finite,
+    unchecked,
 )
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.path_instants import crank_angles, crank_rate, path_instants
-from mechsim.model.limits import NO_RANGES
-from mechsim.model.motion import ChangePointPolicy, Motion, join
+from mechsim.analytic.solvers import AssemblyPoints, KinematicSolver
+from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK
+from mechsim.model.quantity import AXES
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
-from mechsim.units import WrittenUnits
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedForm(Formulas):
     """A catalogue mechanism with a driven crank and a closed form."""
 
-    # only a mechanism solved by its loop equations, from a file, can have these
-    motion_laws = CRANK
-    forces = None
-    formula = ""
-    ranges = NO_RANGES
-    written = WrittenUnits()
+    direct = True
+    change_point = "smooth"
 
-    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return every real assembly mode at a crank angle: its selectors and its tracked points.
+    @property
+    def about(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return (type(self).__doc__ or "").splitlines()[0]
 
-        Points are (3,) in [m]. A selector is None if no value of it selects the mode.
-        """
-        listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
-        for assembly in self.assemblies(angle):
-            chosen: dict[str, int | None] = {
-                name: getattr(assembly, name) for name in SELECTORS if hasattr(assembly, name)
-            }
-            listed.append((chosen, {name: point[0] for name, point in assembly.positions([angle]).items()}))
-        return listed
+    @property
+    def gear(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.declaration.gear
+
+    @property
+    def selectors(self) -> dict[str, int | None]:
+        return {name: getattr(self, name) for name in SELECTORS if hasattr(self, name)}
+
+    @property
+    def dimensions(self) -> dict[str, tuple[float, str]]:
+        return {
+            name: (float(number), parameter.metadata["unit"])
+            for parameter in fields(self)
+            if not _is_choice(parameter)
+            for name, number in _components(parameter.name, getattr(self, parameter.name)).items()
+        }
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        return tuple(
+            parameter.name
+            for parameter in fields(self)
+            if _is_choice(parameter) and not isinstance(parameter.default, str)
+        )
+
+    @property
+    def parameter_rows(self) -> dict[str, tuple[Any, str, str]]:
+        # the change-point policy comes last, since it is no dimension
+        ordered = sorted(fields(self), key=lambda parameter: parameter.name == "change_point")
+        rules = [(parameter.name, parameter.metadata) for parameter in ordered]
+        return {name: (getattr(self, name), rule["unit"], rule["doc"]) for name, rule in rules}
+
+    def with_mechanism(self, mechanism: Mechanism, **changes: Any) -> LoopForm:
+        return LoopForm(mechanism, **changes)
+
+    def with_dimensions(self, values: Mapping[str, float]) -> Self:
+        return replace(self, **parameters_from(self, values))
+
+    def described_with(self, values: Mapping[str, float]) -> Mechanism:
+        return unchecked(self, parameters_from(self, values)).description
+
+    def assembly_points(self, angle: float) -> list[AssemblyPoints]:
+        """Return every real assembly mode at a crank angle."""
+        return [
+            (assembly.selectors, {name: point[0] for name, point in assembly.positions([angle]).items()})
+            for assembly in self.assemblies(angle)
+        ]
 
     def positions(
         self,
@@ -67,44 +106,26 @@ class ClosedForm(Formulas):
             angles = path_instants(self.mechanism, CRANK, angles, speed, 0.0, t).parameter
         angles = crank_angles(self.name, angles)
         solver = self.with_change_point(change_point).starting_at(angles)
-        motion = join(
-            [motion_at(solver, angles[piece], links=False, joints=False) for piece in chunks(len(angles))]
-        )
+        motion = motion_in_chunks(solver, angles, links=False)
         points = {name: point.position for name, point in motion.points.items()}
         require_closed(self, angles, points)
         return points
 
     def transmission_angle(self, angles: ArrayLike) -> Array:
-        """Return the angle of `transmission_at` at crank angles, (n,) in [rad]."""
         return self.transmission_at(crank_angles(self.name, angles), self.positions(angles))
 
-    def solve(
-        self,
-        angles: ArrayLike | None = None,
-        speed: ArrayLike | None = None,
-        acceleration: ArrayLike = 0.0,
-        *,
-        t: ArrayLike | None = None,
-        links: bool = True,
-        change_point: ChangePointPolicy | None = None,
+    def solve_along(
+        self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0, *, links: bool = True
     ) -> Motion:
-        """Return the motion at crank angles, or at times, in closed form.
+        """Return the motion at crank angles, (n,) in [rad] in any order, in closed form.
 
         The sign of the assembly mode applies at the first crank angle, as in `starting_at`.
 
         Args:
-            angles: crank angles, (n,) in [rad], in any order, or text such as "0:360:5deg".
-            speed: crank speed, scalar or (n,) in [rad/s], or text such as "600rpm"; the default at crank
-                angles is 1.
-            acceleration: crank acceleration, scalar or (n,) in [rad/s2].
-            t: times, (n,) in [s], instead of crank angles: the crank rotates at a constant `speed` from the
-                mechanism's `start` at time zero.
+            parameter: crank angles.
+            rate: crank speed, scalar or (n,) in [rad/s].
+            second: crank acceleration, scalar or (n,) in [rad/s2].
             links: False leaves out links and joints, which is faster.
-            change_point: policy "smooth" or "branch" at change points; the default is that of the mechanism.
-                Rates there are limits; with "branch" they are limits from beyond the change point.
-
-        Returns:
-            Poses, velocities and accelerations of tracked points, links and joints, ground frame, SI.
 
         Raises:
             AssemblyError: where the loop cannot close; states the interval in which it can.
@@ -112,54 +133,21 @@ class ClosedForm(Formulas):
         Accuracy: loops close to 8 ulp of the longest link. Rates are exact derivatives of the formula of
             the pose; their relative error is a few ulp divided by the sine of the transmission angle.
         """
-        time = None
-        if t is not None or angles is None:
-            instants = path_instants(self.mechanism, CRANK, angles, speed, acceleration, t)
-            angles, speed, time = instants.parameter, instants.rate, instants.time
-        angles = crank_angles(self.name, angles)
-        speed = units.si(1.0 if speed is None else speed, "rad/s", "the crank's speed")
-        speed = crank_rate(self.name, "speed", speed, len(angles))
-        acceleration = crank_rate(self.name, "acceleration", acceleration, len(angles))
-        solver = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
-        crank = Jet(angles, speed, acceleration)
-        motion = join(
-            [
-                motion_at(solver, crank[piece], links=links, joints=links, origin=solver)
-                for piece in chunks(len(angles))
-            ]
-        )
+        angles = crank_angles(self.name, parameter)
+        speed = crank_rate(self.name, "speed", rate, len(angles))
+        crank = Jet(angles, speed, crank_rate(self.name, "acceleration", second, len(angles)))
+        solver = self.starting_at(angles, float(speed[0]))
+        motion = motion_in_chunks(solver, crank, links=links, origin=solver)
         self.check_finite(motion)
-        return motion if time is None else replace(motion, time=time)
-
-    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
-        """Return the motion at values of the path parameter, which is the crank angle; as `solve`."""
-        return self.solve(parameter, rate, second)
-
-    def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion at the crank angles, speeds and accelerations of another motion."""
-        return self.solve(driven.angle, driven.speed, driven.acceleration)
+        return motion
 
     def dead_centres(self) -> tuple[float, ...]:
-        """Return the crank angles of dead centres, in [rad]; empty if the crank rotates fully."""
         arcs = self.crank_range()
         return () if arcs.full else tuple(end for arc in arcs.arcs for end in arc)
 
     @property
     def period(self) -> float:
-        """Crank angle in [rad] after which the configuration repeats.
-
-        It is two revolutions if the linkage passes an odd number of change points per revolution.
-        """
         return REVOLUTION
-
-    @property
-    def change_point(self) -> ChangePointPolicy:
-        """Policy at change points."""
-        return "smooth"
-
-    def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
-        """Return the mechanism with another policy at change points, if it has any; None changes nothing."""
-        return self
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
         """Return the mechanism in the assembly mode that its parameters select at the first crank angle.
@@ -177,3 +165,31 @@ class ClosedForm(Formulas):
     def check_finite(self, motion: Motion) -> None:
         """Raise AssemblyError where the closed form has no finite rates."""
         require_finite(self, motion)
+
+
+def closed_form(solver: KinematicSolver, what: str) -> ClosedForm:
+    """Return a solver as a catalogue mechanism.
+
+    Args:
+        solver: the solver.
+        what: the requested result, for the message.
+
+    Raises:
+        InputError: for a solver that is no catalogue mechanism.
+    """
+    if isinstance(solver, ClosedForm):
+        return solver
+    raise InputError(
+        f"{what} needs a mechanism of the catalogue, and {solver.name!r} is not in it; "
+        "`mechsim list` names them"
+    )
+
+
+def _is_choice(parameter: Field[Any]) -> bool:
+    return "options" in parameter.metadata or isinstance(parameter.default, int)
+
+
+def _components(name: str, value: Any) -> dict[str, float]:
+    if isinstance(value, tuple):
+        return {f"{name}.{axis}": number for axis, number in zip(AXES, value, strict=False)}
+    return {name: value}

@@ -1,6 +1,6 @@
 """Declaration, dimensions and formulas of a catalogue mechanism, and its motion from the frames of links."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -9,13 +9,13 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from mechsim import units
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, Motion, Solver
+from mechsim.model.motion import JointMotion, Motion, Solver, join
 from mechsim.model.motion_laws import no_crank_range_error
 from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
@@ -153,7 +153,7 @@ class Geometry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formulas(ABC):
+class Formulas(KinematicSolver):
     """Dimensions of a mechanism with a driven crank, and formulas of its crank angle.
 
     A subclass is a frozen dataclass of parameters, checked at construction.
@@ -226,10 +226,6 @@ class Formulas(ABC):
         """
 
     @abstractmethod
-    def crank_range(self) -> Arcs:
-        """Return the intervals of crank angle in which the loops close in this assembly mode."""
-
-    @abstractmethod
     def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each of its real assembly modes at a crank angle; empty if it has none."""
 
@@ -238,29 +234,17 @@ class Formulas(ABC):
         """Links whose rotation about their own line is undetermined."""
         return frozenset()
 
-    def variants(self) -> Mapping[str, Self]:
-        """Return variants that are validated in addition: name -> the mechanism with another parameter."""
-        return {}
-
     def change_points(self) -> tuple[float, ...]:
-        """Return the crank angles of change points, in [-pi, pi) rad.
-
-        There the links are collinear, as in a flat parallelogram, and the linkage can continue in either
-        assembly mode.
-        """
+        """Return the crank angles at which the links are collinear, as in a flat parallelogram."""
         return ()
 
-    @property
-    def mechanism(self) -> Mechanism:
-        """The description, with a guess that selects the assembly mode."""
-        return self._assembled
-
     @cached_property
-    def _assembled(self) -> Mechanism:
+    def mechanism(self) -> Mechanism:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The description, with a guess that selects the assembly mode."""
         return self.described.with_guess(*self.guess())
 
     @cached_property
-    def described(self) -> Mechanism:
+    def described(self) -> Mechanism:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The description, cached."""
         return self.description
 
@@ -329,9 +313,13 @@ def unchecked(formulas: AnyFormulas, values: Mapping[str, Any]) -> AnyFormulas:
 CHUNK = 8192
 
 
-def chunks(count: int) -> list[slice]:
-    """Return slices of consecutive crank angles."""
-    return [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]
+def motion_in_chunks(
+    formulas: Formulas, angle: Values, *, links: bool, origin: Solver | None = None
+) -> Motion:
+    """Return the motion at crank angles as `motion_at`, with both links and joints or neither."""
+    starts = range(0, len(values(angle)), CHUNK)
+    pieces = (angle[start : start + CHUNK] for start in starts)
+    return join([motion_at(formulas, piece, links=links, joints=links, origin=origin) for piece in pieces])
 
 
 def motion_at(

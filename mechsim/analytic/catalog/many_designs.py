@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import AnyFormulas, motion_at, parameters_from, unchecked
 from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, polynomial_roots
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
@@ -56,9 +57,12 @@ class CrankRanges:
     clear: Bools
 
 
-def can_be_many(solver: ClosedForm, varied: Iterable[str]) -> bool:
-    """Whether a closed form accepts arrays of these parameters; components are named as in pivot.x."""
-    return isinstance(solver, TwoBranchForm) and _array_parameters(solver, varied)
+def formula_of_many(solver: KinematicSolver, varied: Iterable[str]) -> TwoBranchForm | None:
+    """Return a solver whose formulas accept arrays of these parameters; components are named as in pivot.x.
+
+    None for any other solver.
+    """
+    return solver if isinstance(solver, TwoBranchForm) and _array_parameters(solver, varied) else None
 
 
 def can_be_started(solver: ClosedForm, varied: Iterable[str]) -> bool:

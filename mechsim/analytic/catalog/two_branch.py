@@ -80,9 +80,7 @@ class TwoBranchForm(ClosedForm):
         # subclasses declare it, in the order of their parameters
         branch: Sign
 
-    change_point: ChangePointPolicy = choice(  # pyright: ignore[reportIncompatibleMethodOverride]
-        "smooth", ("smooth", "branch"), "policy at change points"
-    )
+    change_point: ChangePointPolicy = choice("smooth", ("smooth", "branch"), "policy at change points")
 
     @abstractmethod
     def discriminant(self, angles: ArrayLike) -> Array:
@@ -123,7 +121,7 @@ class TwoBranchForm(ClosedForm):
         vars(made)["_keeps_assembly"] = True
         vars(made).pop("_all_assemblies", None)
         if self._root.sign(sign_angle) != self._root.sign(self._start_angle):
-            vars(made).pop("_assembled", None)
+            vars(made).pop("mechanism", None)
             vars(made)["_start_angle"] = self._clear_angle(sign_angle)
         return made
 

@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import parameters_from, unchecked
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
@@ -293,16 +290,23 @@ def _scales(dimension: Dimension, length: float) -> list[float]:
     return [own, whole] if own > SMALL_LENGTH * whole else [whole, own] if own else [whole]
 
 
+def own_designs(solver: KinematicSolver) -> DesignFamily:
+    """Return the designs of a mechanism by its own dimensions; without any, by its joint positions."""
+    if not solver.dimensions:
+        return placed_designs(solver)
+    dimensions = {name: Dimension(name, value, unit) for name, (value, unit) in solver.dimensions.items()}
+    return DesignFamily(solver.name, dimensions, solver.described_with, solver.with_dimensions)
+
+
 def placed_designs(solver: KinematicSolver) -> DesignFamily:
     """Return the designs of a mechanism whose dimensions are the positions of its joints."""
     mechanism = solver.mechanism
-    own = solver if isinstance(solver, LoopForm) else LoopForm(mechanism)
 
     def describe(values: Mapping[str, float]) -> Mechanism:
         return _placed(mechanism, values)
 
     def make(values: Mapping[str, float]) -> KinematicSolver:
-        return replace(own, mechanism=describe(values)) if values else solver
+        return solver.with_mechanism(describe(values)) if values else solver
 
     dimensions = {
         name: Dimension(name, value, unit)
@@ -368,27 +372,3 @@ def _end(end: End, what: str, change: Array) -> End:
 def _vector(values: Array) -> Vector:
     x, y, z = values.tolist()
     return x, y, z
-
-
-def catalog_designs(solver: ClosedForm) -> DesignFamily:
-    """Return the designs of a catalogue mechanism: all dimensions, positions as components NAME.x, NAME.y."""
-    dimensions: dict[str, Dimension] = {}
-    for parameter in fields(solver):
-        unit, value = parameter.metadata["unit"], getattr(solver, parameter.name)
-        if "options" in parameter.metadata or isinstance(parameter.default, int):
-            continue
-        for name, number in _components(parameter.name, value).items():
-            dimensions[name] = Dimension(name, float(number), unit)
-
-    def describe(values: Mapping[str, float]) -> Mechanism:
-        return unchecked(solver, parameters_from(solver, values)).description
-
-    return DesignFamily(
-        solver.name, dimensions, describe, lambda values: replace(solver, **parameters_from(solver, values))
-    )
-
-
-def _components(name: str, value: Any) -> dict[str, float]:
-    if isinstance(value, tuple):
-        return {f"{name}.{axis}": number for axis, number in zip(AXES, value, strict=False)}
-    return {name: value}

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
@@ -52,24 +51,17 @@ class DynamicModel:
             AssemblyError: if the loops do not close, or a joint would leave its range.
         """
         values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-        if not isinstance(self.solver, LoopForm):
-            return from_motion(self.mechanism, self.solver.solve_along(values))
-        # with the links that the record of a user's file omits
         if as_run is None or not as_run.drivers:
-            motion = LoopForm.solve_along(self.solver, values)
+            motion = self.solver.whole_motion(values)
         else:
-            motion = LoopForm.solve_as(self.solver, at_unit_speed(as_run))
+            motion = self.solver.whole_motion_as(at_unit_speed(as_run))
         return from_motion(self.mechanism, self.solver.within_ranges(motion) if within else motion)
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "DynamicModel":
         """Return the model in the assembly mode that is selected at the first crank angle."""
-        solver = self.solver
-        if not isinstance(solver, ClosedForm):
-            return self
-        solver_at_start = solver.starting_at(angles, direction)
-        return replace(
-            self, mechanism=self.mechanism.with_guess(*solver_at_start.guess()), solver=solver_at_start
-        )
+        solver = self.solver.starting_at(angles, direction)
+        mechanism = self.mechanism.with_guess(solver.mechanism.guess, solver.mechanism.start)
+        return replace(self, mechanism=mechanism, solver=solver)
 
     def with_forces(self, forces: Forces) -> "DynamicModel":
         """Return the same mechanism under other forces."""
@@ -103,7 +95,7 @@ def dynamic_model(
             points, where speeds of links would be discontinuous.
     """
     solver = LoopForm(source) if isinstance(source, Mechanism) else source
-    if not isinstance(solver, ClosedForm | LoopForm):
+    if not isinstance(solver, KinematicSolver):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError(
             f"forces act on a mechanism, and this is of type {type(source).__name__}; give what mechsim.load "
             "or catalog.make returns"

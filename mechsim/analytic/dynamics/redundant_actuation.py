@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed_along
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 
@@ -80,7 +79,7 @@ def _drives(result: InverseDynamics) -> Array:
 def _actuator_jacobian(result: InverseDynamics, names: Sequence[str]) -> Array:
     """Return the derivatives of joint coordinates by the drivers at the instants of a result, (n, a, m)."""
     solver, parameter = result.model.solver, result.forces.angle
-    if solver.motion_laws.crank or not isinstance(solver, LoopForm):
+    if solver.motion_laws.crank:
         moving = [solver.solve_along(parameter)]
     else:
         still = solver.solve_along(parameter, 0.0, 0.0)

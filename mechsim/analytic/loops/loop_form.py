@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from typing import Self
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,12 +16,12 @@ from mechsim.analytic.loops.motion import (
     solve_prescribed,
 )
 from mechsim.analytic.loops.path import Instants, LoopPath
-from mechsim.analytic.path_instants import path_instants
+from mechsim.analytic.solvers import AssemblyPoints, KinematicSolver
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, SingularStartError
 from mechsim.model.forces import Forces
 from mechsim.model.limits import INSTANTS, ROUNDING, Ranges, check_instants, extremes, require_within
-from mechsim.model.links import Pose
+from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion, short_repr
 from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
@@ -121,7 +121,7 @@ SAME_POSE = 1e-6
 
 
 @dataclass(frozen=True)
-class LoopForm:
+class LoopForm(KinematicSolver):
     """A mechanism solved by its loop-closure equations.
 
     Attributes:
@@ -135,6 +135,9 @@ class LoopForm:
         ranges: joint -> lower and upper limit, in [m] or [rad].
         written: units that its file declares.
         facts: sentences on what of its file is not read, on changes, and on the assembly.
+        source: the MJCF model as read (`MjcfModel`): the specification that MuJoCo runs, actuators, remarks;
+            None for any other mechanism.
+        corrected: largest corrections of joints of its file in [m] and [rad] that let the loops close.
     """
 
     mechanism: Mechanism
@@ -147,21 +150,13 @@ class LoopForm:
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()
     facts: tuple[str, ...] = ()
+    source: Any = None
+    corrected: tuple[float, float] = (0.0, 0.0)
 
     __repr__ = short_repr
 
     @property
-    def name(self) -> str:
-        """Name of the mechanism."""
-        return self.mechanism.name
-
-    @property
     def period(self) -> float:
-        """Path parameter after which the configuration repeats, in [rad] of a crank.
-
-        It is two revolutions if the change points lead to another assembly mode; with motion laws it is their
-        end.
-        """
         if not self.motion_laws.crank:
             return self.motion_laws.length
         if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
@@ -180,39 +175,15 @@ class LoopForm:
         ]
         return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
 
-    def with_change_point(self, policy: ChangePointPolicy) -> Self:
-        """Return the mechanism with another policy at change points."""
-        return self if policy == self.change_point else replace(self, change_point=policy)
+    def with_mechanism(self, mechanism: Mechanism, **changes: Any) -> Self:
+        return replace(self, mechanism=mechanism, **changes)
 
-    def starting_at(self, _: ArrayLike, direction: float = 1.0) -> Self:
-        """Return itself: the guess selects the assembly mode for any first crank angle."""
-        return self
+    @property
+    def parameter_rows(self) -> dict[str, tuple[Any, str, str]]:
+        return {name: (value, "as written", "") for name, value in self.parameters.items()}
 
-    def solve(
-        self,
-        angles: ArrayLike | None = None,
-        speed: ArrayLike | None = None,
-        acceleration: ArrayLike = 0.0,
-        *,
-        t: ArrayLike | None = None,
-    ) -> Motion:
-        """Return the motion at crank angles, as `loops.solve`, or at times.
-
-        Args:
-            angles: crank angles, (n,) in [rad] or text such as "0:360:5deg"; under motion laws use `t`.
-            speed: crank speed, scalar or (n,) in [rad/s] or text such as "600rpm"; the default at crank
-                angles is 1.
-            acceleration: crank acceleration, scalar or (n,) in [rad/s2].
-            t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that starts from the
-                mechanism's `start` at time zero.
-
-        Raises:
-            AssemblyError: where the loops do not close.
-            InputError: for crank angles under motion laws.
-        """
-        instants = path_instants(self.mechanism, self.motion_laws, angles, speed, acceleration, t)
-        motion = self.solve_along(instants.parameter, instants.rate, instants.second)
-        return motion if instants.time is None else replace(motion, time=instants.time)
+    def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
+        return self if change_point in (None, self.change_point) else replace(self, change_point=change_point)
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
         """Return the motion at values of the path parameter, (n,), with its rates.
@@ -221,8 +192,11 @@ class LoopForm:
         `motion_laws.rate`.
 
         Raises:
-            AssemblyError: where the loops do not close.
+            AssemblyError: where the loops do not close, or a joint would leave its range.
         """
+        return written_links(self.within_ranges(self.whole_motion(parameter, rate, second)))
+
+    def whole_motion(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
         return replace(solve_along(self._path, parameter, rate, second, self.motion_laws), origin=self)
 
     def solve_as(self, driven: Motion) -> Motion:
@@ -231,8 +205,11 @@ class LoopForm:
         Raises:
             AssemblyError: where the loops do not close.
         """
+        return written_links(self.whole_motion_as(driven))
+
+    def whole_motion_as(self, driven: Motion) -> Motion:
         if self.motion_laws.crank:
-            return self.solve_along(driven.angle, driven.speed, driven.acceleration)
+            return self.whole_motion(driven.angle, driven.speed, driven.acceleration)
         drivers = [driven.joints[name] for name in self.motion_laws.drivers]
         instants = Instants(
             driven.angle,
@@ -245,11 +222,6 @@ class LoopForm:
         return replace(solve_prescribed(self._path, self.motion_laws, instants), origin=self)
 
     def within_ranges(self, motion: Motion) -> Motion:
-        """Return a motion in which every joint stays in its range, also between the instants.
-
-        Raises:
-            AssemblyError: names the joint that leaves its range, and the instant.
-        """
         if not self.ranges:
             return motion
         self._joint_ranges.require(motion)
@@ -257,22 +229,7 @@ class LoopForm:
 
     @property
     def _joint_ranges(self) -> JointRanges:
-        # the solver of a user's file omits links in its records
-        solve = partial(LoopForm.solve_along, self)
-        return JointRanges(self.mechanism, self.ranges, solve, self.motion_laws.instant_label)
-
-    def positions(
-        self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
-    ) -> dict[str, Array]:
-        """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m].
-
-        `t` and `speed` are as in `solve`.
-
-        Raises:
-            AssemblyError: where the loops do not close.
-            InputError: for crank angles under motion laws.
-        """
-        return {name: point.position for name, point in self.solve(angles, speed, t=t).points.items()}
+        return JointRanges(self.mechanism, self.ranges, self.whole_motion, self.motion_laws.instant_label)
 
     def crank_range(self) -> Arcs:
         """Return the interval of crank angle in which this assembly mode can be traced from its start.
@@ -323,7 +280,7 @@ class LoopForm:
                 distinct.append(angle)
         return tuple(sorted(distinct))
 
-    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+    def assembly_points(self, angle: float) -> list[AssemblyPoints]:
         """Return the known assembly mode: tracked points, (3,) in [m]; empty where it cannot be assembled."""
         with suppress(AssemblyError):
             points = self.solve_along([angle]).points
@@ -332,21 +289,11 @@ class LoopForm:
 
     def all_assembly_points(
         self, angle: float, candidates: Sequence[Mapping[str, Pose]] | None = None
-    ) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return every assembly at a crank angle, its own first: tracked points, (3,) in [m].
-
-        Args:
-            angle: in [rad].
-            candidates: link -> pose of every assembly; None searches from random starts.
-        """
+    ) -> list[AssemblyPoints]:
         own = self.assembly_points(angle)
-        links = [LoopForm.solve_along(self, [angle]).links] if own else []
+        links = [self.whole_motion([angle]).links] if own else []
         others = other_assemblies(self._path, angle, self.ranges, links, candidates)
         return own + [({}, points) for points in others]
-
-    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return 1 for each pose, (n,): no sign distinguishes its assembly modes."""
-        return np.ones(len(next(iter(points.values()))))
 
     @cached_property
     def _path(self) -> LoopPath:
@@ -401,3 +348,8 @@ class LoopForm:
         high, low = ends
         revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
         return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME_ANGLE else ())
+
+
+def written_links(motion: Motion) -> Motion:
+    """Return a motion without the virtual links between several joints of one body of a file."""
+    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(VIRTUAL_PREFIX)})

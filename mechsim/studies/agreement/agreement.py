@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import plain
@@ -270,7 +268,7 @@ def parametric(
     duration: str | float | None,
 ) -> DesignFamily:
     """Return a model with the dimensions that may change; arguments as for `compare`."""
-    if not isinstance(model, DesignFamily | ClosedForm | LoopForm | Mechanism):
+    if not isinstance(model, DesignFamily | KinematicSolver | Mechanism):
         return dimension_family(model, set, drive=drive, duration=duration)
     if set or drive or duration is not None:
         raise InputError("set, drive and duration apply to a name or a file; give them to ms.load")
@@ -308,7 +306,7 @@ def _candidates(
         raise InputError(f"{source} is of type {type(function).__name__}; name a function")
     solver.motion_laws.require_drivers(solver.mechanism)
     evaluation = evaluation_points(solver, speed)
-    parameters = dict(solver.parameters) if isinstance(solver, LoopForm) else None
+    parameters = None if solver.direct else {name: row[0] for name, row in solver.parameter_rows.items()}
 
     def ask(elsewhere: EvaluationPoints) -> list[Candidate]:
         return values_of_function(function, elsewhere, source, parameters)

@@ -22,7 +22,6 @@ from mechsim.studies.scene.errors import cubic_interpolation
 from mechsim.studies.scene.published_run import published_scene
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.subjects.mjcf_source import MjcfForm
 
 # steps per revolution of a generated model; ratio of the step sizes of the two runs
 STEPS, STEP_RATIO = 1000, 4
@@ -66,7 +65,7 @@ def runs_of(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
     """
     if evaluation.time is None:
         raise InputError("the table has no times, so no run in time is possible")
-    if isinstance(evaluation.solver, MjcfForm) and evaluation.solver.source is not None:
+    if evaluation.solver.source is not None:
         return _scene_runs(evaluation, quantity)
     return _own_runs(evaluation, quantity)
 
@@ -103,8 +102,6 @@ def _profile(evaluation: EvaluationPoints) -> CrankProfile:
 
 def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
     solver = evaluation.solver
-    assert isinstance(solver, MjcfForm)
-    assert solver.source is not None
     if solver.motion_laws.crank:
         raise InputError(f"{solver.name}: its drivers have no motion law")
     scene, controls = published_scene(solver)
@@ -134,7 +131,6 @@ def _at_instants(
 ) -> RunAtInstants:
     """Return the values of a run of a scene at evaluation points, and the exact motion there."""
     solver, time = evaluation.solver, evaluation.time
-    assert isinstance(solver, MjcfForm)
     assert time is not None
     if run.broken:
         raise InputError(f"{solver.name}: {run.broken}")

@@ -269,8 +269,8 @@ def points_of_table(
 def _under_motion_laws(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:
     """Return a solver under its own motion laws at the times of a table."""
     last = float(time.max())
-    if isinstance(solver, LoopForm) and last > laws.duration:
-        solver = replace(solver, motion_laws=laws.with_duration(last))
+    if last > laws.duration:
+        solver = solver.with_mechanism(solver.mechanism, motion_laws=laws.with_duration(last))
     return _at_times(solver, laws, time)
 
 

@@ -7,12 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import SELECTORS
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_designs
 from mechsim.analytic.loops.constraints import tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import closed
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
@@ -60,11 +57,11 @@ def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a gear ratio with the opposite sign, or inverted."""
     solver = misfit.evaluation.solver
     geared: list[tuple[str, str, float, Callable[[float], KinematicSolver]]] = []
-    if isinstance(solver, LoopForm):
+    if not (own := solver.gear):
         for k, gear in enumerate(solver.mechanism.gears):
             label = f"the ratio of {gear.name}"
             geared.append((gear.name, label, gear.ratio, partial(_gear_changed, solver, k, "ratio")))
-    elif isinstance(solver, ClosedForm) and (own := solver.declaration.gear):
+    else:
         ratio = misfit.designs.dimensions[own].value
         geared.append((own, own, ratio, lambda by: misfit.designs.make({own: ratio + by})))
     for name, label, ratio, changed in geared:
@@ -161,7 +158,7 @@ def _require_small(change: float) -> None:
 
 def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism with other dimensions."""
-    if isinstance(solver, ClosedForm):
+    if solver.direct:
         return _solved_from_start(evaluation, solver)
     return evaluation.with_dimensions(solver)
 
@@ -173,9 +170,10 @@ def _solved_from_start(evaluation: EvaluationPoints, solver: KinematicSolver) ->
 
 def _with_laws_of(before: KinematicSolver, solver: KinematicSolver) -> KinematicSolver:
     """Return a solver with the motion laws of another one."""
-    if isinstance(solver, LoopForm) and isinstance(before, LoopForm):
-        return replace(solver, motion_laws=before.motion_laws, change_point=before.change_point)
-    return solver
+    solver = solver.with_change_point(before.change_point)
+    if before.motion_laws.crank:
+        return solver
+    return solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
 
 
 def _scale(dimension: Dimension, length: float) -> float:
@@ -212,10 +210,9 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
         _require_small(change)
         moved = list(position)
         moved[i] += extent * change
-        own = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
         x, y, z = moved
         points = {**solver.mechanism.points, point: (link, (x, y, z))}
-        other = replace(own, mechanism=replace(solver.mechanism, points=points))
+        other = solver.with_mechanism(replace(solver.mechanism, points=points))
         return misfit.predicted(_resolved(misfit.evaluation, other))
 
     def derivative() -> Values:
@@ -244,7 +241,7 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
 def _other_couplings(misfit: Misfit) -> list[Hypothesis]:
     """Return hypotheses of other coupling ratios and phases that no parameter determines."""
     solver = misfit.evaluation.solver
-    if not isinstance(solver, LoopForm):
+    if solver.gear:
         return []
     hypotheses: list[Hypothesis] = []
     for k, gear in enumerate(solver.mechanism.gears):
@@ -259,22 +256,22 @@ def _other_couplings(misfit: Misfit) -> list[Hypothesis]:
     return hypotheses
 
 
-def _gear_changed(solver: LoopForm, k: int, field: str, by: float) -> LoopForm:
+def _gear_changed(solver: KinematicSolver, k: int, field: str, by: float) -> KinematicSolver:
     gears = list(solver.mechanism.gears)
     gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
-    return replace(solver, mechanism=replace(solver.mechanism, gears=tuple(gears)))
+    return solver.with_mechanism(replace(solver.mechanism, gears=tuple(gears)))
 
 
-def _coupling_changed(solver: LoopForm, k: int, i: int, by: float) -> LoopForm:
+def _coupling_changed(solver: KinematicSolver, k: int, i: int, by: float) -> KinematicSolver:
     laws = list(solver.mechanism.couplings)
     terms = list(laws[k].coefficients)
     terms[i] += by
     laws[k] = replace(laws[k], coefficients=tuple(terms))
-    return replace(solver, mechanism=replace(solver.mechanism, couplings=tuple(laws)))
+    return solver.with_mechanism(replace(solver.mechanism, couplings=tuple(laws)))
 
 
 def _other_coupling(
-    misfit: Misfit, name: str, kind: str, changed: Callable[[float], LoopForm], ratio: float
+    misfit: Misfit, name: str, kind: str, changed: Callable[[float], KinematicSolver], ratio: float
 ) -> Hypothesis:
     scale = (abs(ratio) or 1.0) if kind == "gear" else 1.0
 
@@ -309,21 +306,19 @@ def _predicted(misfit: Misfit, evaluation: Callable[[], EvaluationPoints]) -> Va
 def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, KinematicSolver]]:
     """Return the other assemblies, each with a description of the difference."""
     solver = evaluation.solver
-    if isinstance(solver, ClosedForm):
+    if solver.direct:
         return list(_of_catalogue(solver, float(evaluation.angle[len(evaluation) // 3])))
-    assert isinstance(solver, LoopForm)
     return _assemblies_from_random_starts(solver)
 
 
-def _of_catalogue(solver: ClosedForm, angle: float) -> Iterator[tuple[str, KinematicSolver]]:
-    own = {name: getattr(solver, name) for name in SELECTORS if hasattr(solver, name)}
+def _of_catalogue(solver: KinematicSolver, angle: float) -> Iterator[tuple[str, KinematicSolver]]:
     for assembly in solver.assemblies(angle):
-        chosen = {name: getattr(assembly, name) for name in own}
-        if chosen != own:
-            yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), assembly
+        chosen = assembly.selectors
+        if chosen != solver.selectors:
+            yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != solver.selectors[k]), assembly
 
 
-def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, KinematicSolver]]:
+def _assemblies_from_random_starts(solver: KinematicSolver) -> list[tuple[str, KinematicSolver]]:
     """Return assemblies of a mechanism found from random starts."""
     mechanism = solver.mechanism
     try:
@@ -366,7 +361,7 @@ def _joint_positions(mechanism: Mechanism, tree: SpanningTree, q: Coordinates) -
     )
 
 
-def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopForm | None:
+def _with_guess(solver: KinematicSolver, tree: SpanningTree, q: Coordinates) -> KinematicSolver | None:
     """Return a solver that starts at given coordinates; None if the mechanism rejects them."""
     mechanism, poses = solver.mechanism, link_poses(tree, q).by_link(tree.links)
     guess = {name: pose.select(0) for name, pose in poses.items()}
@@ -374,7 +369,7 @@ def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopFor
         name: value for name, value in mechanism.guess_coordinates.items() if name in mechanism.drivers
     }
     try:
-        return replace(solver, mechanism=replace(mechanism, guess=guess, guess_coordinates=counted))
+        return solver.with_mechanism(replace(mechanism, guess=guess, guess_coordinates=counted))
     except MechsimError:
         return None
 

@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
 from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
@@ -55,7 +54,6 @@ def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> E
         if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
             raise AssemblyError(f"{name} would leave the range in which motion laws are followed")
         joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
-    assert isinstance(solver, LoopForm)
     return replace(evaluation, solved=solver.solve_as(replace(evaluation.motion, joints=joints)))
 
 

@@ -200,7 +200,7 @@ class EvaluationPoints:
     @cached_property
     def _of_loops(self) -> Motion:
         """The motion by the loop equations, which determine every coordinate."""
-        if isinstance(self.solver, LoopForm) or self.solved is not None:
+        if not self.solver.direct or self.solved is not None:
             return self.motion
         return LoopForm(self.solver.mechanism).solve(self.angle, self.speed, self.acceleration)
 

@@ -135,7 +135,7 @@ def compare_with_loop_equations(
     columns = dict(zip(table.inputs, values.T, strict=True))
     path = driver_path(solver, columns, "the map")
     mechanism = solver.mechanism
-    loops = LoopForm(mechanism, motion_laws=path.motion_laws, ranges=solver.ranges)
+    loops = LoopForm(mechanism, motion_laws=path.motion_laws)
     zero = np.zeros(len(values))
     still = loops.solve_along(path.times, zero, zero)
     output = _outputs(still, still, mechanism, table.outputs)[0, 1:]

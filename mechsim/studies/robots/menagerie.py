@@ -155,7 +155,7 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
     laws = driver_path(solver, dict(zip(mechanism.drivers, values.T, strict=True)), "the configurations")
     loops = LoopForm(mechanism, motion_laws=laws.motion_laws, ranges=solver.ranges, forces=solver.forces)
     rest = np.zeros(len(values))
-    points = loops.solve_along(laws.times, rest, rest).points
+    points = loops.whole_motion(laws.times, rest, rest).points
     sites = _site_positions(path, qpos)
     gaps = [
         np.linalg.norm(points[name].position[1:] - sites[name], axis=1).max()

@@ -7,7 +7,6 @@ from typing import Any
 
 import mujoco
 
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
@@ -95,8 +94,7 @@ def notes_on(
         return printed(parse_file(own).unread)
     from mechsim.subjects.readers import load
 
-    solver = load(model, set, still=True)
-    return [*solver.facts] if isinstance(solver, LoopForm) else []
+    return [*load(model, set, still=True).facts]
 
 
 def rounded_angle(model: Any) -> Finding | None:

@@ -20,7 +20,6 @@ from mechsim.simulation import mjcf
 from mechsim.simulation.source import specification
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.law_text import control_laws, python_expression
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.prescription import duration_of
 from mechsim.subjects.readers import load
 from mechsim.units import si
@@ -37,7 +36,7 @@ def scene_file(model: Any) -> Generator[str]:
         yield fspath(model)
         return
     solver = load(model, still=True)
-    if isinstance(solver, MjcfForm) and solver.source is not None:
+    if solver.source is not None:
         spec = solver.source.spec.copy()
     else:
         spec = specification(described(solver), Scene(level="dynamics", forces=solver.forces))
@@ -77,8 +76,6 @@ def open_scene(
     solver = load(
         path, lock=lock, track=track, key=key, duration=seconds if options.get("drive") else None, **options
     )
-    assert isinstance(solver, MjcfForm)
-    assert solver.source is not None
     joint_laws = dict(solver.motion_laws.by_name)
     joint_laws |= {name: steady(value, 0.0) for name, value in solver.mechanism.locked.items()}
     controls = control_laws({name: str(law) for name, law in (ctrl or {}).items()})

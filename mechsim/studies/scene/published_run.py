@@ -20,7 +20,6 @@ from mechsim.simulation.model_loops import loops_with_crank
 from mechsim.simulation.plain_settings import settings_of
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of
-from mechsim.subjects.mjcf_source import MjcfForm
 
 # largest number of steps of a run; these take one minute for a scene of 20 bodies
 MAX_STEPS = 2_000_000
@@ -106,14 +105,13 @@ class PublishedRun:
         )
 
 
-def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
+def published_run(source: KinematicSolver, profile: CrankProfile) -> PublishedRun:
     """Run a file with its own settings over the motion of its drivers.
 
     Args:
         source: mechanism read from the file.
         profile: motion of the crank, used without motion laws.
     """
-    assert source.source is not None
     path, settings = source.source.path, _settings(plainly_compiled(source.source.spec.copy()))
     steps = _duration(source, profile) / float(settings["timestep"])
     if not steps <= MAX_STEPS:
@@ -137,7 +135,7 @@ def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
     )
 
 
-def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tuple[UserScene, str]:
+def published_scene(source: KinematicSolver, profile: CrankProfile | None = None) -> tuple[UserScene, str]:
     """Return the scene of a file over the motion of its drivers, and a description of the actuation.
 
     Position servos of the file receive controls; other drivers have virtual drive inertia. The run starts in
@@ -150,7 +148,6 @@ def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tu
     Raises:
         MechsimError: if the scene cannot start.
     """
-    assert source.source is not None
     laws: dict[str, State] = dict(source.motion_laws.by_name)
     if source.motion_laws.crank:
         assert profile is not None
@@ -172,12 +169,12 @@ def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tu
 
 def runs_as_published(solver: KinematicSolver) -> bool:
     """Return whether a mechanism is that of a file which plain MuJoCo can run: its drivers are joints."""
-    if not isinstance(solver, MjcfForm) or solver.source is None or not Path(solver.source.path).is_file():
+    if solver.source is None or not Path(solver.source.path).is_file():
         return False
     return set(solver.mechanism.drivers) <= {joint.name for joint in solver.source.spec.joints}
 
 
-def published_motion(source: MjcfForm, profile: CrankProfile, samples: int) -> Motion:
+def published_motion(source: KinematicSolver, profile: CrankProfile, samples: int) -> Motion:
     """Return the motion of a file with its own settings, with gaps in its loops.
 
     Links have the poses of MuJoCo's bodies. Rates are differences between records.
@@ -241,7 +238,7 @@ def loop_gaps(run: SceneRun) -> Array:
     return np.linalg.norm(gaps, axis=2).max(1, initial=0.0)
 
 
-def _duration(source: MjcfForm, profile: CrankProfile | None) -> float:
+def _duration(source: KinematicSolver, profile: CrankProfile | None) -> float:
     if not source.motion_laws.crank:
         return float(source.motion_laws.duration)
     assert profile is not None
@@ -253,9 +250,10 @@ def _settings(model: mujoco.MjModel) -> dict[str, Any]:
     return {name: own[name] for name in ("timestep", *SHOWN) if name in own}
 
 
-def _servo_laws(source: MjcfForm, laws: Mapping[str, State]) -> tuple[dict[str, State], dict[str, State]]:
+def _servo_laws(
+    source: KinematicSolver, laws: Mapping[str, State]
+) -> tuple[dict[str, State], dict[str, State]]:
     """Return the motion laws of joints without a position servo, and of the controls of the servos."""
-    assert source.source is not None
     model = plainly_compiled(source.source.spec.copy())
     joint_laws, ctrl = dict(laws), dict[str, State]()
     for actuator, joints in source.source.actuators.items():

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, closes_at, solved
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
+from mechsim.analytic.catalog.many_designs import Bools, allowed, closes_at, formula_of_many, solved
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.angles import wrapped
@@ -214,18 +213,15 @@ def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaS
         solved_by: the quantities and tolerances.
         fractions: deviations relative to the tolerances, (n, p).
     """
-    solver, angles, columns = solved_by.moved.solver, solved_by.moved.angles, solved_by.columns
+    solver = formula_of_many(solved_by.moved.solver, solved_by.bounds)
+    angles, columns = solved_by.moved.angles, solved_by.columns
     quantities = [solved_by.moved.quantity(name) for name in columns]
     poses = (
         len(fractions)
         * len(angles)
         * (RATE_WEIGHT if any(quantity.order > 0 for quantity in quantities) else 1)
     )
-    if (
-        poses > MAX_POSES
-        or not isinstance(solver, TwoBranchForm)
-        or not can_be_many(solver, solved_by.bounds)
-    ):
+    if poses > MAX_POSES or solver is None:
         return None
     columns_known = solved(
         solver, _varied(solved_by, fractions[:1]), angles[:1], 1.0, rates=True, joints=True

@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import read_rows
 from mechsim.model.limits import require_count
@@ -75,15 +75,10 @@ class Designs:
         }
 
 
-def parameter_units(design_family: DesignFamily, solver: object) -> dict[str, str]:
+def parameter_units(design_family: DesignFamily, solver: KinematicSolver) -> dict[str, str]:
     """Return the parameters that may vary: name -> SI unit; choices such as branch included."""
     result = {name: values.unit for name, values in design_family.dimensions.items()}
-    if isinstance(solver, ClosedForm):
-        for values in fields(solver):
-            whole = isinstance(values.default, int) or "options" in values.metadata
-            if whole and not isinstance(values.default, str) and values.name not in result:
-                result[values.name] = "1"
-    return result
+    return dict.fromkeys(solver.choices, "1") | result
 
 
 def declared_units(design_family: DesignFamily) -> dict[str, str]:

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.base import closed_form
 from mechsim.analytic.catalog.many_designs import (
     CrankRanges,
     allowed,
-    can_be_many,
     crank_ranges,
+    formula_of_many,
     ranges,
     solved,
     swing_arcs,
@@ -21,7 +21,7 @@ from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.loops.crank_swings import SwingTracer
 from mechsim.analytic.loops.design_motion import many_motion
-from mechsim.analytic.solvers import KinematicSolver, closed_form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError, MobilityError, cut
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion, select_instants
@@ -62,24 +62,23 @@ def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     remaining = np.arange(high - low)
     if task.settings is not None:
         remaining = _stepped(task, rows, result)
-    elif by_one_formula(task):
-        remaining = _formula(task, rows, result)
+    elif solver := by_one_formula(task):
+        remaining = _formula(task, solver, rows, result)
     elif task.loops is not None:
         remaining = _loops(task, rows, result)
     one_by_one(task, rows, remaining, result)
     return result
 
 
-def by_one_formula(task: SweepTask) -> bool:
-    """Whether designs are measured by one formula on arrays."""
-    solver = task.subject.closed
-    return not task.single_only and solver is not None and can_be_many(solver, task.designs.values)
+def by_one_formula(task: SweepTask) -> TwoBranchForm | None:
+    """Return the solver whose formulas measure designs as arrays; None if they are measured otherwise."""
+    if task.single_only or task.subject.closed is None:
+        return None
+    return formula_of_many(task.subject.closed, task.designs.values)
 
 
-def _formula(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
+def _formula(task: SweepTask, solver: TwoBranchForm, rows: Mapping[str, Array], result: Measured) -> Rows:
     """Measure designs by one formula; return those that it cannot determine."""
-    solver = task.subject.solver
-    assert isinstance(solver, TwoBranchForm)
     valid, turning_ranges = _turning_ranges(solver, rows)
     if turning_ranges is None:
         return np.arange(len(result.outcome))
@@ -130,8 +129,8 @@ def _block(
     task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows, facts: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
-    solver = task.subject.solver
-    assert isinstance(solver, ClosedForm)
+    solver = task.subject.closed
+    assert solver is not None
     with np.errstate(all="ignore"):
         motion = solved(
             solver,
@@ -160,8 +159,8 @@ def _turns(
 
 def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
     """Measure designs by stepping them together where possible; return the others."""
-    solver, every = task.subject.closed, np.arange(len(result.outcome))
-    if not (isinstance(solver, TwoBranchForm) and can_be_many(solver, rows)):
+    solver, every = formula_of_many(task.subject.solver, rows), np.arange(len(result.outcome))
+    if task.subject.closed is None or solver is None:
         return stepped_together(task, rows, every, result)
     valid, turning_ranges = _turning_ranges(solver, rows)
     if turning_ranges is None:
@@ -184,7 +183,6 @@ def _blocks(
 ) -> list[Rows]:
     """Measure designs that turn fully in blocks; return those with a measure that is not finite."""
     solver, angles, remaining = task.subject.solver, task.angles, [np.zeros(0, dtype=np.intp)]
-    assert isinstance(solver, ClosedForm)
     step = max(1, BLOCK // max(1, len(angles)))
     for first in range(0, len(selected), step):
         chunk = slice(first, first + step)
@@ -193,7 +191,7 @@ def _blocks(
         if len(angles):
             values = _block(task, rows, block, task.revolution, own)
         else:
-            motion = select_instants(solver.solve(np.zeros(1), links=False), slice(0, 0))
+            motion = select_instants(solver.solve_along(np.zeros(1)), slice(0, 0))
             values = task.values(Turns(len(block), 0, motion, facts=own))
         stored = result.store_finite(
             block, values, own["crank_range"] > 0.0 if "crank_range" in own else True
@@ -307,8 +305,7 @@ def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
         elif kind == "dead_centres":
             result[kind] = float(len(solver.dead_centres()))
         else:
-            facts_known = closed_form(solver, "the number of assemblies")
-            result[kind] = float(len(facts_known.assemblies(arcs.start()))) if arcs.arcs else 0.0
+            result[kind] = float(len(solver.assemblies(arcs.start()))) if arcs.arcs else 0.0
     return result
 
 
@@ -388,7 +385,7 @@ def require_measurable(task: SweepTask) -> None:
     if task.settings is not None:
         _require_stepped(task)
     for measure in task.measures:
-        if measure.kind == "assemblies" and not isinstance(solver, ClosedForm):
+        if measure.kind == "assemblies" and not solver.direct:
             raise InputError(
                 f"the number of assemblies is known for catalogue mechanisms only, not for {solver.name!r}; "
                 "`mechsim trace` finds the assemblies of any mechanism"

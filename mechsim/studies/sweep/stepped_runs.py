@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import dynamic_model, nearest_equilibrium
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
@@ -196,9 +195,7 @@ def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, f
 
 def with_closed_start(solver: KinematicSolver) -> KinematicSolver:
     """Return a design that starts assembled, so that MuJoCo and the formulas use the same assembly."""
-    if not isinstance(solver, LoopForm):
-        return solver
-    return replace(solver, mechanism=with_closed_guess(solver.mechanism))
+    return solver if solver.direct else solver.with_mechanism(with_closed_guess(solver.mechanism))
 
 
 def prescribed_motion(solver: KinematicSolver, speed: float) -> dict[str, Any]:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.base import ClosedForm, closed_form
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
@@ -41,7 +40,7 @@ class OfToml:
         """Return a design."""
         changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
         solver = self.model.describe({**self.fixed, **changed}, Prescription()).solver
-        return with_written_guess(solver, self.guess) if isinstance(solver, LoopForm) else solver
+        return with_written_guess(solver, self.guess)
 
 
 @dataclass(frozen=True)
@@ -107,8 +106,8 @@ def swept_subject(
     current, plain = dict(set or {}), not any(options.values())
     if isinstance(source, PythonObject) and plain and source.parameters({}).dimensions:
         return SweptSubject(name, solver, result, OfPython(source.address, current))
-    if isinstance(solver, ClosedForm):
-        return SweptSubject(name, solver, result, result.make, closed=solver)
+    if solver.direct:
+        return SweptSubject(name, solver, result, result.make, closed_form(solver, "a sweep"))
     if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
         make = OfToml(source, current, written_guess(source), unit_of)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
@@ -372,7 +371,7 @@ def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesign
 def _other_method(task: SweepTask) -> str:
     if task.settings is None:
         return "MuJoCo's poses"
-    return "the formulas" if isinstance(task.subject.solver, ClosedForm) else "the loop equations"
+    return "the formulas" if task.subject.solver.direct else "the loop equations"
 
 
 def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:

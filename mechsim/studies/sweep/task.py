@@ -25,7 +25,7 @@ from mechsim.simulation.settings import Settings
 from mechsim.studies.release import Release
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
-from mechsim.studies.sweep.subject import Make, SweptSubject
+from mechsim.studies.sweep.subject import SweptSubject
 
 # outcomes of designs, stored by index
 OUTCOMES = (
@@ -310,7 +310,7 @@ def assembled_designs(
     """
     solver = task.subject.closed
     if solver is not None and can_be_started(solver, rows):
-        return _by_formula(solver, rows, task.subject.make if with_mechanisms else None)
+        return _by_formula(solver, rows, with_mechanisms=with_mechanisms)
     mechanisms = [*_made(task, rows)]
     started, which = similar_designs(task.subject.solver.mechanism, mechanisms)
     if started is None:
@@ -320,7 +320,9 @@ def assembled_designs(
     )
 
 
-def _by_formula(solver: ClosedForm, rows: Mapping[str, Array], make: Make | None) -> AssembledDesigns | None:
+def _by_formula(
+    solver: ClosedForm, rows: Mapping[str, Array], *, with_mechanisms: bool
+) -> AssembledDesigns | None:
     valid = np.flatnonzero(allowed(solver, rows))
     while len(valid):
         designs = closed_form_starts(solver, {name: values[valid] for name, values in rows.items()})
@@ -328,10 +330,9 @@ def _by_formula(solver: ClosedForm, rows: Mapping[str, Array], make: Make | None
             [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
         )
         if assembled.all():
-            solvers = [make(_row(rows, int(i))) for i in valid] if make is not None else []
-            return AssembledDesigns(
-                designs, valid, [solver.description for solver in solvers if isinstance(solver, ClosedForm)]
-            )
+            chosen = valid if with_mechanisms else valid[:0]
+            mechanisms = [solver.described_with(_row(rows, int(i))) for i in chosen]
+            return AssembledDesigns(designs, valid, mechanisms)
         valid = valid[assembled]
     return None
 

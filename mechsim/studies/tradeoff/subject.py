@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
@@ -181,7 +180,7 @@ def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = No
     solver = solver.starting_at(angles)
     stroke = half_extent(solver.positions(angles).values())
     reference = Reference(
-        "closed form" if isinstance(solver, ClosedForm) else "loop equations",
+        "closed form" if solver.direct else "loop equations",
         lambda motion: solver.solve(motion.angle, motion.speed, motion.acceleration),
     )
     mechanism = solver.mechanism
@@ -200,7 +199,7 @@ def _variants(solver: KinematicSolver, angles: Array) -> dict[str, Mechanism]:
     """Return the variants of a mechanism whose tracked points have the same positions at crank angles."""
     positions = solver.positions(angles)
     variants: dict[str, Mechanism] = {}
-    for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
+    for name, variant in solver.variants().items():
         others = variant.positions(angles)
         distance = max(worst(others[point] - position) for point, position in positions.items())
         if distance <= POSITION_TOLERANCE * solver.mechanism.characteristic_length:

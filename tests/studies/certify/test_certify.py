@@ -7,7 +7,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.derivatives.dimensions import catalog_designs
+from mechsim.analytic.derivatives.dimensions import own_designs
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
 from mechsim.model.motion_laws import make_motion_laws
@@ -281,7 +281,7 @@ def test_a_nonmonotonic_dimension_through_a_singularity_is_rejected(tmp_path):
 
 
 def test_radii_enclose_the_joint_effect_of_two_dimensions():
-    designs = catalog_designs(ms.catalog.make("rssr", gamma1=0.3))
+    designs = own_designs(ms.catalog.make("rssr", gamma1=0.3))
     bounds = {"crank": 1e-4, "gamma1": 1e-3}
     radii = joint_radii(designs, bounds)
     nominal = {joint.name: joint for joint in designs.describe({}).joints}
