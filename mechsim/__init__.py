@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from mechsim.model.scene import Scene as Scene
     from mechsim.pictures import plots as plots
     from mechsim.pictures import render as render
+    from mechsim.report.notebook import plot as plot
     from mechsim.report.notebook import show as show
     from mechsim.report.notebook import view as view
     from mechsim.simulation.run import Run as Run
@@ -101,7 +102,7 @@ _NAMES = {
     "model.motion_laws": "MotionLaws",
     "model.motors": "Controller",
     "model.scene": "Scene",
-    "report.notebook": "show view",
+    "report.notebook": "plot show view",
     "simulation.run": "Run",
     "simulation.settings": "Settings",
     "studies.agreement.agreement": "Agreement",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 from mechsim.numerics.angles import REVOLUTION
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from os import PathLike
 
     from mechsim.model.mechanism import Mechanism, Up
@@ -139,6 +139,52 @@ def view(
         with atomic_path(Path(output)) as unfinished:
             unfinished.write_text(framed.text, encoding="utf-8")
     return framed
+
+
+def plot(
+    model: Any,
+    output: "str | PathLike[str] | None" = None,
+    *,
+    kind: str = "motion",
+    quantities: "Sequence[str] | None" = None,
+    set: "Mapping[str, str | float] | None" = None,
+    speed: float | str = SPEED,
+    **options: Any,
+) -> Any:
+    """Return a plot of a driven motion as a figure of matplotlib, as `mechsim plot` draws it.
+
+    Args:
+        model: any argument of `load`.
+        output: path to write, .svg, .pdf or .png; None writes none.
+        kind: as of `mechsim plot --kind`, such as "motion", "curve" or "torque".
+        quantities: names of coordinates or quantities, for the kinds that take `--of`.
+        set: parameter -> its value, as for `load`.
+        speed: of the crank, in [rad/s] or as "600rpm".
+        options: `drive`, `lock` and further arguments of `load`.
+
+    Raises:
+        InputError: for an unknown kind or model, or a kind that shows a run from an initial state.
+        AssemblyError: where the loops do not close.
+
+    Example:
+        >>> ms.plot("four_bar", "curve.svg", kind="curve")
+    """
+    from mechsim.errors import InputError
+    from mechsim.pictures import plots
+    from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
+    from mechsim.subjects.readers import load
+    from mechsim.units import crank_speed
+
+    kinds = [name for name, row in PLOTS.items() if row.released != "always"]
+    if kind not in kinds:
+        raise InputError(f"there is no plot {kind!r} of a driven motion; choose from {', '.join(kinds)}")
+    drawn = PlotOptions(coordinates=None if quantities is None else tuple(quantities))
+    require_taken(kind, PLOTS[kind].takes, drawn)
+    source = PlotSource(solver=load(model, set, **options), speed=crank_speed(speed), options=drawn)
+    figure = PLOTS[kind].figure(source)
+    if output is not None:
+        plots.write(Path(output), figure)
+    return figure
 
 
 def video(

@@ -128,7 +128,7 @@ PUBLIC = """
     InputError Joint JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene
     Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
     compile crosscheck dynamics export fit joint_map list load load_profile loops masses motors moved optimise
-    plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
+    plot plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
     tune units validate view
 """
 NAMES = PUBLIC.split()

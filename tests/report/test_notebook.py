@@ -115,3 +115,14 @@ def test_results_have_a_short_text_and_a_table():
     motion = solver.solve(np.linspace(0.0, 1.0, 9), 1.0)
     assert len(repr(motion).splitlines()) <= 8
     assert "<svg" in notebook.motion_html(motion)
+
+
+def test_plot_is_a_function(tmp_path):
+    figure = ms.plot("four_bar", tmp_path / "curve.svg", kind="curve")
+    assert figure.axes
+    assert (tmp_path / "curve.svg").read_bytes().startswith(b"<?xml")
+    assert len(ms.plot("four_bar", kind="quantities", quantities=["rocker.v"]).axes) == 1
+    with pytest.raises(ms.InputError, match="no plot 'phase' of a driven motion"):
+        ms.plot("four_bar", kind="phase")
+    with pytest.raises(ms.InputError, match="takes no --of"):
+        ms.plot("four_bar", kind="curve", quantities=["rocker"])
