@@ -374,7 +374,7 @@ def _read_csv(path: Path) -> Table:
     # spreadsheets start text with a byte-order mark
     with path.open(encoding="utf-8-sig") as file:
         head, *lines = file.read().splitlines() or [""]
-    if not lines:
+    if not any(line.strip() for line in lines):
         raise ValueError("it has no row of numbers")
     names = [name.strip() for name in next(csv.reader([head]), [])]
     try:

@@ -27,6 +27,9 @@ CLOSED_PIPE = 141
 INTERNAL = 70
 # environment variable that enables the traceback of an internal error
 DEBUG = "MECHSIM_DEBUG"
+# longest word of a message, more than a path has
+MAX_WORD = 300
+LONG_WORD = re.compile(rf"\S{{{MAX_WORD},}}")
 # error numbers of a stream that cannot be written
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 # delay in [s] after which a signal lost in a destructor is sent again
@@ -145,6 +148,8 @@ def _usage_text(error: Any) -> str:
 
 
 def _invalid(message: str) -> int:
+    # a number or a name of the input may have thousands of characters
+    message = LONG_WORD.sub(lambda word: f"{word[0][:MAX_WORD]}...", message)
     print_stderr(f"mechsim: {'; '.join([message, *questions])}")
     return INVALID
 

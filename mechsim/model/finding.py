@@ -90,6 +90,7 @@ Outcome = Literal[
     "turned back",
     "stopped",
     "dead centre",
+    "too stiff",
     "work budget spent",
 ]
 

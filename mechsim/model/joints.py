@@ -15,6 +15,8 @@ from mechsim.numerics.inputs import number, numbers, require
 
 # highest degree of a coupling polynomial, the limit of MJCF's joint equality
 MAX_DEGREE = 4
+# largest ratio of a coupling: in one revolution of the driver, the rounding of the driven angle is 1e-9 rad
+MAX_RATIO = 1e6
 
 Terms = Mapping[str, float]
 
@@ -77,6 +79,9 @@ class Coupling:
         numbers = [*self.coefficients, *self.zeros, *self.left_terms.values(), *self.right_terms.values()]
         if not np.isfinite([number(value) for value in numbers]).all():
             raise InputError(f"coupling {self.name!r} has coefficients {numbers}; give finite numbers")
+        ratio = max(self.ratio, *self.left_terms.values(), *self.right_terms.values(), key=abs)
+        if abs(ratio) > MAX_RATIO:
+            raise InputError(f"coupling {self.name!r} has the ratio {ratio:g}; give {MAX_RATIO:g} at most")
         if not self.left_terms:
             raise InputError(f"coupling {self.name!r} couples no coordinate; name one on its left side")
 

@@ -37,6 +37,8 @@ MAX_SHOWN = 60
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
+# a key of so many names costs the square of their number
+_LONG_KEY = re.compile(r"""(?<![\w.'"-])(?:['"\w-]++\s*+\.\s*+){50}""")
 _HEADER = re.compile(rf"\s*\[\[?\s*({_DOTTED})\s*\]")
 _KEY = re.compile(rf"\s*({_DOTTED})\s*=")
 
@@ -113,6 +115,8 @@ def parsed_source(path: str, text: str) -> TomlSource:
         InputError: for text that is no TOML.
     """
     try:
+        if _LONG_KEY.search(text):
+            raise RecursionError
         return TomlSource(path, tomllib.loads(text), _lines(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is no TOML: {error}; correct that line") from None

@@ -83,3 +83,133 @@ def test_a_controller_that_is_not_finite_is_one_line(run, recwarn):
     assert code == 2
     assert "controllers of crank" in shown.err
     assert not [warning for warning in recwarn if warning.category is RuntimeWarning]
+
+
+MJCF = """<mujoco>{asset}<worldbody>{more}<body name="b"><inertial pos="0 0 0" mass="{mass}"
+diaginertia="1 1 1"/><joint name="j"/></body></worldbody></mujoco>"""
+
+
+def mjcf(asset="", more="", mass="1"):
+    return MJCF.format(asset=asset, more=more, mass=mass)
+
+
+GEARS = """name = "g"
+drivers = ["a"]
+joints.a = { kind = "revolute", a = { link = "ground" }, b = { link = "wheel" } }
+joints.b = { kind = "revolute", a = { link = "ground", at = [1, 0, 0] }, b = { link = "pinion" } }
+couplings.c = { driver = "a", driven = "b", ratio = RATIO }
+links = { wheel = {}, pinion = {} }
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "command", "words"),
+    [
+        # rows and columns of 40 GB, copies of which MuJoCo makes 1e8, and 1e6 in two levels
+        (
+            "f.xml",
+            mjcf('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'),
+            "show",
+            "10,000,000,000 parts",
+        ),
+        (
+            "f.xml",
+            mjcf(more='<replicate count="100000000"><geom size="1"/></replicate>'),
+            "check",
+            "100,000,000 parts",
+        ),
+        (
+            "f.xml",
+            mjcf(
+                more='<replicate count="999"><replicate count="999"><geom size="1"/></replicate></replicate>'
+            ),
+            "show",
+            "998,001 parts",
+        ),
+        ("f.xml", mjcf(mass="-1"), "show", "line 1: MuJoCo refuses it: body 'b' has a mass of -1 kg"),
+        ("f.xml", mjcf(mass="nan"), "check", "mass of nan kg"),
+        (
+            "f.urdf",
+            TREE.format(axis="1", mimic="").replace('"hip"', '"knee"'),
+            "show",
+            "2 joints with the name 'knee'",
+        ),
+        (
+            "f.urdf",
+            TREE.format(axis="1", mimic="").replace('"hip"', '""'),
+            "show",
+            "1 joint with the name ''",
+        ),
+        # a key of 100,000 names costs minutes in Python's reader
+        ("f.toml", "a." * 100_000 + "a = 1", "show", "nests too deep"),
+        ("f.toml", "name = 'g'\njoints = {}", "check", "has no joints"),
+        ("f.toml", "name = 'g'\njoints = {}", "export -o out.xml", "has no joints"),
+        ("f.toml", GEARS.replace("RATIO", "1e11"), "solve", "the ratio 1e+11; give 1e+06 at most"),
+        # a long word is cut
+        (
+            "f.urdf",
+            TREE.format(axis="1", mimic="").replace('xyz="1 0 0"', f'xyz="1 0 {"x" * 5000}"'),
+            "show",
+            "xxx...",
+        ),
+    ],
+)
+def test_a_hostile_file_ends_in_one_short_line(run, tmp_path, name, text, command, words):
+    (tmp_path / name).write_text(text)
+    verb, *options = command.split()
+    code, shown = run([verb, name, *options])
+    assert code == 2
+    assert words in shown.err
+    assert len(shown.err.splitlines()) == 1
+    assert len(shown.err) < 1000
+    assert not (tmp_path / "out.xml").exists()
+
+
+def test_a_few_copies_and_the_largest_ratio_are_read(run, tmp_path):
+    copies = mjcf(more='<replicate count="20"/><replicate count="9"><geom size="1"/></replicate>' * 60)
+    for name, text in (("f.xml", copies), ("f.toml", GEARS.replace("RATIO", "-1e6"))):
+        (tmp_path / name).write_text(text)
+        code, _ = run(["show", name])
+        assert code == 0
+
+
+def test_a_wheel_too_light_for_mujoco_is_named_with_its_limit(run, tmp_path):
+    (tmp_path / "f.toml").write_text(
+        'name = "rod"\njoints.a = { kind = "revolute", a = { link = "ground" }, b = { link = "rod" } }\n'
+        'points.tip = { link = "rod", at = [1e-6, 0, 0] }\nmotion_laws.a = "60rpm"\n'
+        "links.rod.inertia = { mass = 1e-17, centre = [0, 0, 0], moments = [1e-29, 1e-29, 1e-29] }\n"
+    )
+    for arguments in (
+        ["dynamics", "inverse", "f.toml"],
+        ["export", "f.toml", "--scene", "dynamics", "-o", "out.xml"],
+    ):
+        code, shown = run(arguments)
+        assert code == 2
+        assert "body 'rod' has a mass of 1e-17 kg and a moment of inertia of 1e-29" in shown.err
+        assert "larger than mjMINVAL, 1e-15" in shown.err
+    assert not (tmp_path / "out.xml").exists()
+
+
+@pytest.mark.parametrize("rows", ["\n\n\n", "\r\r\r", " \n"])
+def test_a_table_of_blank_lines_has_no_row(run, tmp_path, rows):
+    (tmp_path / "at.csv").write_text(rows, newline="")
+    code, shown = run(["solve", "slider_crank", "--at", "at.csv"])
+    assert code == 2
+    assert "at.csv holds no table of numbers" in shown.err
+    assert len(shown.err.splitlines()) == 1
+
+
+def test_a_link_of_a_planar_linkage_without_a_joint_is_rejected(run, tmp_path):
+    """Joints of PMKS; the last is a point of a link that nothing holds."""
+    pins = [
+        (0, 0, "ground", "crank"),
+        (1, 0, "crank", "rod"),
+        (2, 2, "rod", "rocker"),
+        (3, 0, "rocker", "ground"),
+    ]
+    joints = [f'{{"X": {x}, "Y": {y}, "TypeOfJoint": "R", "Links": ["{a}", "{b}"]}}' for x, y, a, b in pins]
+    joints.append('{"X": 1, "Y": 1, "TypeOfJoint": "R", "Links": ["lost"]}')
+    (tmp_path / "f.json").write_text(f'{{"Joints": [{", ".join(joints)}], "DrivingIndex": 0}}')
+    code, shown = run(["show", "f.json"])
+    assert code == 2
+    assert "link lost has no joint" in shown.err

@@ -96,8 +96,8 @@ REACHED = {
     "validate": 25500,
     "export": 24700,
     "check": 21000,
-    "sample": 18650,
-    "map": 19150,
+    "sample": 18700,
+    "map": 19220,
 }
 # studies that are features: they import the core and what is shared, and of each other only this
 FEATURES = (

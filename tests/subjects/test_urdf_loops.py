@@ -269,7 +269,7 @@ def test_an_invalid_scikit_robot_sidecar_file_is_rejected(written, text, message
 
 def test_a_repeated_joint_name_is_rejected(written):
     path = written(robot(DIALECTS["URDF+"]).replace('name="knee"', 'name="motor"'))
-    with pytest.raises(ms.InputError, match="repeated name 'motor'"):
+    with pytest.raises(ms.InputError, match="2 joints with the name 'motor'"):
         ms.check(path)
 
 

@@ -23,12 +23,9 @@ def output_faults(code: int | None, output: str) -> Iterator[str]:
         yield f"exit code {code}"
     if "Traceback" in output:
         yield f"a traceback on stderr: {output[-300:]!r}"
-    # a note precedes the execution of Python code
-    lines = [
-        line
-        for line in output.splitlines()
-        if line.strip() and not line.endswith("(a formula is Python code)")
-    ]
+    # a note precedes the execution of Python code, and others follow every 20 s
+    notes = ("(a formula is Python code)", " s so far")
+    lines = [line for line in output.splitlines() if line.strip() and not line.endswith(notes)]
     if code == 2 and (len(lines) != 1 or not lines[0].startswith("mechsim: ")):
         yield f"exit code 2 with {len(lines)} lines: {output[:300]!r}"
 

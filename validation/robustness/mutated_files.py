@@ -3,12 +3,15 @@
     python validation/robustness/mutated_files.py [--mutants 20000] [--seed 0]
 
 A mutant has one to three random changes: numbers, words, lines or bytes of a gallery file, a file of
-`models` or one of `mutated`. A child of this process runs a command on it. A fault is an exit code other than
-0, 1 and 2, exit code 2 without exactly one line on stderr, a warning of Python there, more than `SECONDS` of
-processor time, more than `MEMORY` resident, or an incomplete file. The exit code is 1 if there was any fault.
+`models` or one of `mutated`. A child of this process, which has imported everything, runs a command on it:
+mostly one that reads, checks or writes the file; one in three solves or simulates. A fault is an exit code
+other than 0, 1 and 2, exit code 2 without exactly one line on stderr, a warning of Python there, more than
+`SECONDS` of processor time, more than `MEMORY` resident, or an incomplete file. The exit code is 1 if there
+was any fault.
 """
 
 import argparse
+import gc
 import os
 import random
 import re
@@ -21,7 +24,7 @@ from collections import Counter
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
 from command_outcomes import Case, file_faults, output_faults
 
@@ -46,7 +49,19 @@ TEXTS = (
     b'"',
     b"sqrt(-1)",
     b"log(0)",
+    b"\xef\xbb\xbf",
+    b"\xff\xfe",
+    b"!!python/object/apply:os.getpid []",
+    b"[" * 2000,
+    b"{a: " * 2000,
+    b"<a>" * 2000,
+    b"a." * 2000,
+    b'<!DOCTYPE a [<!ENTITY x SYSTEM "/etc/hostname">]>&x;',
 )
+# weights of the commands that read, check or write a file; the others have 1
+WEIGHTS = {"show": 6, "check": 6, "export": 4}
+# libraries that mechsim imports when they are needed
+LIBRARIES = ("networkx", "pydantic", "scipy.optimize", "yaml")
 # commands of each kind of file; FILE is the mutant, other files are those of `mutated`
 COMMANDS = {
     ".toml": (
@@ -157,7 +172,9 @@ def changed_bytes(content: bytes, chance: random.Random) -> bytes:
 def random_case(chance: random.Random) -> Case:
     """Return a command and the mutant that it reads, with the other files of its folder."""
     path = chance.choice(inputs())
-    words = chance.choice(COMMANDS.get(path.name) or COMMANDS[path.suffix]).replace("FILE", path.name)
+    commands = COMMANDS.get(path.name) or COMMANDS[path.suffix]
+    weights = [WEIGHTS.get(command.split()[0], 1) for command in commands]
+    words = chance.choices(commands, weights)[0].replace("FILE", path.name)
     files = {other.name: other.read_bytes() for other in (OWN / "tree.urdf", OWN / "loops.yaml")}
     return Case(tuple(words.split()), {**files, path.name: mutant(path.read_bytes(), chance)})
 
@@ -207,15 +224,23 @@ def become_command(case: Case, folder: Path, err: int) -> None:
         os._exit(code)
 
 
+def import_everything() -> None:
+    """Import mechsim and the libraries that its commands need, so that the children need not."""
+    modules = [module.name for module in walk_packages([str(ROOT / "mechsim")], "mechsim.")]
+    for name in (*LIBRARIES, *modules):
+        if not name.endswith("__main__") and ".templates" not in name:
+            import_module(name)
+    # the children's garbage collector need not look at them, which would copy their pages
+    gc.freeze()
+
+
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description="Mutated input files: a result or one clear line.")
     parser.add_argument("--mutants", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for the files of each fault")
     options = parser.parse_args(arguments)
-    for module in iter_modules(cli.__path__, "mechsim.cli."):
-        # the children need not import it
-        import_module(module.name)
+    import_everything()
     chance, codes, total = random.Random(options.seed), Counter[str](), 0
     for number in range(options.mutants):
         case = random_case(chance)

@@ -75,7 +75,7 @@ class DynamicRun:
         lost: energy lost in friction, dampers and impacts since the start, (n,) in [J].
         driving: prescribed coordinate -> its drive force or torque, (n,) in [N] or [N m].
         outcome: "done", "stopped", "time over", "diverged", "dead centre", "failed" (a joint beyond its
-            range) or "work budget spent".
+            range), "too stiff" or "work budget spent".
         reason: one sentence if the outcome is not "done".
         events: instants of impacts and of changes between sticking and sliding, in [s].
         segments: the motion between them, in order.

@@ -75,6 +75,9 @@ MODE, UNTIL = "mode", "until"
 # work budget: largest number of states that a run evaluates. A step or an impact takes 170 to 300, all of
 # them about a minute with few links
 BUDGET = 500_000
+# states after which a run ends if at its pace it needs more than `HOPELESS` budgets: four seconds with few
+# links, and more than a hundred impacts
+EARLY, HOPELESS = 20_000, 20.0
 # smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
 # the run
 LEAST_STEPS = 20
@@ -91,6 +94,10 @@ SINGULAR = 2e-2
 # number of time constants of the fastest decay within a run above which an implicit method is used: the
 # iteration of collocation needs about one step for every four
 MAX_DECAYS = 1e3
+# the same above which the motion is not computed, since the decay multiplies the rounding of the rates: the
+# energy lost by a creeping rod is correct to 1e-5 at 1e11, and wrong at 1e12
+# (tests/analytic/test_stiff_runs.py)
+MAX_STIFFNESS = 1.5e11
 # smallest singular value, relative to the limit of explicit steps, below which a crossing of a singular
 # configuration is tried, and above which that limit is restored
 CLOSE = 4.0
@@ -117,7 +124,7 @@ class Trajectory:
         pieces: integration steps with dense output, in order.
         end: time of the end in [s].
         outcome: "done", "stopped" (permanently at rest), "diverged", "dead centre", "failed" (a joint beyond
-            its stop) or "work budget spent".
+            its stop), "too stiff" or "work budget spent".
         reason: one sentence if the outcome is not "done".
         steps: number of integration steps.
         events: instants of impacts and of changes between sticking and sliding, in [s].
@@ -200,13 +207,10 @@ class Integration:
             rest = self._at_rest()
             decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
             self.implicit = decay * self.duration > MAX_DECAYS
-            while self.time < duration:
+            ended = self._too_stiff(decay) if rest is None else None
+            while ended is None and self.time < duration:
                 ended = self._smooth_motion(self._solver(duration))
-                if ended is not None:
-                    outcome, reason = ended
-                    break
-            else:
-                outcome, reason = rest or (outcome, reason)
+            outcome, reason = ended or rest or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
         except JammedError as error:
@@ -293,12 +297,29 @@ class Integration:
             self.state = self.right.nearest_on_loops(np.array([self.time]), self.state[None])[0]
 
     def _budget_spent(self) -> tuple[Outcome, str] | None:
-        """Return the outcome if the run has evaluated too many states."""
-        if self.right.evaluations <= self.budget:
-            return None
+        """Return the outcome if the run has evaluated too many states, or would by far."""
+        evaluated, remedy = self.right.evaluations, "a larger budget"
+        if evaluated <= self.budget:
+            needed = evaluated * self.duration / max(self.time, np.finfo(float).tiny)
+            # the steps of a start grow threefold each
+            growing = self.pieces[len(self.pieces) // 2].first < 0.25 * self.time
+            if evaluated < EARLY or needed < HOPELESS * self.budget or growing:
+                return None
+            remedy = f"weaker forces, since {self.duration:g} s at this pace need {needed:.1g} states"
+        states = min(evaluated, self.budget)
         return "work budget spent", (
             f"{self.steps:,} steps with {len(self.events):,} impacts and changes of friction evaluate "
-            f"{self.budget:,} states by {self.time:.6g} s; give a shorter duration or a larger budget"
+            f"{states:,} states by {self.time:.6g} s; give a shorter duration or {remedy}"
+        )
+
+    def _too_stiff(self, decay: float) -> tuple[Outcome, str] | None:
+        """Return the outcome if friction, dampers or controllers decay too fast, by a rate in [1/s]."""
+        if decay * self.duration <= MAX_STIFFNESS:
+            return None
+        return "too stiff", (
+            f"viscous friction, dampers or controllers slow motions down within {1.0 / decay:.1g} s, below "
+            f"{self.duration / MAX_STIFFNESS:.1g} s, the least in a run of {self.duration:g} s; reduce them, "
+            "or lock the joint that they hold"
         )
 
     def _beyond_stop(self) -> tuple[Outcome, str] | None:

@@ -45,7 +45,7 @@ class FreeRun(DynamicRun):
         outcome: "done" (made the requested turns or time), "time over" (fewer turns in the time), "cannot
             start" (did not move, or swung back before a full turn), "turned back" (ran, but did not
             make the turns), "stopped" (friction locks it), "dead centre", "diverged",
-            "failed" or "work budget spent".
+            "failed", "too stiff" or "work budget spent".
     """
 
     motor: Array

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_aligned, axis_cosines, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.vector_method.rotations import from_quaternion
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import antiparallel_message
 from mechsim.model.joints import End, joint_coordinate
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
@@ -49,8 +49,9 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         remaining: residual there, in characteristic lengths.
     """
     mechanism = loops.tree.mechanism
+    drivers = f" at {_driver_text(loops, final)}" if mechanism.drivers else ""
     text = (
-        f"{mechanism.name}: the loops do not close at {_driver_text(loops, final)}: after "
+        f"{mechanism.name}: the loops do not close{drivers}: after "
         f"{ASSEMBLY.max_iterations} Newton steps a gap of {remaining:.3g} of the longest link remains"
     )
     undriven = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
@@ -404,6 +405,8 @@ def _distance(loops: TreeLoops, q: Coordinates) -> float:
     mechanism, poses, worst = loops.tree.mechanism, link_poses(loops.tree, q), 0.0
     for name, pose in mechanism.guess.items():
         i = loops.tree.links[name]
+        if i >= len(poses.position):
+            raise InputError(f"{mechanism.name}: link {name} has no joint; add one or leave the link out")
         distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.length
         trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
         worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))

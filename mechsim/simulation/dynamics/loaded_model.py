@@ -14,7 +14,6 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import virtual_body
@@ -57,8 +56,6 @@ FIELDS = (
 )
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 SITE = int(mujoco.mjtTrn.mjTRN_SITE)
-# value below which MuJoCo rejects masses and moments of inertia, in [kg] and [kg m2]
-LIGHTEST = float(mujoco.mjMINVAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +207,6 @@ def loaded_model(
         InputError: for a link that is too light for MuJoCo.
     """
     described = with_accepted_inertia(mechanism)
-    _require_heavy(described)
     spec = assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
     closed = from_mechanism(described, spec, tuple(points), follows_laws=follows_laws)
@@ -223,18 +219,3 @@ def loaded_model(
         actuators=actuator_slices(described, forces, closed.model.nu),
         dry=dry_frictions(closed.model, forces.friction),
     )
-
-
-def _require_heavy(mechanism: Mechanism) -> None:
-    """Reject links whose mass or least moment of inertia MuJoCo treats as zero."""
-    for link in mechanism.links:
-        assert link.inertia is not None
-        least = float(np.linalg.eigvalsh(link.inertia.matrix)[0])
-        for what, value, unit in (("mass", link.inertia.mass, "kg"), ("moment of inertia", least, "kg m2")):
-            if not value > LIGHTEST:
-                raise InputError(
-                    f"{mechanism.name}: link {link.name!r} has a {what} of {value:.3g} {unit}, and MuJoCo "
-                    f"holds none below {LIGHTEST:.3g}; take the formulas alone (--method none), or describe "
-                    "it a thousand times as large: of the same density it needs 1e15 times the torque at the "
-                    "same speed, without weight and springs"
-                )

@@ -1,6 +1,7 @@
 """Compiles specifications with exact positions at any scale, and writes them as exact MJCF text."""
 
 import os
+import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Generator, Mapping, Sequence
@@ -60,6 +61,8 @@ def without_c_output() -> Generator[None]:
         os.close(null_device)
 
 
+# MuJoCo's message about a body whose mass or moment of inertia it takes for zero
+_LIGHT = re.compile(r"must be larger than mjMINVAL Element name '([^']*)'")
 NONE = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
 BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
 INERTIA = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA)
@@ -82,7 +85,10 @@ def compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mujoco.MjM
     try:
         model = plainly_compiled(spec, warned)
     except ValueError as error:
-        raise InputError(f"MuJoCo rejects the model: {' '.join(str(error).split())}") from error
+        text = " ".join(str(error).split())
+        light = _LIGHT.search(text)
+        cause = _too_light(spec.body(light[1])) if light else text
+        raise InputError(f"MuJoCo rejects the model: {cause}") from error
     for kind in ("site", "geom"):
         same_frame, positions = getattr(model, f"{kind}_sameframe"), getattr(model, f"{kind}_pos")
         centre = model.body_ipos[getattr(model, f"{kind}_bodyid")]
@@ -92,6 +98,19 @@ def compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mujoco.MjM
         same_frame[distinct] = NONE
     model.body_sameframe[(model.body_sameframe == BODY) & np.any(model.body_ipos != 0.0, axis=1)] = NONE
     return model
+
+
+def _too_light(body: mujoco.MjsBody) -> str:
+    """Return the mass and least moment of inertia of a body that MuJoCo takes for zero, and a remedy."""
+    least = float(np.min(body.inertia))
+    if np.isfinite(body.fullinertia).all():
+        # MuJoCo's order: xx, yy, zz, xy, xz, yz
+        least = float(np.linalg.eigvalsh(body.fullinertia[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])[0])
+    return (
+        f"{body.info} body {body.name!r} has a mass of {body.mass:.3g} kg and a moment of inertia of "
+        f"{least:.3g} kg m2; both must be larger than mjMINVAL, {mujoco.mjMINVAL:g}: give larger ones, "
+        "describe the mechanism a thousand times as large, or take the formulas alone (--method none)"
+    )
 
 
 def plainly_compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mujoco.MjModel:

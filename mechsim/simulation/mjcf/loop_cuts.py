@@ -57,6 +57,8 @@ def cut_loops(
     """
     import networkx as nx
 
+    if not mechanism.joints:
+        raise InputError(f"{mechanism.name} has no joints; add one")
     requested, needed = set(cut or ()), _needed(mechanism)
     _require_cuttable(mechanism, requested, needed)
     graph = _weighed(mechanism, requested, needed, keep)

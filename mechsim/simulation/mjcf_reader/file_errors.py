@@ -18,7 +18,7 @@ MAX_SHOWN = 300
 
 _LINE = re.compile(r",?\s*line(?: number)?[ =:]+(\d+)", re.IGNORECASE)
 _NOISE = re.compile(
-    r"MuJoCo refuses the model: |(?:XML )?Error: |,? ?\bid -?\d+|Element name '',?"
+    r"MuJoCo (?:refuses|rejects) the model: |(?:XML )?Error: |,? ?\bid -?\d+|Element name '',?"
     r"|ErrorID=\d+ \(0x[0-9a-f]+\)"
 )
 _PLUGIN = re.compile(r"plugin \S+ not found")

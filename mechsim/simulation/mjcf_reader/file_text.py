@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterator
+from math import prod
 
 from mechsim.errors import InputError, cut
 from mechsim.files import read_text
@@ -24,12 +25,19 @@ _POINTER = "version https://git-lfs"
 _FILE = re.compile(r"""\bfile(?:name)?\s*=\s*["']([^"'<>]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 
+# elements of which MuJoCo makes many, and its attributes with their numbers
+_MANY = re.compile(r"<(/?)(replicate|composite|flexcomp|hfield|texture)\b([^>]*?)(/?)>")
+_NUMBERS = re.compile(r"""\b(?:count|nrow|ncol|width|height)\s*=\s*["']([\s\d]*)["']""")
+# largest number of copies, whose time grows with its square (10 s for 10,000), and of cells of height fields
+# and textures, which need 1 GB
+MAX_COPIES, MAX_CELLS = 10_000, 8192**2
+
 
 def root_of(path: str) -> str:
     """Return the root element of a file; reject files that are not text, or neither MJCF nor URDF."""
-    text = read_text(path, "an MJCF file", MAX_BYTES)
+    text = read_text(path, "an MJCF or URDF file", MAX_BYTES)
     if not text.strip():
-        raise InputError(f"{path} is empty; name an MJCF file")
+        raise InputError(f"{path} is empty; name an MJCF or URDF file")
     bare = _without_comments(text)
     match = _ROOT.match(bare)
     root = match[1] if match else None
@@ -51,7 +59,25 @@ def root_of(path: str) -> str:
                 f"{source}, line {line}: MuJoCo does not read the entity {cut(reference[0], MAX_SHOWN)} of "
                 "the file; write its text in its place"
             )
+        _require_few(source, content)
     return root
+
+
+def _require_few(path: str, content: str) -> None:
+    """Reject elements of which MuJoCo would make so many that it needs minutes or the whole memory."""
+    enclosing = [1]
+    for element in _MANY.finditer(content):
+        closes, name, attributes, empty = element.groups()
+        if closes:
+            enclosing = enclosing[:-1] if name == "replicate" and len(enclosing) > 1 else enclosing
+            continue
+        numbers = [int(word) for value in _NUMBERS.findall(attributes) for word in value.split()[:3]]
+        count, limit = prod(numbers), MAX_CELLS if name in ("hfield", "texture") else MAX_COPIES
+        if name == "replicate" and not empty:
+            enclosing.append(count := count * enclosing[-1])
+        if count > limit:
+            line = content.count("\n", 0, element.start()) + 1
+            raise InputError(f"{path}, line {line}: <{name}> makes {count:,} parts; give {limit:,} at most")
 
 
 def _without_comments(text: str) -> str:

@@ -33,6 +33,8 @@ def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
             '<compiler balanceinertia="true"/>, which evens them out'
         )
     if "must be larger than mjMINVAL" in text and spec.compiler.boundmass < MIN_MASS:
+        if any(not (body.mass >= 0.0 and np.min(body.inertia) >= 0.0) for body in spec.bodies):
+            return ""  # no mass that is missing, but a negative one, or one that is not a number
         spec.compiler.boundmass, spec.compiler.boundinertia = MIN_MASS, MIN_INERTIA
         return (
             "a moving body has no mass or no inertia and MuJoCo refuses the file: read as with "

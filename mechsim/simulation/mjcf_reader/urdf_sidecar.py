@@ -22,7 +22,7 @@ from mechsim.simulation.mjcf_reader.urdf_tree import (
 )
 
 # largest sidecar file in bytes: a robot has a few loops
-MAX_BYTES = 1_000_000
+MAX_BYTES = 100_000
 # largest number of characters of a value in a message
 MAX_SHOWN = 60
 

@@ -1,6 +1,7 @@
 """The links and joints of a URDF file as a tree, frames on its links, and the closures of its loops."""
 
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -8,7 +9,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
 from mechsim.simulation.mjcf_reader.file_errors import ill_formed
@@ -133,6 +134,9 @@ def read_urdf(path: str) -> UrdfTree:
     parents: dict[str, tuple[Element, Frame]] = {}
     second: list[Element] = []
     tree = UrdfTree(path, root, lines, parents, ())
+    for name, count in Counter(joint.get("name", "") for joint in root.findall("joint")).items():
+        if not name or count > 1:
+            raise tree.error(f"{several(count, 'joint')} with the name {name!r}; give each its own")
     for joint in root.findall("joint"):
         child = child_of(joint, "child").get("link", "")
         if child in parents:
