@@ -64,7 +64,7 @@ def test_a_swing_counted_on_another_revolution_has_the_same_motion(wheel, revolu
 
 @pytest.mark.parametrize(
     ("ratio", "turns", "revolutions", "same"),
-    [(1.5, True, 1, False), (1.5, True, -2, True), (1.0 + 1e-9, True, 1, False), (2.0, False, 1, False)],
+    [(1.5, True, 1, False), (1.5, True, -2, True), (1.0 + 1e-9, True, 1, False)],
 )
 def test_geared_links_must_repeat_on_another_revolution(ratio, turns, revolutions, same):
     mechanism = swinging(turns=turns, coefficients=(0.003, ratio))

@@ -45,7 +45,7 @@ def run(arguments: str, folder: Path, **environment: str) -> subprocess.Complete
     ("arguments", "code", "output"),
     [
         pytest.param("list >&-", 0, "", marks=pytest.mark.slow),
-        ("solve rssr -o out.csv <&- >&- 2>&-", 0, ""),
+        pytest.param("solve rssr -o out.csv <&- >&- 2>&-", 0, "", marks=pytest.mark.slow),
         pytest.param("solve rsr 2>&-", 2, "", marks=pytest.mark.slow),
         pytest.param("solve rsr 2>/dev/full", 2, "", marks=pytest.mark.slow),
         ("solve rssr >/dev/full", 2, "No space left on device"),
@@ -133,7 +133,11 @@ raise SystemExit(code)
 
 
 @pytest.mark.parametrize(
-    ("number", "times", "code"), [(signal.SIGTERM, 1, 128 + signal.SIGTERM), (signal.SIGINT, 2, 130)]
+    ("number", "times", "code"),
+    [
+        pytest.param(signal.SIGTERM, 1, 128 + signal.SIGTERM, marks=pytest.mark.slow),
+        (signal.SIGINT, 2, 130),
+    ],
 )
 def test_a_signal_swallowed_by_destructors_ends_the_command_once(
     number: signal.Signals, times: int, code: int

@@ -158,7 +158,9 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
         (("--kind", "bode"), "a Bode diagram needs --response LOAD:QUANTITY"),
         (("--kind", "quantities"), "no quantity is named; give --of"),
         (("--kind", "phase", "--speed", "5rpm"), "--speed applies to a driven crank"),
-        (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
+        pytest.param(
+            ("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate", marks=pytest.mark.slow
+        ),
         (
             ("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"),
             "has no quantity transmission",
@@ -230,6 +232,7 @@ def test_a_periodic_video_omits_its_repeated_last_frame(mechsim, name, options, 
     )
 
 
+@pytest.mark.slow
 @draws
 def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
     small = ("--size", "96x64")

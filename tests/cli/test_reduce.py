@@ -16,6 +16,7 @@ def finger(tmp_path):
     return "finger.xml"
 
 
+@pytest.mark.slow
 def test_reduce_writes_a_scene_and_reports_each_removed_element(mechsim, finger, tmp_path, monkeypatch):
     few_trials(monkeypatch)
     output = mechsim(

@@ -109,7 +109,7 @@ def test_names_round_trip_through_mjcf(name):
     assert mechanism.points.keys() <= {model.site(i).name for i in range(model.nsite)}
 
 
-@settings(max_examples=2, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@settings(max_examples=1, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(NAMES)
 @example(r"$\frac{$")
 def test_plots_show_names_unchanged(tmp_path, name):

@@ -93,6 +93,7 @@ def test_a_user_defined_mechanism_is_traced(trace):
     assert out.count("assemblies meet at crank ") == 2
 
 
+@pytest.mark.slow
 @draws
 def test_a_video_of_a_trace_rejects_motion_options(mechsim, tmp_path):
     arguments = ("render", *SWINGS[:3], "--trace", "--size", "96x72")

@@ -115,6 +115,7 @@ def test_a_file_within_the_tolerance_does_not_become_slower(mechsim, tmp_path):
         assert sentence in comment_of(tmp_path / "out.xml")
 
 
+@pytest.mark.slow
 def test_output_and_comment_report_a_worse_trajectory(mechsim, tmp_path):
     printed = tuned_by(mechsim, "1mm", "finger.xml")
     first, second, third = re.sub(r"\n  (?! )", " ", printed).splitlines()[:3]

@@ -148,6 +148,7 @@ def test_a_fast_spin_within_a_step_is_resolved(compiled):
     assert np.abs(long - short).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_driver_values_outside_the_workspace_are_rejected(compiled):
     solver = compiled("stewart_gough")
     start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]

@@ -87,6 +87,7 @@ def test_an_export_with_incompatible_options_is_rejected():
         ms.export("four_bar", format="toml", speed="600rpm")
 
 
+@pytest.mark.slow
 def test_function_and_command_write_the_same_page(mechsim_json, tmp_path):
     ms.view("slider_crank", tmp_path / "a.html", speed="600rpm")
     mechsim_json("view", "slider_crank", "-o", str(tmp_path / "b.html"))

@@ -172,6 +172,7 @@ def test_assembly_curves_are_split_at_full_turns():
         plots.assembly_plot(table, ("turn",))
 
 
+@pytest.mark.slow
 def test_drive_forces_are_drawn_over_time_by_both_methods(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     source = PlotSource(solver=load("five_bar"), speed=1.0, options=PlotOptions(method="simulated"))

@@ -84,6 +84,7 @@ def test_table_contents_are_escaped():
     assert np.isfinite(len(page_of(verdict)))
 
 
+@pytest.mark.slow
 def test_only_plots_of_mechsim_have_their_own_display(run):
     assert page_of(ms.plots.motion_plot(run.motion)).startswith("<svg")
     figure = plt.figure()

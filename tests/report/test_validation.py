@@ -134,6 +134,7 @@ def test_the_page_reports_checks_of_several_drivers(monkeypatch, tmp_path):
     assert "step: drive: left" in page
 
 
+@pytest.mark.slow
 def test_a_mechanism_with_a_rack_has_no_assur_groups():
     from mechsim.report.facts import facts
     from mechsim.subjects.readers import load

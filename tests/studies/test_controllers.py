@@ -59,7 +59,7 @@ def test_mujoco_agrees_on_controllers_and_rejects_another_gain(options):
     initial = {"right.v": 1.0}
     controlled = model(0.05)
     run = ms.dynamics.run(
-        controlled, initial=initial, prescribed=list(options.get("drive", ())), duration=0.05, samples=10
+        controlled, initial=initial, prescribed=list(options.get("drive", ())), duration=0.03, samples=6
     )
     start = initial_values(controlled, initial)
     verdict = crosscheck_forward(run, controlled, start)

@@ -64,6 +64,7 @@ def test_invalid_options_are_rejected(options, message):
 WITH_SPRING = model_text("menagerie_with_spring.xml")
 
 
+@pytest.mark.slow
 def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
     written = ms.export(mujoco.MjSpec.from_string(WITH_SPRING), style="menagerie")
     model = mujoco.MjModel.from_xml_string(written.text)

@@ -37,6 +37,7 @@ def test_another_branch_of_a_parallelogram_fails_the_check():
     assert crosscheck(run, other_branch).outcome == "changed assembly"
 
 
+@pytest.mark.slow
 def test_the_branch_policy_passes_validation():
     name, lengths = FLAT["one change point"]
     other_branch = catalog.make(name, **lengths, change_point="branch")

@@ -154,7 +154,7 @@ def test_frictionless_free_runs_agree_with_the_reduced_equation(name):
 )
 def test_motor_driven_free_runs_agree_with_the_reduced_equation(motor):
     model = model_of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
-    run = dynamics.free_run(model, turns=1.0, samples=61)
+    run = dynamics.free_run(model, turns=0.25, samples=16)
     assert run.outcome == "done"
     verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
@@ -173,7 +173,7 @@ def test_free_runs_under_an_angle_dependent_load_agree():
         motor=TorqueSpeedLine(5.0, 100.0), crank_torque=load_profile.harmonics([-0.2, 0.1]), flywheel=0.01
     )
     model = model_of("four_bar", forces)
-    run = dynamics.free_run(model, turns=1.0, samples=61)
+    run = dynamics.free_run(model, turns=0.5, samples=31)
     verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
     assert mujoco.get_mjcb_control() is None

@@ -72,8 +72,6 @@ def test_a_formula_of_several_drivers_gets_them_by_name():
         return {"P": np.column_stack([point.real, point.imag])}
 
     assert ms.validate("five_bar", against=tool).passed
-    wrong = ms.validate("five_bar", against=lambda d: {"P": 1e3 * tool(d)["P"]}, stepped=False)
-    assert [item.kind for item in wrong.findings] == ["units"]
 
 
 @pytest.mark.parametrize(
@@ -119,6 +117,7 @@ def run_command(monkeypatch, capsys, *arguments):
     return int(ended.value.code or 0), output.out, output.err
 
 
+@pytest.mark.slow
 def test_the_command_reports_that_it_runs_code_in_eighty_columns(monkeypatch, capsys, tmp_path):
     (tmp_path / "own.py").write_text(
         "import numpy as np\ndef f(a):\n    return {'A': 0.05 * np.column_stack([np.cos(a), np.sin(a)])}\n"
@@ -153,6 +152,7 @@ def test_the_attributed_error_contributions_add_up():
     assert max(map(abs, contributions[1:])) < 1e-8
 
 
+@pytest.mark.slow
 def test_a_failed_formula_gets_a_plot_and_a_page_with_the_cause(monkeypatch, capsys, tmp_path):
     (tmp_path / "own.py").write_text(
         "import numpy as np\ndef f(a):\n    return {'A': 0.051 * np.column_stack([np.cos(a), np.sin(a)])}\n"

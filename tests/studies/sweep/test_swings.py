@@ -34,7 +34,7 @@ def model(request, tmp_path):
     return "four_bar" if request.param == "formula" else str(tmp_path / "bar.toml")
 
 
-@pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
+@pytest.mark.parametrize("model", ["formula", pytest.param("loops", marks=pytest.mark.slow)], indirect=True)
 def test_swinging_designs_are_batched_over_their_reachable_range(model, monkeypatch):
     unbatched = []
     monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, result: unbatched.extend(index))
