@@ -187,7 +187,7 @@ def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch
     assert len({round(item / torques[0], 6) for item in torques}) == 6
     geared = ("--motor", "line:0.005,30000rpm", "--gear", "10")
     without_loads = ("--motor", "line:0.05,3000rpm")
-    free = ("rssr", "--json", "--samples", "12", "--method", "none", "--turns", "0.5")
+    free = ("rssr", "--json", "--samples", "6", "--method", "none", "--turns", "0.1")
     ends = [
         json.loads(run(capsys, monkeypatch, *free, *options, analysis="forward")[1])["free"]
         for options in (geared, without_loads)
@@ -206,7 +206,7 @@ def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "slider_crank", "--turns", "0.02", "--tolerance", "1e-15")
     assert code == 1
     assert "tolerance 1e-15 of torque and reactions FAILED: error" in out
-    turning = ("four_bar", "--initial", "crank.v=600rpm", "--turns", "1", "--tolerance", "1e-4", "--json")
+    turning = ("four_bar", "--initial", "crank.v=600rpm", "--turns", "0.2", "--tolerance", "1e-4", "--json")
     code, out, _ = run(capsys, monkeypatch, *turning, analysis="forward")
     reported = json.loads(out)
     assert code == 0

@@ -36,6 +36,7 @@ def near_a_dead_centre(name, fraction):
     return linkage, swing(0.5 * (low + high), 0.5 * fraction * (high - low), 20.0)
 
 
+@pytest.mark.slow
 def test_a_correct_mechanism_with_a_small_transmission_angle_passes():
     case = case_of(catalog.make("rrsrr", **FIVE_LINK))
     assert case.passed, case.verdict.reason
