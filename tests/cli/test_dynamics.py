@@ -206,7 +206,7 @@ def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "slider_crank", "--turns", "0.02", "--tolerance", "1e-15")
     assert code == 1
     assert "tolerance 1e-15 of torque and reactions FAILED: error" in out
-    turning = ("four_bar", "--initial", "crank.v=600rpm", "--turns", "0.2", "--tolerance", "1e-4", "--json")
+    turning = ("four_bar", "--initial", "crank.v=600rpm", "--turns", "1", "--tolerance", "1e-4", "--json")
     code, out, _ = run(capsys, monkeypatch, *turning, analysis="forward")
     reported = json.loads(out)
     assert code == 0
