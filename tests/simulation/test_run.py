@@ -370,7 +370,7 @@ def test_a_missing_file_and_an_invalid_model_are_rejected() -> None:
 
 def test_a_model_without_sites_is_advised_to_name_some() -> None:
     text = FOUR_BAR.format(f=0.0, closing="").replace("<site", "<!--").replace('0"/></body>', '0"--></body>')
-    with pytest.raises(InputError, match="put a named site at each point"):
+    with pytest.raises(InputError, match="put a named site at one"):
         simulate(text, speed=1.0)
 
 
