@@ -141,7 +141,8 @@ def export(
         return _catalogue(options.every, scene_of(options.scene))
     assert model is not None
     options.require_compatible(settings)
-    require_other_drivers(model, sets, driven)
+    if options.file_format != "toml":  # which contains the motion laws
+        require_other_drivers(model, sets, driven)
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     with progress("export", None) as report:

@@ -253,5 +253,5 @@ def test_crank_rates_are_scalars_or_one_per_angle():
             for name, point in even.points.items():
                 assert np.array_equal(point.acceleration, same.points[name].acceleration)
     for wrong in ([1.0, 2.0], np.nan, [1.0, np.inf, 1.0], [[1.0]], "1"):
-        with pytest.raises(InputError, match="the crank's speed is no finite number; give one, or 3"):
+        with pytest.raises(InputError, match="the crank's speed must be finite; give one number, or 3"):
             loops.rates(mechanism, poses, angles, wrong)
