@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mechsim import units as units
     from mechsim.analytic import catalog as catalog
     from mechsim.analytic import loops as loops
+    from mechsim.analytic.vector_method import vectors as vectors
     from mechsim.codegen.compiled import compile as compile
     from mechsim.errors import AssemblyError as AssemblyError
     from mechsim.errors import InputError as InputError
@@ -89,6 +90,7 @@ _MODULES = {
     "simulation": "simulation",
     "testing": "testing",
     "units": "units",
+    "vectors": "analytic.vector_method.vectors",
 }
 _NAMES = {
     "_version": "__version__",

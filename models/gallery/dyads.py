@@ -6,13 +6,14 @@ the tracked points, (n, 3) in [m]. Places in the plane are complex numbers.
 
 import numpy as np
 
+from mechsim import vectors
+
 
 def meeting(a, b, radius_a, radius_b, side):
     """Return where circles about two places meet, to the left of the way from a to b where side is 1."""
     gap = abs(b - a)
-    along = (radius_a**2 - radius_b**2 + gap**2) / (2.0 * gap**2)
-    across = np.sqrt(radius_a**2 / gap**2 - along**2)
-    return a + (b - a) * (along + 1j * side * across)
+    angle = vectors.triangle_angle(gap, radius_a, radius_b)
+    return a + radius_a * (b - a) / gap * np.exp(1j * side * angle)
 
 
 def placed(**points):

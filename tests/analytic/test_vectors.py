@@ -1,4 +1,5 @@
 import exact_solutions as exact
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -6,7 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import EPS, branches, lengths, offsets, turns
 
+import mechsim as ms
 from mechsim.analytic.vector_method import vectors
+from mechsim.studies.agreement.agreement import compare
 
 triples = st.tuples(offsets, offsets, offsets).map(lambda v: 100.0 * np.array(v))
 
@@ -48,6 +51,42 @@ def test_a_unit_vector_is_exact_where_the_published_form_is_singular(difference,
     v1, v2 = np.array([1.3, 0.4, 0.0]), np.array([-0.2, 0.9, difference])  # v1 x v2 along Z but for the gap
     p = vectors.unit_at_angles(v1, v2, 0.9, 0.7, sign)
     assert np.abs(p - exact.unit_at_angles(v1, v2, 0.9, 0.7, sign)).max() <= 4 * EPS
+
+
+@given(st.integers(1, 10**9), st.integers(1, 10**9), st.integers(1, 10**12 - 1))
+def test_a_triangle_angle_agrees_with_many_digits(first, second, fraction):
+    a, b = float(first), float(second)
+    # the opposite side lies between the difference of the others and their sum, often close to one of them
+    c = abs(a - b) + 2.0 * min(a, b) * (fraction * 1e-12) ** 2
+    assume(abs(a - b) < c < a + b)
+    with mp.workdps(150):
+        right = mp.acos((mp.mpf(a) ** 2 + mp.mpf(b) ** 2 - mp.mpf(c) ** 2) / (2 * mp.mpf(a) * mp.mpf(b)))
+        assert abs(mp.mpf(float(vectors.triangle_angle(a, b, c))) / right - 1) <= 16 * EPS
+
+
+def test_a_triangle_that_does_not_close_has_no_angle():
+    assert np.isnan(vectors.triangle_angle([1.0, 3.0], 1.0, [2.5, 1.0])).all()
+
+
+def formula_of_the_spatial_four_bar(sign):
+    """Return a user's formula of the mechanism `rssr` with its default dimensions, from `mechsim.vectors`."""
+
+    def formula(angle):
+        ex, ey = ms.vectors.column((1.0, 0.0, 0.0)), ms.vectors.column((0.0, 1.0, 0.0))
+        pivot = ms.vectors.column((0.043, -0.010, -0.024))
+        frame = ms.vectors.rotation("y", np.deg2rad(20.0)) @ ms.vectors.rotation("x", np.deg2rad(30.0))
+        to_crank = 0.013 * ms.vectors.spun(ey, ex, angle) - pivot
+        between = ms.vectors.triangle_angle(ms.vectors.norm(to_crank), 0.027, 0.046)
+        p3 = pivot + 0.027 * ms.vectors.unit_at_angles(to_crank, frame[:, 2:], between, np.pi / 2, sign)
+        return {"P3": p3.T}
+
+    return formula
+
+
+@pytest.mark.parametrize(("sign", "outcome"), [(-1, "passed"), (1, "failed")])
+def test_a_users_formula_is_built_from_the_operations(sign, outcome):
+    result = compare("rssr", formula_of_the_spatial_four_bar(sign), tolerance=1e-15, stepped=False)
+    assert result.outcome == outcome
 
 
 def test_impossible_angles_give_nan():

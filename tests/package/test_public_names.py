@@ -129,7 +129,7 @@ PUBLIC = """
     Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
     compile crosscheck dynamics export fit joint_map list load load_profile loops masses motors moved optimise
     plot plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
-    tune units validate view
+    tune units validate vectors view
 """
 NAMES = PUBLIC.split()
 

@@ -1,5 +1,7 @@
 """The vector method: rotations, triangle angles and unit vectors at given angles, on arrays of vectors.
 
+It is public as `mechsim.vectors`: a user's own formula may import it, as those of the gallery do.
+
 Vectors are stored component first, shape (3,) or (3, n): operations on whole arrays of a component make the
 closed forms fast. Angles are in [rad]. Arguments of type `Values` can be jets.
 """
@@ -77,6 +79,26 @@ def spun(reference: Array, axis: Array, angle: Values) -> Any:
     """
     c, s = cos_sin(angle)
     return c * reference + s * cross(axis, reference)
+
+
+def triangle_angle(side1: ArrayLike, side2: ArrayLike, opposite: ArrayLike) -> Array:
+    """Return the angle between two sides of a triangle, (n,) in [rad]; NaN if the sides form none.
+
+    cos A = (a2 + b2 - c2) / (2 a b) for sides a, b and the opposite c, in the form
+    tan2(A/2) = (c - a + b)(c + a - b) / ((a + b - c)(a + b + c)), which keeps the digits of small angles and
+    of angles near pi.
+
+    Args:
+        side1: length of a side, scalar or (n,).
+        side2: length of the other side, scalar or (n,).
+        opposite: length of the side opposite the angle, scalar or (n,).
+
+    Source: Dvorzhak (2016), the function Tcos; W. Kahan, "Miscalculating area and angles of a needle-like
+        triangle" (2014), for the form.
+    """
+    a, b, c = np.broadcast_arrays(side1, side2, opposite)
+    with np.errstate(invalid="ignore"):
+        return 2.0 * np.arctan2(np.sqrt((c - (a - b)) * (c + (a - b))), np.sqrt((a + b - c) * (a + b + c)))
 
 
 def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Any:
