@@ -1,5 +1,8 @@
 """Files with numbers that no model has, and loops of a second file, in `map`, `sample` and `dynamics`."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 
@@ -213,3 +216,33 @@ def test_a_link_of_a_planar_linkage_without_a_joint_is_rejected(run, tmp_path):
     code, shown = run(["show", "f.json"])
     assert code == 2
     assert "link lost has no joint" in shown.err
+
+
+@pytest.mark.parametrize("name", ["rocker+", "other"])
+def test_two_connects_of_a_hinge_of_a_file_agree_with_mujoco(run, tmp_path, name):
+    """mechsim writes a cut hinge as connects `rocker` and `rocker+`, which are joints of the file it reads.
+
+    Both methods agree unless the second pair is counted for the first joint.
+    """
+    code, _ = run(["export", "rssr", "--cut", "rocker", "-o", "f.xml"])
+    assert code == 0
+    text = (tmp_path / "f.xml").read_text()
+    text = re.sub(' armature="[^"]*"', "", text).replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')
+    assert '<connect name="rocker+"' in text
+    (tmp_path / "f.xml").write_text(text.replace('<connect name="rocker+"', f'<connect name="{name}"'))
+    code, shown = run(
+        [
+            "dynamics",
+            "inverse",
+            "f.xml",
+            "--drive",
+            "crank=1rad/s",
+            "--duration",
+            "0.2s",
+            "--samples",
+            "12",
+            "--json",
+        ]
+    )
+    assert code == 0
+    assert json.loads(shown.out)["passed"]

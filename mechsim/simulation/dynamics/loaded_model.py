@@ -141,7 +141,9 @@ class LoadedModel(ClosedModel):
     def cut_pairs(self, joint: Joint) -> list[int]:
         """Return the indices of the point pairs that close a loop at a joint; none for joints of the tree."""
         names = [self.model.equality(i).name for i in range(self.model.neq)]
-        return [i for i, name in enumerate(names) if name in (joint.name, f"{joint.name}+")]
+        # a joint of a file may have the name of the second pair, as in a file that mechsim wrote
+        others = {other.name for other in self.mechanism.joints} - {joint.name}
+        return [i for i, name in enumerate(names) if name in {joint.name, f"{joint.name}+"} - others]
 
     def welded(self, joint: Joint) -> int | None:
         """Return the index of the frame pair that closes a loop at a joint; None if there is none."""
