@@ -158,7 +158,7 @@ def circle_sphere(
 
     Accuracy: the point lies on both to a few ulp of the largest length, also at a dead centre, where a miss
         by rounding counts as contact. If the sphere's centre is near the axis, where p is ill-conditioned, p
-        leaves the plane by an ulp times |d| divided by their distance.
+        leaves the plane by an ulp times the length of d divided by their distance.
     """
     d = sphere_centre - centre
     height = dot(d, axis)
