@@ -8,7 +8,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic import catalog
-from mechsim.cli.command import Result, Without, command
+from mechsim.cli.command import Result, command
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -116,7 +116,7 @@ def export(
     options: ExportOptions,
     settings: Annotated[Mapping[str, Any], Settings],
     more: tuple[tuple[str, Any], ...] = RARE_SETTINGS,
-    driven: Annotated[DriveOptions, Without("duration")],
+    driven: DriveOptions,
     sets: Sets = None,
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
@@ -143,6 +143,8 @@ def export(
     options.require_compatible(settings)
     if options.file_format != "toml":  # which contains the motion laws
         require_other_drivers(model, sets, driven)
+        if driven.duration is not None:
+            raise InputError("--duration has an effect with --format toml only; leave it out")
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     with progress("export", None) as report:

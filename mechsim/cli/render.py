@@ -135,7 +135,7 @@ def render(
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
     look = replace(look, **drawn_as(solver))
-    if getattr(solver, "source", None) is not None and look.bodies is None:
+    if solver.source is not None and look.bodies is None:
         notes.append(
             f"{solver.name}: no moving link has a geom in the file: links are drawn from their joints"
         )

@@ -187,8 +187,7 @@ def _facts(case: Validation) -> dict[str, Any]:
         f"{math.degrees(low):.4f}° to {math.degrees(high):.4f}°" for low, high in known_facts["crank_ranges"]
     ]
     rows["crank range"] = "full turn" if known_facts["crank_range"] == "full turn" else arcs
-    # loop equations follow one assembly; only a closed form has all of them
-    if case.solver.direct:
+    if known_facts["assemblies_complete"]:
         count, angle = len(known_facts["assemblies"]), math.degrees(known_facts["angle"])
         rows["assemblies"] = f"{count} at crank angle {angle:g}°"
     if known_facts["dead_centres"]:

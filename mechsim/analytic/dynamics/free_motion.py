@@ -135,7 +135,7 @@ def free_run(
     values: dict[str, Any] = {field.name: getattr(run, field.name) for field in fields(run)}
     values |= {"outcome": outcome, "reason": reason}
     result = FreeRun(**values, motor=model.forces.motor_torque(run.motion.speed))
-    return with_ranges_checked(result, model.mechanism, getattr(model.solver, "ranges", {}))
+    return with_ranges_checked(result, model.mechanism, model.solver.ranges)
 
 
 def _require_determined(model: DynamicModel, angle: float) -> None:
