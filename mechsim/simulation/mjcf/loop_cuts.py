@@ -122,7 +122,7 @@ def _weighed(
     def priority(joint: Joint) -> tuple[bool | int, ...]:
         """Return the reasons against cutting a joint, the strongest first.
 
-        The number of rows has priority over the distance from the crank (validation/choices/cut_joint.py).
+        The number of rows has priority over the distance from the crank: fewer rows make quicker steps.
         """
         steps, kind = min(distance[joint.a.link], distance[joint.b.link]), KINDS[joint.kind]
         name, cuttable = joint.name, _cuttable(kind)
