@@ -288,6 +288,10 @@ def _top(
     context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
 ) -> None:
     """Check models of closed-loop mechanisms: formulas, MJCF, URDF and TOML."""
+    for word in sys.argv[1:]:
+        # Python reads bytes outside UTF-8 as surrogates, which MuJoCo and written files reject
+        if word.encode(errors="ignore").decode() != word:
+            raise InputError(f"{word!r} is not text in UTF-8; rename the file")
     if version:
         typer.echo(__version__)
         raise typer.Exit

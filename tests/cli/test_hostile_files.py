@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,3 +247,25 @@ def test_two_connects_of_a_hinge_of_a_file_agree_with_mujoco(run, tmp_path, name
     )
     assert code == 0
     assert json.loads(shown.out)["passed"]
+
+
+@pytest.mark.parametrize("arguments", [["show", "f\udcff.xml"], ["export", "four_bar", "-o", "f\udcff.xml"]])
+def test_a_file_name_that_is_not_text_is_rejected(run, tmp_path, arguments):
+    if arguments[0] == "show":
+        (tmp_path / arguments[1]).write_text(mjcf())
+    before = {*tmp_path.iterdir()}
+    code, shown = run(arguments)
+    assert code == 2
+    assert "'f\\udcff.xml' is not text in UTF-8" in shown.err
+    assert {*tmp_path.iterdir()} - before <= {tmp_path / "tree.urdf", tmp_path / "loops.yaml"}
+
+
+def test_a_link_stated_far_away_does_not_close(run, tmp_path):
+    """With a slide stated 1e12 mm off its guide, the damped equations are singular to rounding."""
+    text = (Path(__file__).parents[2] / "models/gallery/scotch_yoke.toml").read_text()
+    stated = 'yoke = { at = ["crank", 0, 0] }'
+    assert stated in text
+    (tmp_path / "f.toml").write_text(text.replace(stated, stated.replace(", 0,", ", 1e12,")))
+    code, shown = run(["simulate", "f.toml", "--method", "pose", "--samples", "7"])
+    assert code == 2
+    assert "the loops do not close" in shown.err

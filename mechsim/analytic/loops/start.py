@@ -192,7 +192,9 @@ def _damped(jacobian: Array, residual: Array) -> Array:
     """Return damped Gauss-Newton steps, (n, count); the damping is proportional to the residual."""
     transposed = jacobian.transpose(0, 2, 1)
     square = transposed @ jacobian
-    damping = 0.1 * (residual**2).mean(1) + 1e-13
+    # not lost in the rounding of the matrix
+    least = np.maximum(1e-13, 4.0 * np.finfo(np.float64).eps * np.trace(square, axis1=1, axis2=2))
+    damping = 0.1 * (residual**2).mean(1) + least
     square += damping[:, None, None] * np.eye(square.shape[1])
     return square_solution(square, (transposed @ residual[..., None])[..., 0])
 
