@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import BudgetError
-from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import ProcessorBudget
 
 
@@ -164,19 +164,3 @@ def cheapest(costs: ArrayLike, errors: ArrayLike, limit: float) -> int | None:
     cost, error = np.asarray(costs, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     fit = np.flatnonzero((error <= limit) & np.isfinite(cost))
     return int(fit[np.argmin(cost[fit])]) if len(fit) else None
-
-
-def richardson(coarse: Array, fine: Array, ratio: float, order: float) -> tuple[Array, float]:
-    """Return the Richardson extrapolation of two runs, and the error of the finer one.
-
-    Args:
-        coarse: values of the run with fewer steps.
-        fine: values of the run with `ratio` times as many.
-        ratio: above 1.
-        order: order of convergence.
-
-    Returns:
-        The extrapolated values, and the largest distance of the finer run from them.
-    """
-    change = (fine - coarse) / (ratio**order - 1.0)
-    return fine + change, worst(change)

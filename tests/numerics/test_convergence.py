@@ -10,7 +10,6 @@ from mechsim.numerics.convergence import (
     observed_order,
     pareto,
     plausible_order,
-    richardson,
 )
 
 STEPS = np.array([10.0, 20.0, 50.0, 100.0, 1000.0])
@@ -99,10 +98,3 @@ def test_the_cheapest_point_meets_the_error_limit():
     assert cheapest(cost, error, 1e-2) == 0
     assert cheapest(cost, error, 1e-5) is None
     assert cheapest([1.0], [np.nan], 1.0) is None
-
-
-def test_extrapolation_returns_the_limit_and_the_error():
-    truth, fault = np.array([2.0, -1.0]), np.array([1.0, 3.0])
-    value, bar = richardson(truth + fault, truth + fault / 16.0, 2.0, 4.0)
-    assert value == pytest.approx(truth)
-    assert bar == pytest.approx(3.0 / 16.0)

@@ -9,7 +9,6 @@ Run: python validation/choices/constraint_settings.py [--out DIR]
 """
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,34 +86,6 @@ def measured(name: str, settings: Settings) -> dict[str, Any]:
     return row
 
 
-def plot(rows: list[dict[str, Any]], out: Path) -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    shown = (
-        "MuJoCo's defaults (Euler)",
-        "implicitfast, 2 steps",
-        "discrete, 2 steps",
-        "RK4, 7 steps",
-        "RK4, 20 steps, 1e-4",
-        "RK4, turn/10, 1e-08",
-    )
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.5), sharex=True, layout="constrained")
-    for name in shown:
-        mine = [row for row in rows if row["settings"] == name and np.isfinite(row["angle"])]
-        for axis, kind in zip(axes, ("angle", "acceleration"), strict=True):
-            axis.loglog([row["ms/turn"] for row in mine], [row[kind] for row in mine], "o-", label=name)
-    axes[0].set(ylabel="worst rocker angle error [rad]")
-    axes[1].set(ylabel="worst acceleration error [crank x speed$^2$]")
-    for axis in axes:
-        axis.set(xlabel="time for a turn [ms]")
-        axis.grid(alpha=0.3)
-    axes[0].legend(fontsize=8)
-    figure.savefig(out / "constraint_settings.png", dpi=150)
-
-
 def main() -> None:
     out = sheet.folder(__doc__ or "")
     rows = [measured(name, item) for name, each in ladder().items() for item in each]
@@ -123,8 +94,6 @@ def main() -> None:
         for row, other in zip(rows, again, strict=True):
             row["ms/turn"] = min(row["ms/turn"], other["ms/turn"])
     sheet.show(rows, out, "constraint_settings")
-    if out is not None:
-        plot(rows, out)
 
 
 if __name__ == "__main__":

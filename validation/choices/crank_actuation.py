@@ -11,7 +11,6 @@ Run: python validation/choices/crank_actuation.py [--out DIR]
 import copy
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -143,24 +142,6 @@ class Rig:
         return row
 
 
-def plot(rows: list[dict[str, Any]], out: Path) -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axis = plt.subplots(figsize=(7.5, 4.5), layout="constrained")
-    for name in dict.fromkeys(row["mechanism"] for row in rows):
-        mine = [row for row in rows if row["mechanism"] == name]
-        axis.loglog([r["speed"] for r in mine], [r["place"] for r in mine], "o", label=name)
-    for row in rows[: len(ACTUATIONS)]:
-        axis.annotate(f"{row['drive']} ({row['integrator']})", (row["speed"], row["place"]), fontsize=6)
-    axis.set(xlabel="worst drive error, of speed", ylabel="worst place error at the angle reached [crank]")
-    axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
-    figure.savefig(out / "drive.png", dpi=150)
-
-
 @mjcf.quiet()
 def main() -> None:
     out = sheet.folder(__doc__ or "")
@@ -173,8 +154,6 @@ def main() -> None:
                 row["us/step"] = min(row["us/step"], rig.run()["us/step"])
         rows += result
     sheet.show(rows, out, "drive")
-    if out is not None:
-        plot(rows, out)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import study_table as sheet
-from chain_costs import chain
 
 from mechsim import catalog
 from mechsim.analytic.catalog.four_bar import FourBar
@@ -24,6 +23,56 @@ CHAINS = (8, 10, 12, 16, 20, 24, 40)
 POLYGONS = ((1, 40), (1, 100), (2, 20), (2, 40), (3, 20), (3, 30), (4, 12), (4, 20), (6, 12), (10, 8))
 STEPS, ROUNDS = 100, 15
 RANDOM, SEED = 400, 0
+
+
+def chain(linkage: FourBar, n: int) -> mujoco.MjSpec:
+    """Return the model of a chain of n four-bars with its crank at zero."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.gravity = (0.0, 0.0, 0.0)
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    first = linkage.positions(np.zeros(1))
+    pin, frame = first["B"][0], np.array([linkage.ground, 0.0, 0.0])
+    links = [_link(spec.worldbody, "crank", np.zeros(3), first["A"][0], linkage.crank)]
+    for k in range(1, n + 1):
+        foot, tip = k * frame, pin + (k - 1) * frame
+        rocker = _link(spec.worldbody, f"rocker{k}", foot, tip, linkage.rocker)
+        rocker.add_site(name=f"B{k}", pos=(linkage.rocker, 0.0, 0.0))
+        before = links[-1]
+        arm = linkage.crank if k == 1 else linkage.rocker
+        tail = first["A"][0] if k == 1 else tip - frame
+        length = linkage.coupler if k == 1 else linkage.ground
+        coupler = _link(before, f"coupler{k}", np.array([arm, 0.0, 0.0]), tip - tail, length, before)
+        coupler.add_site(name=f"B{k}@coupler", pos=(length, 0.0, 0.0))
+        kind, kind_of_ends = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
+        spec.add_equality(name=f"B{k}", type=kind, objtype=kind_of_ends, name1=f"B{k}@coupler", name2=f"B{k}")
+        links.append(rocker)
+    return spec
+
+
+def _link(
+    parent: mujoco.MjsBody,
+    name: str,
+    position: np.ndarray,
+    towards: np.ndarray,
+    length: float,
+    within: mujoco.MjsBody | None = None,
+) -> mujoco.MjsBody:
+    """Add a rod of 1 kg, hinged to its parent at a position, towards another position or along a vector."""
+    direction = towards - position if within is None else towards
+    angle = np.arctan2(direction[1], direction[0]) - (0.0 if within is None else _rotated(within))
+    half = 0.5 * angle
+    body = parent.add_body(name=name, pos=position, quat=(np.cos(half), 0.0, 0.0, np.sin(half)))
+    body.mass, body.ipos = 1.0, (0.5 * length, 0.0, 0.0)
+    body.inertia = np.full(3, length**2 / 10.0)
+    body.explicitinertial = True
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
+    return body
+
+
+def _rotated(body: mujoco.MjsBody) -> float:
+    """Return by what angle about z a body stands turned in its parent."""
+    return 2.0 * float(np.arctan2(body.quat[3], body.quat[0]))
 
 
 def polygons(count: int, sides: int) -> mujoco.MjSpec:

@@ -12,7 +12,7 @@ Row = Mapping[str, Any]
 def folder(purpose: str) -> Path | None:
     """Return the folder given by --out, made if need be; None if none was given."""
     parser = argparse.ArgumentParser(description=purpose)
-    parser.add_argument("--out", type=Path, help="folder for the table as CSV and the plot as PNG")
+    parser.add_argument("--out", type=Path, help="folder for the table as CSV")
     out: Path | None = parser.parse_args().out
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)

@@ -135,34 +135,13 @@ def fractions(rows: Sequence[sheet.Row]) -> list[str]:
     ]
 
 
-def plot(rows: Sequence[sheet.Row], out: Path) -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    for name in dict.fromkeys(row["mechanism"] for row in rows):
-        mine = [row for row in rows if row["mechanism"] == name]
-        for axis, key in zip(axes, ("error/T", "cost/cheapest"), strict=True):
-            axis.loglog([row["T/crank"] for row in mine], [row[key] for row in mine], "o", ms=3.5, label=name)
-    for axis, limit, what in zip(
-        axes, (1.0, 1.5), ("true error / T", "cost, trials included / cheapest of the ladder"), strict=True
-    ):
-        axis.axhline(limit, color="#b00020", lw=1.0, ls="--")
-        axis.set(xlabel="T / crank length", ylabel=what)
-        axis.grid(alpha=0.3)
-    axes[1].legend(fontsize=8)
-    figure.savefig(out / "tolerance_study.png", dpi=110)
-
-
 @mjcf.quiet()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=70, help="runs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", metavar="NAME", help="one mechanism of the catalogue")
-    parser.add_argument("--out", type=Path, help="folder for the table as CSV and the plot as PNG")
+    parser.add_argument("--out", type=Path, help="folder for the table as CSV")
     options = parser.parse_args()
     random, rows = np.random.default_rng(options.seed), []
     for linkage in drives(random, options.count, options.only):
@@ -170,7 +149,6 @@ def main() -> None:
         rows.append(measured(linkage, units.rpm(speed), fraction))
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
-        plot(rows, options.out)
     sheet.show(rows, options.out, "tolerance_study")
     print(*fractions(rows), sep="\n")
 
