@@ -60,8 +60,8 @@ def release_view(release: Release, mode: int | None) -> View:
     """
     model = release.model
     if mode is None:
-        motion, name = release.shown_run(2 * SAMPLES).motion, "released"
-        fact = "Integrated from the initial state, its drivers free."
+        motion, name = release.shown_run(2 * SAMPLES).motion, release.title
+        fact = "Integrated from the initial state; no driver is prescribed."
     else:
         cycle = release.cycle(mode, 2 * SAMPLES)
         motion, name = cycle.motion, f"mode {mode}"

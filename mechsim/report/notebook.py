@@ -58,7 +58,7 @@ class FramedPage:
     def _repr_html_(self) -> str:
         return (
             f'<iframe srcdoc="{escape(self.text)}" width="100%" height="{self.height}" '
-            'style="border: 0" title="mechanism to turn by hand"></iframe>'
+            'style="border: 0" title="interactive view"></iframe>'
         )
 
 

@@ -109,7 +109,7 @@ class PlotSource:
         """The mechanism, and its crank speed or the duration of its motion laws."""
         laws, name = self.solver.motion_laws, self.solver.name
         if self.release is not None:
-            return f"{name}, its drivers free"
+            return f"{name}, {self.release.title}"
         if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
         return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"

@@ -229,6 +229,12 @@ class Release:
     restitution: float = 0.0
     budget: int | None = None
 
+    @property
+    def title(self) -> str:
+        """The initial state in words, such as "released at crank = 30deg"."""
+        state = ", ".join(f"{name.removesuffix('.q')} = {value}" for name, value in self.initial.items())
+        return f"released at {state}" if state else "released"
+
     def run(self, samples: int, progress: Progress = no_progress) -> DynamicRun:
         """Return the run at instants after the first."""
         if self.turns is not None:

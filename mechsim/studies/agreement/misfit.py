@@ -58,7 +58,7 @@ USER_TOLERANCES = FormulaTolerances(
     velocities=(1e-6, 3),
     accelerations=(1e-5, 5),
     forces=(1e-6, 5),
-    reason="{part:.0e} of {scale:.3g} {unit}: a user's function or table; a link 0.1 % long changes 1e-3",
+    reason="{part:.0e} of the motion's {scale:.3g} {unit} (a link 0.1 % too long would change 1e-3)",
 )
 # for the formula of a model's file: rounding times the condition of the loops. Positions of the 24
 # gallery mechanisms differ by 10 eps at most; the powers are those of solved poses (`verdict.quantities`)
@@ -67,7 +67,7 @@ EXACT_TOLERANCES = FormulaTolerances(
     velocities=(8192 * EPS, 3),
     accelerations=(65536 * EPS, 5),
     forces=(1e-10, 5),
-    reason="{part:.0e} of {scale:.3g} {unit}: rounding times condition; measured 2e-15 for the gallery",
+    reason="{part:.0e} of the motion's {scale:.3g} {unit} (rounding; the gallery's formulas are off by 2e-15)",
 )
 REQUESTED = "requested"
 
