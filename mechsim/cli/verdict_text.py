@@ -14,7 +14,7 @@ from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, 
 from mechsim.model.finding import Finding, counted_findings
 from mechsim.model.masses import summary
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
-from mechsim.pictures.number_text import prefixed
+from mechsim.pictures.number_text import quantity_text
 from mechsim.report.facts import kind
 
 if TYPE_CHECKING:
@@ -62,8 +62,6 @@ METHODS = {
 }
 # maximum number of failed checks in the output without -v
 MAX_FAILED = 3
-# units that take no prefix
-WITHOUT_PREFIX = ("kg", "1")
 # columns reserved for the duration of a validation
 DURATION_WIDTH = 6
 # as in "rod is 0.199 m instead of 0.2 m (-0.5 %)"
@@ -201,23 +199,14 @@ def _fraction(check: "Check") -> str:
 def _off_by(check: "Check") -> str:
     if math.isnan(check.worst):
         return f"not a number at {_instant(check)}"
-    tolerance = readable(check.tolerance, check.unit)
-    return f"off by {readable(check.worst, check.unit)} at {_instant(check)}   (tolerance {tolerance})"
+    tolerance = quantity_text(check.tolerance, check.unit)
+    return f"off by {quantity_text(check.worst, check.unit)} at {_instant(check)}   (tolerance {tolerance})"
 
 
 def _instant(check: "Check") -> str:
     if check.at_unit == "rad":
         return f"{math.degrees(check.instant) % 360.0:.4g}°"
     return f"row {check.instant:g}" if check.at_unit == "row" else f"t = {check.instant:.4g} s"
-
-
-def readable(value: float, unit: str) -> str:
-    """Return a quantity with the prefix of its unit that gives a readable number."""
-    if unit == "rad" and value >= 1e-6:
-        return f"{math.degrees(value):.3g}°"
-    if unit.startswith(WITHOUT_PREFIX) or not 1e-9 <= value < 1e6:
-        return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
-    return prefixed(value, unit)
 
 
 def print_agreement(name: str, agreement: "Agreement", *, verbose: bool, findings: int = 0) -> None:

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike
 
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# units that take no prefix
+WITHOUT_PREFIX = ("kg", "1")
 
 
 def power_of_ten(exponent: int) -> str:
@@ -37,6 +39,15 @@ def prefixed(value: float, unit: str) -> str:
     power = 3 * math.floor(math.log10(abs(value)) / 3.0 + 1e-9)
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return f"{value / 10.0**power:.3g} {PREFIXES[power]}{unit}"
+
+
+def quantity_text(value: float, unit: str) -> str:
+    """Return a quantity with the prefix of its unit that gives a readable number; angles in degrees."""
+    if unit == "rad" and value >= 1e-6:
+        return f"{math.degrees(value):.3g}°"
+    if unit.startswith(WITHOUT_PREFIX) or not 1e-9 <= value < 1e6:
+        return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+    return prefixed(value, unit)
 
 
 def readable(values: ArrayLike, unit: str) -> tuple[float, str]:

@@ -18,7 +18,7 @@ from mechsim._version import __version__
 from mechsim.errors import OutputError, needs
 from mechsim.files import atomic_path, plain, write_json
 from mechsim.model.finding import counted_findings
-from mechsim.pictures.number_text import number
+from mechsim.pictures.number_text import number, quantity_text
 from mechsim.verdict.checks import Check
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -169,7 +169,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {"number": number, "instant": instant, "value": value, "percent": percent}
+    filters: dict[str, Any] = {"quantity": quantity, "instant": instant, "value": value, "percent": percent}
     environment.filters.update(filters | {"data_uri": data_uri})
     shown = sorted((_shown(section, results) for section in sections), key=lambda case: case["passed"])
     return environment.get_template("report.html").render(
@@ -303,6 +303,13 @@ def value(x: Any) -> list[str]:
         short = [", ".join(value(item)) for item in x]
         return short if nested or sum(map(len, short)) > 60 else [", ".join(short)]
     return [str(x)]
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """Return a quantity as in the terminal: 1.05 mm; very small ones with a power of ten."""
+    if value is None or not math.isfinite(value):
+        return "not a number"
+    return quantity_text(value, unit) if value >= 1e-9 else f"{number(value)} {unit}"
 
 
 def percent(fraction: float | None) -> str:

@@ -2,9 +2,12 @@
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +15,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.progress import Progress, no_progress
 from mechsim.pictures import plots
@@ -19,12 +23,16 @@ from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.report.facts import about, facts
 from mechsim.report.page import Section, studies_in, write_report
-from mechsim.report.plot_table import PLOTS, PlotSource
+from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.validate import Validation
 
+if TYPE_CHECKING:
+    from mechsim.pictures.render import Look
+
+Drawing = TypeVar("Drawing")
 # pixels of a video; its frames per revolution and per second: a revolution lasts two seconds
 RESOLUTION = (640, 480)
 FRAMES_PER_TURN = 36
@@ -34,11 +42,13 @@ UNSTEPPED_PLOTS = ("curve",)
 # colours of a plot, and quality of a picture, in WebP: over the mechanisms of the default run the plots take
 # half of their size in SVG, the pictures a quarter of their size in PNG
 PLOT_COLOURS, PICTURE_QUALITY = 32, 80
+# points whose displacement, velocity and acceleration are drawn: the last ones, mostly the output
+MAX_POINTS = 2
 # plots of a comparison: of the quantities with the largest error / tolerance
 MAX_PLOTS = 4
 
-# time to draw a mechanism with a video, in times of one without (measured on the default report)
-VIDEO_TIME = 5.5
+# time to write a video, in times of the rest of a section (measured on the default report)
+VIDEO_TIME = 4.5
 
 
 def write_validation_report(
@@ -64,28 +74,49 @@ def write_validation_report(
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
     sections: list[Section] = []
-    finished, whole = 0.0, sum(1.0 if case.quick else VIDEO_TIME for case in cases.values())
-    for name, case in cases.items():
-        picture = _picture(case.solver, case.run.motion, notes)
-        sections.append(
-            Section(
-                name=name,
-                title=name,
-                about=about(case.solver),
-                facts=_facts(case) | ({} if case.formula is None else explanations(case.formula)),
-                picture=picture,
-                video=_write_video(folder, name, case, notes) if picture is not None else "",
-                view=_write_view(folder, name, case),
-                plots=_plots(case),
-                checks=case.verdict.checks,
-                settings=_settings(case),
-            )
-        )
-        finished += VIDEO_TIME if sections[-1].video else 1.0
-        progress(name, finished / whole)
+    videos: dict[str, Future[str]] = {}
+    whole = len(cases) + VIDEO_TIME * sum(not case.quick for case in cases.values())
+    # videos take half of the time, so another process writes them
+    with ProcessPoolExecutor(1, get_context("spawn")) as other:
+        for name, case in cases.items():
+            sections.append(_section(folder, name, case, notes))
+            if sections[-1].picture is not None and not case.quick:
+                videos[name] = other.submit(_write_video, *_video(folder, name, case))
+            finished = sum(video.done() for video in videos.values())
+            progress(name, (len(sections) + VIDEO_TIME * finished) / whole)
+        for finished, _ in enumerate(as_completed(videos.values()), 1):
+            progress("videos", (len(sections) + VIDEO_TIME * finished) / whole)
+    for i, section in enumerate(sections):
+        if section.name in videos:
+            sections[i] = replace(section, video=_drawn(videos[section.name].result, notes) or "")
     studies = studies_in(Path(earlier or folder))
     write_report(folder, results, sections, notes=notes, studies=studies, earlier=earlier)
     return notes
+
+
+def _section(folder: Path, name: str, case: Validation, notes: list[str]) -> Section:
+    """Return the section of a mechanism without its video, and write its interactive view."""
+    return Section(
+        name=name,
+        title=name,
+        about=about(case.solver),
+        facts=_facts(case) | ({} if case.formula is None else explanations(case.formula)),
+        picture=_picture(case.solver, case.run.motion, notes),
+        view=_write_view(folder, name, case),
+        plots=_plots(case),
+        checks=case.verdict.checks,
+        settings=_settings(case),
+    )
+
+
+def _drawn(draw: Callable[[], Drawing], notes: list[str]) -> Drawing | None:
+    """Return what is drawn; None where it cannot be drawn, and a note says why."""
+    try:
+        return draw()
+    except (MissingToolError, OutputError) as error:
+        if str(error) not in notes:
+            notes.append(str(error))
+        return None
 
 
 def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes | None:
@@ -94,31 +125,24 @@ def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes
     from mechsim.pictures.render.drawn_model import drawn_as
 
     look = Look(size=RESOLUTION, **drawn_as(solver))
-    try:
-        pixels = still(solver.mechanism, motion, look, paths="whole")
-    except (MissingToolError, OutputError) as error:
-        if str(error) not in notes:
-            notes.append(str(error))
-        return None
-    return _webp(pixels)
+    return _drawn(lambda: _webp(still(solver.mechanism, motion, look, paths="whole")), notes)
 
 
-def _write_video(folder: Path, name: str, case: Validation, notes: list[str]) -> str:
-    """Write a video of a time-stepped run and return its file's name; empty where there is none."""
-    from mechsim.pictures.render import Look, turn_angles, write_video
+def _video(folder: Path, name: str, case: Validation) -> tuple[Path, Mechanism, Motion, "Look"]:
+    """Return path, mechanism, motion and look of the video of a time-stepped run."""
+    from mechsim.pictures.render import Look
     from mechsim.pictures.render.drawn_model import drawn_as
 
-    if case.quick:
-        return ""
-    mechanism, motion = case.solver.mechanism, case.run.motion
-    look, path = Look(size=RESOLUTION, **drawn_as(case.solver)), folder / f"{stem_of(name)}.mp4"
-    try:
-        angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
-        write_video(path, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
-    except (MissingToolError, OutputError) as error:
-        if str(error) not in notes:
-            notes.append(str(error))
-        return ""
+    look = Look(size=RESOLUTION, **drawn_as(case.solver))
+    return folder / f"{stem_of(name)}.mp4", case.solver.mechanism, case.run.motion, look
+
+
+def _write_video(path: Path, mechanism: Mechanism, motion: Motion, look: "Look") -> str:
+    """Write a video of a time-stepped run and return its file's name."""
+    from mechsim.pictures.render import turn_angles, write_video
+
+    angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
+    write_video(path, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
     return path.name
 
 
@@ -159,14 +183,16 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
         bounds={"simulated": _position_tolerance(case, "step"), "posed": _position_tolerance(case, "pose")},
     )
-    kinds = [
-        kind
+    last = tuple(case.solver.mechanism.points)[-MAX_POINTS:]
+    sources = {"motion": replace(source, options=PlotOptions(points=last))}
+    figures = [
+        (kind.about, kind.figure(sources.get(name, source)))
         for name, kind in PLOTS.items()
         if kind.on_page
         and (name in UNSTEPPED_PLOTS or not case.quick)
         and (case.solver.direct or not kind.closed)
     ]
-    return [(kind.about, _webp(plots.drawn(kind.figure(source), "png"))) for kind in kinds]
+    return [(caption, _webp(plots.drawn(figure, "png"))) for caption, figure in figures]
 
 
 def _position_tolerance(case: Validation, method: Literal["step", "pose"]) -> float:

@@ -469,7 +469,9 @@ def against_loops(solver: KinematicSolver, exact: Motion) -> Verdict:
         poses = {name: pose.select(apart) for name, pose in poses.items()}
     position_residuals, axis_residuals = loops.residual_norms(mechanism, poses, exact.angle)
     loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
-    closed = Tolerance(8 * EPS * mechanism.characteristic_length, "m", "8 rounding errors of the longest link")
+    closed = Tolerance(
+        8 * EPS * mechanism.characteristic_length, "m", "8 rounding errors of the longest link"
+    )
     rotated = Tolerance(32 * EPS, "rad", "8 rounding errors of an angle of 4 rad")
     checks = [
         check_of("loop", "", position_residuals, exact.angle, closed),

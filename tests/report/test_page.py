@@ -182,7 +182,7 @@ def test_a_second_report_is_compared_with_the_first(section, tmp_path):
     report.write_report(tmp_path, results(rssr=worse), [replace(section, checks=(check(5e-9),))])
     text = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
     assert "1 change" in text
-    assert "fails now, 3.20·10⁻¹⁰ → 5.00·10⁻⁹ m" in " ".join(text.split())
+    assert "fails now, 3.20·10⁻¹⁰ m → 5 nm" in " ".join(text.split())
     (tmp_path / "validate.json").write_text("[]", encoding="utf-8")
     report.write_report(tmp_path, results(rssr=worse), [section])
 
@@ -218,7 +218,7 @@ def test_failed_checks_are_listed_before_the_mechanisms(section, tmp_path):
     assert page.index("Validation failed") < page.index("Failed checks and errors") < first
     assert page.index("velocity of P2") < first
     assert page.index("install libegl1") < first
-    assert "not a number m at 68.8°, tolerance 1.00·10⁻⁹ m" in text
+    assert "not a number at 68.8°, tolerance 1 nm" in text
     assert "MuJoCo warned" in text
 
 
