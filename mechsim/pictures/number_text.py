@@ -13,7 +13,7 @@ WITHOUT_PREFIX = ("kg", "1")
 
 def power_of_ten(exponent: int) -> str:
     """Return a power of ten as plain text: 10⁻⁶."""
-    return f"10{str(exponent).translate(SUPERSCRIPTS)}"
+    return "10" if exponent == 1 else f"10{str(exponent).translate(SUPERSCRIPTS)}"
 
 
 def number(value: float | None) -> str:

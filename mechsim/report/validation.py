@@ -46,6 +46,8 @@ PLOT_COLOURS, PICTURE_QUALITY = 32, 80
 MAX_POINTS = 2
 # plots of a comparison: of the quantities with the largest error / tolerance
 MAX_PLOTS = 4
+# fraction of a difference from which a single component is not drawn: it is the whole difference
+ONE_SHARE = 0.99
 
 # time to write a video, in times of the rest of a section (measured on the default report)
 VIDEO_TIME = 4.5
@@ -290,7 +292,10 @@ def worst_first(agreement: Agreement) -> list[TwoCurves]:
 def _curves(agreement: Agreement, i: int) -> TwoCurves:
     candidate, instants = agreement.candidates[i], agreement.evaluation.instants
     noise = agreement.noise[i] if agreement.noise else None
-    shares = agreement.attribution.get("quantities", {}).get(candidate.quantity.name, {})
+    parts = agreement.attribution.get("quantities", {}).get(candidate.quantity.name, {})
+    shares = {name: float(parts[name]) for name in COMPONENTS if name in parts}
+    if max(shares.values(), default=0.0) > ONE_SHARE * sum(shares.values()):
+        shares = {}
     return TwoCurves(
         name=candidate.quantity.name,
         unit=candidate.quantity.unit,
@@ -301,7 +306,7 @@ def _curves(agreement: Agreement, i: int) -> TwoCurves:
         components=candidate.quantity.axes,
         tolerance=agreement.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
         source=agreement.source,
-        shares={name: shares[name] for name in COMPONENTS if name in shares},
+        shares=shares,
     )
 
 

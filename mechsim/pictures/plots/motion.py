@@ -241,7 +241,7 @@ def _difference(ax: "Axes", x: Array, curves: TwoCurves) -> None:
         if rounding
         else f"at most {prefixed(largest, curves.unit)}"
     )
-    text = f"{most}, bound {prefixed(curves.tolerance, curves.unit)}"
+    text = f"{most}, tolerance {prefixed(curves.tolerance, curves.unit)}"
     ax.set_title(f"the difference: {text}")
 
 

@@ -285,7 +285,8 @@ class Source:
             name: (mixed(shift, indices), mixed(rotation, indices))
             for name, (shift, rotation) in deviations.items()
         }
-        return Ghost(magnified(self.mechanism, self.frames(angles).poses, deviations, by), by)
+        poses = magnified(self.mechanism, self.frames(angles).poses, deviations, by)
+        return Ghost(poses, by, self.exact.source)
 
 
 def draw(drawn: DrawnModel, backend: backends.Backend, start: int = 0) -> Generator[Picture]:

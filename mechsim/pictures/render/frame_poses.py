@@ -26,17 +26,19 @@ class Ghost:
     Attributes:
         poses: link -> poses, (n, ...); moving links only.
         by: factor on the error.
+        source: source of the motion that the ghost shows.
     """
 
     poses: Mapping[str, Pose]
     by: float
+    source: str
 
     @property
     def legend(self) -> str:
         """Text about the ghost in a picture."""
         exponent = int(np.floor(np.log10(self.by) + 1e-9))
         lead, power = self.by / 10.0**exponent, power_of_ten(exponent)
-        return f"closed form dark, error × {power if round(lead, 6) == 1.0 else f'{self.by:.3g}'}"  # noqa: RUF001
+        return f"{self.source} dark, error × {power if round(lead, 6) == 1.0 else f'{self.by:.3g}'}"  # noqa: RUF001
 
 
 def errors(
