@@ -1,4 +1,4 @@
-"""What a wheel holds besides the package: gallery and reference data, of which the sources keep one copy."""
+"""What a wheel holds besides the package: models and reference data, of which the sources keep one copy."""
 
 from typing import Any
 
@@ -6,11 +6,11 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class WithData(BuildHookInterface):
-    """Puts gallery and reference data into wheels; one that is run from its sources finds them there."""
+    """Puts models and reference data into wheels; one that is run from its sources finds them there."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Add the folders, unless the install is editable."""
         if version != "editable":
-            build_data["force_include"]["models/gallery"] = "mechsim/gallery"
+            build_data["force_include"]["models"] = "mechsim/models"
             for part in ("data", "mechanisms", "datapackage.json", "SHA256SUMS", "README.md"):
                 build_data["force_include"][f"reference/{part}"] = f"mechsim/reference/{part}"

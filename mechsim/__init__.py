@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from mechsim import simulation as simulation
     from mechsim import testing as testing
     from mechsim import units as units
-    from mechsim.analytic import catalog as catalog
     from mechsim.analytic import loops as loops
     from mechsim.analytic.vector_method import vectors as vectors
     from mechsim.codegen.compiled import compile as compile
@@ -66,6 +65,7 @@ if TYPE_CHECKING:
     from mechsim.studies.sweep.sweeping import sweep as sweep
     from mechsim.studies.validate import Validation as Validation
     from mechsim.studies.validate import validate as validate
+    from mechsim.subjects import catalog as catalog
     from mechsim.subjects import dynamics as dynamics
     from mechsim.subjects.gallery import list as list
     from mechsim.subjects.readers import load as load
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
 
 # public modules, and public names by the module that defines them; they are also imported above
 _MODULES = {
-    "catalog": "analytic.catalog",
+    "catalog": "subjects.catalog",
     "dynamics": "subjects.dynamics",
     "load_profile": "model.load_profile",
     "loops": "analytic.loops",

@@ -4,7 +4,7 @@ import numpy as np
 from strategies import CLOSED, EPS, longest
 
 from mechsim import loops
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 

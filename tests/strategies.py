@@ -7,14 +7,8 @@ import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.bennett import Bennett
-from mechsim.analytic.catalog.four_bar import FourBar
-from mechsim.analytic.catalog.looper import Looper
-from mechsim.analytic.catalog.rrsrr import Rrsrr
-from mechsim.analytic.catalog.rssr import Rssr
-from mechsim.analytic.catalog.slider_crank import SliderCrank
-from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim import catalog
+from mechsim.analytic.formulas.base import ClosedForm
 
 Mirror = Callable[[ClosedForm], tuple[ClosedForm, float, np.ndarray]]
 EPS = np.finfo(np.float64).eps
@@ -29,9 +23,10 @@ branches = st.sampled_from([1, -1])
 
 
 @st.composite
-def rssrs(draw: st.DrawFn) -> Rssr:
+def rssrs(draw: st.DrawFn) -> ClosedForm:
     """A spatial four-bar whose coupler fits at one crank and rocker angle, so that it can be assembled."""
-    base = Rssr(
+    base = catalog.make(
+        "rssr",
         crank=draw(lengths),
         rocker=draw(lengths),
         pivot=tuple(draw(offsets) for _ in range(3)),
@@ -49,14 +44,15 @@ def rssrs(draw: st.DrawFn) -> Rssr:
 
 
 @st.composite
-def four_bars(draw: st.DrawFn) -> FourBar:
+def four_bars(draw: st.DrawFn) -> ClosedForm:
     """A planar four-bar whose coupler fits at one crank and rocker angle."""
     crank, rocker, ground = (draw(lengths) for _ in range(3))
     f, swing = draw(turns), draw(turns)
     coupler = abs(crank * np.exp(1j * f) - ground - rocker * np.exp(1j * swing))
     # two equal links let the pin reach a pivot, where the rocker is undetermined
     assume(coupler > 0.005 and np.diff(np.sort([ground, crank, coupler, rocker])).min() > 2e-5)
-    return FourBar(
+    return catalog.make(
+        "four_bar",
         ground=ground,
         crank=crank,
         coupler=float(coupler),
@@ -68,16 +64,16 @@ def four_bars(draw: st.DrawFn) -> FourBar:
 
 
 @st.composite
-def slider_cranks(draw: st.DrawFn) -> SliderCrank:
+def slider_cranks(draw: st.DrawFn) -> ClosedForm:
     """A slider-crank whose rod is longer than the height of the slide above the pin at one crank angle."""
     crank, offset = draw(lengths), draw(offsets)
     height = abs(offset - crank * np.sin(draw(turns)))
     rod = float(np.hypot(height, draw(lengths)))
-    return SliderCrank(crank=crank, rod=rod, offset=offset, branch=draw(branches))
+    return catalog.make("slider_crank", crank=crank, rod=rod, offset=offset, branch=draw(branches))
 
 
 @st.composite
-def rrsrrs(draw: st.DrawFn) -> Rrsrr:
+def rrsrrs(draw: st.DrawFn) -> ClosedForm:
     """A five-link whose connecting link fits at one crank and one coupler angle."""
     f, v = draw(turns), draw(turns)
     crank, coupler, pivot = draw(lengths), draw(lengths), tuple(draw(offsets) for _ in range(3))
@@ -86,13 +82,16 @@ def rrsrrs(draw: st.DrawFn) -> Rrsrr:
     link = float(np.linalg.norm(s - pivot))
     assume(link > 0.005)
     axis = {"gamma1": draw(turns), "gamma2": draw(turns)}
-    return Rrsrr(crank=crank, coupler=coupler, link=link, pivot=pivot, branch=draw(branches), **axis)
+    return catalog.make(
+        "rrsrr", crank=crank, coupler=coupler, link=link, pivot=pivot, branch=draw(branches), **axis
+    )
 
 
 @st.composite
-def loopers(draw: st.DrawFn) -> Looper:
+def loopers(draw: st.DrawFn) -> ClosedForm:
     """A looper that fits at one crank angle, one rocker angle and one swing of the follower."""
-    base = Looper(
+    base = catalog.make(
+        "looper",
         crank=draw(lengths),
         rocker=draw(lengths),
         frame=draw(lengths),
@@ -120,15 +119,15 @@ def loopers(draw: st.DrawFn) -> Looper:
 
 
 @st.composite
-def bennetts(draw: st.DrawFn) -> Bennett:
+def bennetts(draw: st.DrawFn) -> ClosedForm:
     twists = st.integers(60, 3080).map(lambda value: (value + 0.41) * 1e-3)
     first, second = draw(twists), draw(twists)
     assume(abs(first - second) > 0.02)
     sign = draw(st.sampled_from([1, -1]))
-    return Bennett(length0=draw(lengths), twist0=sign * first, twist1=sign * second)
+    return catalog.make("bennett", length0=draw(lengths), twist0=sign * first, twist1=sign * second)
 
 
-def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
+def random_knitter(seed: int, ratio: float = -2.0) -> ClosedForm:
     """A warp knitter whose legs fit one random pose at crank angle 0, in a random assembly."""
     rng = np.random.default_rng(seed)
     legs, base = [0.0], [0.0]
@@ -142,7 +141,8 @@ def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
         ends = [position, position + rotation * complex(*base_c), position + rotation * complex(*base_k)]
         legs = [float(abs(end - pin)) for end, pin in zip(ends, pins, strict=True)]
         base = [np.hypot(*base_c), np.hypot(*base_k)]
-    linkage = WarpKnitter(
+    linkage = catalog.make(
+        "warp_knitter",
         crank1=float(cranks[0]),
         crank2=float(cranks[1]),
         rod3=legs[0],
@@ -160,7 +160,7 @@ def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
 
 
 @st.composite
-def warp_knitters(draw: st.DrawFn) -> WarpKnitter:
+def warp_knitters(draw: st.DrawFn) -> ClosedForm:
     """A warp knitter in one of its assemblies, its second crank geared twice as fast or 3 to 2."""
     return random_knitter(draw(st.integers(0, 10**6)), draw(st.sampled_from([-2.0, -1.5])))
 

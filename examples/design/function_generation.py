@@ -10,7 +10,7 @@ Run: python examples/design/function_generation.py
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.studies.optimise import Goal, Optimum, Quantities
 
 BEGIN, SWEEP = np.deg2rad(25.0), np.deg2rad(60.0)

@@ -9,7 +9,7 @@ Run: python examples/design/straighter_line.py
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.studies.optimise import Goal, Limit, Optimum, Quantities, largest, smallest
 
 HOEKEN = {"crank": 0.04, "ground": 0.08, "coupler": 0.1, "rocker": 0.1, "arm": 0.2, "arm_angle": 0.0}

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import typer
 
 from mechsim import files
-from mechsim.analytic import catalog
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import (
     SPEED,
@@ -30,6 +29,7 @@ from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, exporte
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
 from mechsim.studies.robots.serial_twin import Coupled
+from mechsim.subjects import catalog
 from mechsim.units import option
 
 

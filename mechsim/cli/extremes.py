@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mechsim.analytic.catalog.base import closed_form
+from mechsim.analytic.formulas.base import closed_form
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import load_model, output_folder
 from mechsim.cli.output import number, print_table, print_text

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import files
-from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
@@ -20,7 +19,7 @@ from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects import gallery
+from mechsim.subjects import catalog, gallery
 from mechsim.subjects.model_source import READERS
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import IMPLAUSIBLE, option, require_written

@@ -5,12 +5,12 @@ from dataclasses import MISSING
 from typing import Any, TypedDict
 
 from mechsim import units
-from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import closed_form
+from mechsim.analytic.formulas.base import closed_form
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
+from mechsim.subjects import catalog
 from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 from mechsim.units import option
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
 import typer
 
 from mechsim import units
-from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
@@ -40,7 +39,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.studies.agreement.noise import Noise
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, Validation, validate_all
-from mechsim.subjects import gallery, reference_data
+from mechsim.subjects import catalog, gallery, reference_data
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
 from mechsim.units import crank_speed, option

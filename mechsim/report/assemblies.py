@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic import catalog
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots import AssemblyTable
+from mechsim.subjects import catalog
 from mechsim.theory.continuation.assembly_curve import joint_columns
 from mechsim.theory.continuation.mechanism_trace import AssemblyTrace
 

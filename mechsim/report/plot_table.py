@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import closed_form
 from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+from mechsim.analytic.formulas.base import closed_form
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
@@ -33,6 +32,7 @@ from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
 from mechsim.studies.tradeoff.subject import subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
+from mechsim.subjects import catalog
 from mechsim.theory.continuation.mechanism_trace import trace
 from mechsim.theory.velocity_plan import velocity_plan
 from mechsim.units import option, parse_names

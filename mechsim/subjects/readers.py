@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechsim import units
-from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily, own_designs
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
-from mechsim.subjects import gallery
+from mechsim.subjects import catalog, gallery
 from mechsim.subjects.model_source import (
     READERS,
     ModelDescription,

@@ -12,7 +12,7 @@ from mechsim import files
 from mechsim.errors import InputError
 from mechsim.model.motion import PointMotion
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.gallery import PACKAGE
+from mechsim.subjects.catalog import PACKAGE
 
 CHECKSUMS = "SHA256SUMS"
 DRIVE_FORCE_PREFIXES = ("torque:", "force:")

@@ -15,6 +15,7 @@ from mechsim.model.mechanism import Mechanism, Up, against
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.parameter_units import parameter_dependencies, parameter_units, require_dimensions
 from mechsim.subjects.toml_coordinates import (
+    FileCoordinates,
     coordinates_of,
     couplings_of,
     drivers_of,
@@ -66,25 +67,7 @@ class TomlModel(ModelSource):
         coordinates = coordinates_of(values, read)
         with source.error_context(()):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
-            start, guess_coordinates = start_of(coordinates, drivers)
-            gears, couplings = couplings_of(coordinates)
-            mechanism = Mechanism(
-                name=read["name"],
-                links=tuple(links_of(source, read)),
-                joints=tuple(joint_of(source, name, entry) for name, entry in read["joints"].items()),
-                driver=drivers[0] if len(drivers) == 1 else drivers,
-                points={
-                    name: (entry["link"], entry.get("at", (0.0, 0.0, 0.0)))
-                    for name, entry in read.get("points", {}).items()
-                },
-                gears=gears,
-                guess={name: pose_of(source, name, entry) for name, entry in read.get("guess", {}).items()},
-                start=start,
-                couplings=couplings,
-                locked=locked_of(coordinates, drivers),
-                guess_coordinates=guess_coordinates,
-                up=_up(read),
-            )
+            mechanism = mechanism_of(coordinates, drivers)
         require_pitch_points(source, mechanism, read)
         solver = LoopForm(
             mechanism,
@@ -120,6 +103,30 @@ class TomlModel(ModelSource):
                 else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
             )
         return Parameters(dimensions, parameter_dependencies(document))
+
+
+def mechanism_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> Mechanism:
+    """Return the mechanism that a file describes, with its drivers."""
+    source, read = coordinates.values.source, coordinates.read
+    start, guess_coordinates = start_of(coordinates, drivers)
+    gears, couplings = couplings_of(coordinates)
+    return Mechanism(
+        name=read["name"],
+        links=tuple(links_of(source, read)),
+        joints=tuple(joint_of(source, name, entry) for name, entry in read["joints"].items()),
+        driver=drivers[0] if len(drivers) == 1 else drivers,
+        points={
+            name: (entry["link"], entry.get("at", (0.0, 0.0, 0.0)))
+            for name, entry in read.get("points", {}).items()
+        },
+        gears=gears,
+        guess={name: pose_of(source, name, entry) for name, entry in read.get("guess", {}).items()},
+        start=start,
+        couplings=couplings,
+        locked=locked_of(coordinates, drivers),
+        guess_coordinates=guess_coordinates,
+        up=_up(read),
+    )
 
 
 def _formula(source: TomlSource, formula: str) -> str:

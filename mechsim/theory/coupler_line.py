@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
-from mechsim.theory.passage import Passage, crank_pin, dyad, levers_on, passage, wedge
+from mechsim.theory.passage import Looper, Passage, crank_pin, dyad, levers_on, passage, wedge
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,14 +1,16 @@
 """The path of a looper's C along a curve: the dyad with C on the curve, and the deviation of a linkage."""
 
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from mechsim.analytic.catalog.looper import Looper
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 
+# the catalogue's looper, whose parameters are stated in its file
+Looper: TypeAlias = Any
 # crank step for the speed of C, in [rad]: a central difference with an error of 1e-10
 STEP = 1e-5
 # largest number of Newton steps; three or four suffice unless C reverses near an end of the curve

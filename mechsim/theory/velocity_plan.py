@@ -8,10 +8,10 @@ crank that actually drives determines the scale. The velocities of both plans, o
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method.triad import cross, flat
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import short_repr
@@ -76,7 +76,7 @@ class VelocityPlan:
 
 
 def velocity_plan(
-    mechanism: WarpKnitter, angle: float, speed: float, speed2: float | None = None, *, first: float = 1.0
+    mechanism: Any, angle: float, speed: float, speed2: float | None = None, *, first: float = 1.0
 ) -> VelocityPlan:
     """Build the velocity plans at a crank angle.
 
@@ -102,11 +102,11 @@ def velocity_plan(
     points = mechanism.positions([angle])
     positions = {name: complex(flat(path)[0]) for name, path in points.items()}
     positions |= {"O1": 0j, "O2": complex(*mechanism.pivot2), "E": complex(*mechanism.pivot_rocker)}
-    speed2 = mechanism.gear_ratio * speed if speed2 is None else speed2
+    second_speed = float(mechanism.gear_ratio * speed if speed2 is None else speed2)
     first_plan = _plan(positions, "crank2", "rod5", ("C", "D"), ("B", "A", "O1"), speed, first)
-    second_plan = _plan(positions, "crank1", "rod3", ("B", "A"), ("C", "D", "O2"), speed2, first)
+    second_plan = _plan(positions, "crank1", "rod3", ("B", "A"), ("C", "D", "O2"), second_speed, first)
     velocities = {name: first_plan.velocities[name] + second_plan.velocities[name] for name in "ABCDK"}
-    return VelocityPlan(float(angle), (float(speed), float(speed2)), first_plan, second_plan, velocities)
+    return VelocityPlan(float(angle), (float(speed), second_speed), first_plan, second_plan, velocities)
 
 
 def _plan(

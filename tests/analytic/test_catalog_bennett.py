@@ -7,8 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from strategies import CLOSED, EPS, bennetts, longest
 
-from mechsim import loops
-from mechsim.analytic.catalog.bennett import Bennett
+from mechsim import catalog, loops
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
 from mechsim.simulation import simulate
@@ -95,7 +94,7 @@ def test_the_assembly_sign_distinguishes_the_opposite_twist(linkage):
 
 
 def test_mobility_reports_three_redundant_constraints_and_their_reason():
-    dofs = mobility(Bennett().mechanism)
+    dofs = mobility(catalog.make("bennett").mechanism)
     assert dofs.actual == 1
     assert dofs.somov_malyshev == -2
     assert dofs.redundant == 3
@@ -103,7 +102,7 @@ def test_mobility_reports_three_redundant_constraints_and_their_reason():
 
 
 def test_the_loop_does_not_close_with_a_link_too_long_by_a_thousandth():
-    mechanism = Bennett().mechanism
+    mechanism = catalog.make("bennett").mechanism
     joints = tuple(
         replace(joint, a=replace(joint.a, point=(1.001 * joint.a.point[0], 0.0, 0.0)))
         if joint.name == "B"
@@ -115,14 +114,14 @@ def test_the_loop_does_not_close_with_a_link_too_long_by_a_thousandth():
 
 
 def test_a_bennett_linkage_passes_validation_by_every_method():
-    assert case_of(Bennett()).verdict.outcome == "passed"
+    assert case_of(catalog.make("bennett")).verdict.outcome == "passed"
 
 
 @pytest.mark.parametrize("cut", ["A", "B", "rocker"])
 def test_every_passive_joint_can_be_the_cut_joint(cut):
     from mechsim.model.scene import Scene
 
-    linkage = Bennett()
+    linkage = catalog.make("bennett")
     run = simulate(linkage.mechanism, speed=60.0, scene=Scene(cut=(cut,)), method="step")
     exact = linkage.positions(run.motion.angle)["B"]
     assert np.linalg.norm(run.motion.points["B"].position - exact, axis=1).max() <= 1e-8 * linkage.length1
@@ -140,4 +139,4 @@ def test_every_passive_joint_can_be_the_cut_joint(cut):
 )
 def test_invalid_dimensions_are_rejected_with_a_remedy(values, output):
     with pytest.raises(InputError, match=output):
-        Bennett(**values)
+        catalog.make("bennett", **values)

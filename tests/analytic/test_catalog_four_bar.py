@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from strategies import CLOSED, EPS, angles_of, four_bars, longest
 
-from mechsim import loops
-from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim import catalog, loops
 from mechsim.errors import AssemblyError
 
 
@@ -62,8 +61,8 @@ def test_coupler_and_rocker_are_collinear_at_dead_centres(linkage):
 
 
 def test_a_grashof_crank_turns_fully():
-    assert FourBar().crank_range().full
-    assert FourBar().dead_centres() == ()
+    assert catalog.make("four_bar").crank_range().full
+    assert catalog.make("four_bar").dead_centres() == ()
 
 
 @given(four_bars())
@@ -75,7 +74,7 @@ def test_assembly_modes_share_the_crank_pin_and_differ_in_the_rocker(linkage):
 
 
 def test_a_loop_that_cannot_close_reports_the_crank_range():
-    linkage = replace(FourBar(), crank=0.08)
+    linkage = replace(catalog.make("four_bar"), crank=0.08)
     (low, high), *_ = linkage.crank_range().arcs
     with pytest.raises(
         AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"
@@ -91,8 +90,8 @@ def test_a_loop_that_cannot_close_reports_the_crank_range():
     ids=["parallelogram", "kite", "rhombus", "galloway"],
 )
 def test_linkages_with_change_points_start_away_from_them(lengths, branch):
-    linkage = FourBar(
-        **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
+    linkage = catalog.make(
+        "four_bar", **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
     )
     mechanism = linkage.mechanism
     poses = loops.assemble(mechanism, [mechanism.start])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.analytic.catalog.formulas import CHUNK
+from mechsim.analytic.formulas.formulas import CHUNK
 from mechsim.errors import AssemblyError, InputError
 
 

@@ -10,7 +10,7 @@ from mpmath import mp
 from strategies import CLOSED, EPS, angles_of, longest, loopers
 
 from mechsim import catalog, loops
-from mechsim.analytic.catalog.looper import Looper
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
@@ -21,7 +21,7 @@ TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
 FOURFOLD = 4.42
 
 
-def exact_c(linkage: Looper, f: float, guess: np.ndarray) -> np.ndarray:
+def exact_c(linkage: ClosedForm, f: float, guess: np.ndarray) -> np.ndarray:
     """Return C and two derivatives in 40 digits, (3, 3), by the swing of the follower, not the cone angle.
 
     The swing gives y and z, AB . AC gives x, and |AC| = k is solved from a guess of C.
@@ -103,7 +103,8 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
     cone = np.linspace(-np.pi, np.pi, 20001)
     several = 0
     for _ in range(12):
-        linkage = Looper(
+        linkage = catalog.make(
+            "looper",
             crank=rng.uniform(4e-3, 14e-3),
             coupler=rng.uniform(15e-3, 35e-3),
             arm=rng.uniform(10e-3, 45e-3),
@@ -142,7 +143,14 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
     assert several >= 4
 
 
-@pytest.mark.parametrize("linkage", [Looper(), Looper(side=-1), Looper(axis_z=0.009, follower_ratio=2.5)])
+@pytest.mark.parametrize(
+    "linkage",
+    [
+        catalog.make("looper"),
+        catalog.make("looper", side=-1),
+        catalog.make("looper", axis_z=0.009, follower_ratio=2.5),
+    ],
+)
 def test_poses_and_rates_agree_with_the_loop_equations(linkage):
     low, high = linkage.crank_range().arcs[0]
     angles = np.linspace(low + 0.05, high - 0.05, 17)
@@ -169,7 +177,7 @@ def test_poses_and_rates_agree_with_the_loop_equations(linkage):
 
 
 def test_residuals_are_eight_ulp_at_most_with_one_degree_of_freedom():
-    linkage, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 181)
+    linkage, angles = catalog.make("looper"), np.linspace(0.0, 2.0 * np.pi, 181)
     poses = {name: Pose(link.position, link.rotation) for name, link in linkage.solve(angles).links.items()}
     lengths_open, angles_open = loops.residual_norms(linkage.mechanism, poses, angles)
     assert lengths_open.max() <= 8 * EPS * longest(linkage)
@@ -178,7 +186,7 @@ def test_residuals_are_eight_ulp_at_most_with_one_degree_of_freedom():
     assert (dofs.mobility, dofs.passive, dofs.redundant) == (1, 0, 0)
 
 
-@pytest.mark.parametrize("linkage", [Looper(), Looper(side=-1)])
+@pytest.mark.parametrize("linkage", [catalog.make("looper"), catalog.make("looper", side=-1)])
 def test_c_agrees_with_forty_digits(linkage):
     angles = np.array([0.3, 1.9, 2.7, 4.1])
     point = linkage.solve(angles).points["C"]
@@ -190,16 +198,16 @@ def test_c_agrees_with_forty_digits(linkage):
 
 
 def test_the_other_assembly_mode_has_a_crank_range_above_one_revolution():
-    assert Looper().crank_range().full
-    other = Looper(side=-1)
+    assert catalog.make("looper").crank_range().full
+    other = catalog.make("looper", side=-1)
     ((low, high),) = other.crank_range().arcs
     assert high - low > 2.0 * np.pi
     assert np.rad2deg(other.transmission_angle([low + 1e-6, high - 1e-6])).max() < 0.5
     # the further root exists only where both ends overlap
-    ((start, end),) = Looper(side=-2).crank_range().arcs
+    ((start, end),) = catalog.make("looper", side=-2).crank_range().arcs
     assert (start, end) == pytest.approx((low, high - 2.0 * np.pi))
     with pytest.raises(AssemblyError, match="its range is"):
-        Looper(side=-2).positions([end + 0.01])
+        catalog.make("looper", side=-2).positions([end + 0.01])
     # one crank angle has two poses, which the count of revolutions distinguishes
     first, second = other.positions([FOURFOLD])["C"], other.positions([FOURFOLD - 2.0 * np.pi])["C"]
     assert np.linalg.norm(first - second) > 1e-3
@@ -213,7 +221,7 @@ def test_the_other_assembly_mode_has_a_crank_range_above_one_revolution():
 
 def test_positions_are_a_continuous_function_of_the_crank_angle():
     angles = np.linspace(0.0, 4.0 * np.pi, 4001)
-    linkage = Looper()
+    linkage = catalog.make("looper")
     c = linkage.positions(angles)["C"]
     assert np.linalg.norm(np.diff(c, axis=0), axis=1).max() < 4e-5  # 3.1 mrad at 0.0083 m/rad
     order = np.random.default_rng(2).permutation(len(angles))
@@ -221,15 +229,15 @@ def test_positions_are_a_continuous_function_of_the_crank_angle():
 
 
 def test_the_default_assembly_mode_matches_the_paper():
-    c = Looper().planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
+    c = catalog.make("looper").planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
     assert np.round(1e3 * c.min(0), 2).tolist() == [9.50, 23.68, 0.0]
     assert np.round(1e3 * c.max(0), 2).tolist() == [12.98, 37.29, 0.0]
-    other = Looper(branch=-1).planar_point(np.linspace(0.0, 2.0 * np.pi, 101))
+    other = catalog.make("looper", branch=-1).planar_point(np.linspace(0.0, 2.0 * np.pi, 101))
     assert other[:, 1].max() < 0.0
 
 
 def test_the_misprinted_cylinder_axis_is_rejected():
-    linkage, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 5)
+    linkage, angles = catalog.make("looper"), np.linspace(0.0, 2.0 * np.pi, 5)
     sound = linkage.mechanism
     line = End(GROUND, (0.0, linkage.axis_y, linkage.axis_z), axis=EZ, reference=EX)
     slide = Joint("slide", "cylindrical", line, End("follower", axis=EZ, reference=EX))
@@ -245,16 +253,18 @@ def test_the_misprinted_cylinder_axis_is_rejected():
 
 def test_a_link_too_long_by_a_thousandth_is_detected():
     angles = np.linspace(0.0, 2.0 * np.pi, 91)
-    right = Looper().positions(angles)["E"]
+    right = catalog.make("looper").positions(angles)["E"]
     for name in ("crank", "coupler", "arm", "rocker", "frame", "follower"):
-        wrong = replace(Looper(), **{name: 1.001 * getattr(Looper(), name)}).positions(angles)["E"]
+        wrong = replace(
+            catalog.make("looper"), **{name: 1.001 * getattr(catalog.make("looper"), name)}
+        ).positions(angles)["E"]
         assert np.linalg.norm(wrong - right, axis=1).max() > 5e-6
 
 
 @pytest.mark.parametrize("angle", [0.0, np.pi, -np.pi])
 def test_a_point_c_on_the_line_ab_is_rejected(angle):
     with pytest.raises(InputError, match="no multiple of pi"):
-        Looper(arm_angle=angle)
+        catalog.make("looper", arm_angle=angle)
 
 
 def test_a_cylinder_out_of_reach_cannot_close():
@@ -290,12 +300,12 @@ def test_every_number_of_the_paper_is_reproduced(table):
 
 
 def test_the_table_of_the_paper_rejects_another_axis_height(table):
-    failed = {row.quantity for row in table.table(Looper(axis_z=0.0115)) if not row.passed}
+    failed = {row.quantity for row in table.table(catalog.make("looper", axis_z=0.0115)) if not row.passed}
     assert {"C: plane against space", "E: half the band over 33 mm"} <= failed
 
 
 def test_figures_of_the_paper_are_reproduced(table):
-    linkage = Looper()
+    linkage = catalog.make("looper")
     assert np.ptp(table.figure_3(linkage)["y"]) == pytest.approx(40.85, abs=0.005)
     five, six, seven = table.figure_5(linkage), table.figure_6(linkage), table.figure_7(linkage)
     for name in "xy":

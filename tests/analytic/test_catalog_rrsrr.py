@@ -8,13 +8,13 @@ from mpmath import mp
 from strategies import CLOSED, angles_of, longest, rrsrrs
 
 from mechsim import catalog, loops
-from mechsim.analytic.catalog.rrsrr import Rrsrr
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import AssemblyError, InputError
 
-SWINGING = Rrsrr(pivot=(-0.024, -0.008, 0.040))
+SWINGING = catalog.make("rrsrr", pivot=(-0.024, -0.008, 0.040))
 
 
-def exact(linkage: Rrsrr, f: float) -> np.ndarray:
+def exact(linkage: ClosedForm, f: float) -> np.ndarray:
     """Return S, u2, v2 by the half-angle roots of A cos v + B sin v = K and two derivatives, (3, 5)."""
     with mp.workdps(50):
         r1, r, link = (mp.mpf(x) for x in (linkage.crank, linkage.coupler, linkage.link))
@@ -91,7 +91,11 @@ def test_the_path_and_the_rocker_motion_agree_with_fifty_digits(linkage, speed, 
             assert (np.abs(measured[row] - expected) <= 1e-10 * scale).all()
 
 
-@pytest.mark.parametrize("linkage", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
+@pytest.mark.parametrize(
+    "linkage",
+    [catalog.make("rrsrr"), catalog.make("rrsrr", branch=-1), SWINGING],
+    ids=["full", "other", "swinging"],
+)
 def test_loop_equations_agree_with_the_closed_form(linkage):
     angles = linkage.mechanism.start + np.linspace(-0.5, 0.5, 5)
     result, closed = loops.solve(linkage.mechanism, angles, 5.0, 2.0), linkage.solve(angles, 5.0, 2.0)
@@ -102,8 +106,8 @@ def test_loop_equations_agree_with_the_closed_form(linkage):
 
 
 def test_the_rocker_swings_through_the_published_angles():
-    motion = Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 3601))
-    assert Rrsrr().crank_range().full
+    motion = catalog.make("rrsrr").solve(np.linspace(0.0, 2 * np.pi, 3601))
+    assert catalog.make("rrsrr").crank_range().full
     assert abs(np.rad2deg(np.ptp(motion.joints["rocker"].value)) - 42.2) <= 0.05
     second = np.rad2deg(motion.joints["link"].value)
     assert abs(second.min() + 10.4) <= 0.05
@@ -149,7 +153,7 @@ def test_a_swinging_crank_starts_inside_its_range():
 
 
 def test_a_rocker_axis_through_the_spherical_joint_is_rejected():
-    default, f = Rrsrr(), 0.7
+    default, f = catalog.make("rrsrr"), 0.7
     x, y, z = (default.positions([f])["S"][0] - default.pivot) / default.link
     # the axis TY(gamma1) TX(gamma2) eZ along P02S
     linkage = replace(default, gamma1=np.arctan2(x, z), gamma2=np.arcsin(-y))
@@ -162,7 +166,7 @@ def test_a_rocker_axis_through_the_spherical_joint_is_rejected():
 
 def test_the_sign_of_gamma2_changes_the_rocker_and_not_the_path():
     angles = np.linspace(0.0, 6.0, 13)
-    right, wrong = (Rrsrr(gamma2=sign * np.deg2rad(15.0)).solve(angles) for sign in (1, -1))
+    right, wrong = (catalog.make("rrsrr", gamma2=sign * np.deg2rad(15.0)).solve(angles) for sign in (1, -1))
     assert (right.points["S"].position == wrong.points["S"].position).all()
     assert np.abs(right.joints["rocker"].value - wrong.joints["rocker"].value).max() > np.deg2rad(5.0)
     assert np.abs(right.links["link"].rotation - wrong.links["link"].rotation).max() > 0.05
@@ -171,14 +175,14 @@ def test_the_sign_of_gamma2_changes_the_rocker_and_not_the_path():
 @pytest.mark.parametrize("name", ["crank", "coupler", "link"])
 def test_a_link_too_long_by_a_thousandth_moves_the_path(name):
     angles = np.linspace(0.0, 6.0, 13)
-    longer = replace(Rrsrr(), **{name: 1.001 * getattr(Rrsrr(), name)})
-    moved = np.abs(Rrsrr().positions(angles)["S"] - longer.positions(angles)["S"]).max()
+    longer = replace(catalog.make("rrsrr"), **{name: 1.001 * getattr(catalog.make("rrsrr"), name)})
+    moved = np.abs(catalog.make("rrsrr").positions(angles)["S"] - longer.positions(angles)["S"]).max()
     assert 1e-6 < moved < 1e-3
 
 
 def test_the_catalogue_rejects_unknown_parameters_and_negative_lengths():
-    assert catalog.make("rrsrr", branch=-1) == Rrsrr(branch=-1)
+    assert catalog.make("rrsrr", branch=-1) == catalog.make("rrsrr", branch=-1)
     with pytest.raises(InputError, match="no parameter 'rocker'"):
         catalog.make("rrsrr", rocker=0.1)
     with pytest.raises(InputError, match="length above 0"):
-        Rrsrr(link=-0.039)
+        catalog.make("rrsrr", link=-0.039)

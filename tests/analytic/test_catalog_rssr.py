@@ -10,16 +10,15 @@ from laws import agrees_with_loop_equations
 from strategies import CLOSED, EPS, angles_of, longest, rssrs, turns
 
 from mechsim import catalog
-from mechsim.analytic.catalog.four_bar import FourBar
-from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.errors import AssemblyError
 
 LAYOUTS = {
-    "general": Rssr(),
-    "looper": Rssr(
-        crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
+    "general": catalog.make("rssr"),
+    "looper": catalog.make(
+        "rssr", crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
     ),
-    "needle": Rssr(
+    "needle": catalog.make(
+        "rssr",
         crank=0.014,
         coupler=0.063,
         rocker=0.024,
@@ -112,7 +111,7 @@ def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(linkage, psi1, psi2, b
 
 def test_the_guide_does_not_change_the_rocker_motion():
     angles = np.linspace(0.0, 6.0, 20)
-    free, guided = (Rssr(guide=guide).solve(angles).points["P3"] for guide in (False, True))
+    free, guided = (catalog.make("rssr", guide=guide).solve(angles).points["P3"] for guide in (False, True))
     assert (free.position == guided.position).all()
 
 
@@ -159,8 +158,9 @@ def test_the_two_assembly_modes_match_a_scan_of_the_rocker(linkage):
 
 
 def test_parallel_shafts_give_the_planar_four_bar():
-    planar = FourBar()
-    spatial = Rssr(
+    planar = catalog.make("four_bar")
+    spatial = catalog.make(
+        "rssr",
         crank=planar.crank,
         coupler=planar.coupler,
         rocker=planar.rocker,

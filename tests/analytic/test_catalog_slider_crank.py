@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from strategies import CLOSED, EPS, angles_of, longest, slider_cranks
 
-from mechsim.analytic.catalog.slider_crank import SliderCrank
+from mechsim import catalog
 from mechsim.errors import AssemblyError
 
 
@@ -50,7 +50,7 @@ def test_the_rod_is_perpendicular_to_the_slide_at_dead_centres(linkage):
 
 
 def test_a_slide_out_of_reach_is_rejected():
-    linkage = SliderCrank(crank=0.05, rod=0.02, offset=0.2)
+    linkage = catalog.make("slider_crank", crank=0.05, rod=0.02, offset=0.2)
     assert linkage.assemblies(0.0) == []
     with pytest.raises(AssemblyError, match="cannot close at any crank angle"):
         linkage.positions([0.0])

@@ -9,25 +9,25 @@ from strategies import CLOSED, EPS, random_knitter
 from two_cranks import velocities
 
 from mechsim import catalog, loops
-from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.vector_method import triad
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
 
 REVOLUTION = 2 * np.pi
 # a longer crank 1 cannot turn fully
-SWINGING = WarpKnitter(crank1=0.022)
+SWINGING = catalog.make("warp_knitter", crank1=0.022)
 # seed of a triad that reaches another assembly mode before a dead centre
 LONG_PATH_SEED = 10
 seeds = st.integers(0, 10**6)
 
 
-def angles_of(linkage: WarpKnitter, count: int = 12) -> np.ndarray:
+def angles_of(linkage: ClosedForm, count: int = 12) -> np.ndarray:
     low, high = linkage.crank_range().arcs[0]
     return low + (high - low) * (np.arange(count) + 0.37) / count
 
 
-def longest(linkage: WarpKnitter) -> float:
+def longest(linkage: ClosedForm) -> float:
     positions = [(0.0, 0.0), linkage.pivot2, linkage.pivot_rocker]
     differences = [np.hypot(*np.subtract(p, q)) for p in positions for q in positions]
     base = [
@@ -36,7 +36,7 @@ def longest(linkage: WarpKnitter) -> float:
     return float(max(linkage.rod3, linkage.rod5, linkage.rocker, *differences, *base))
 
 
-def length_error(linkage: WarpKnitter, points: dict[str, np.ndarray]) -> float:
+def length_error(linkage: ClosedForm, points: dict[str, np.ndarray]) -> float:
     """Return the largest error of a link length relative to the longest link."""
     fixed = {"O1": (0, 0), "O2": linkage.pivot2, "E": linkage.pivot_rocker}
     pins = {**points, **{name: np.array([x, y, 0.0]) for name, (x, y) in fixed.items()}}
@@ -64,7 +64,7 @@ def test_links_keep_their_lengths_over_the_whole_range(seed):
 
 
 def test_the_default_assembly_mode_matches_the_paper():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     motion = linkage.solve([0.0])
     base = motion.links["base"]
     # printed with two and three decimals
@@ -83,7 +83,10 @@ def test_the_catalogue_uses_the_documented_parameter_names():
     assert linkage.mechanism.driver == "crank"
 
 
-@pytest.mark.parametrize("linkage", [WarpKnitter(), WarpKnitter(assembly=1), random_knitter(5, -1.5)])
+@pytest.mark.parametrize(
+    "linkage",
+    [catalog.make("warp_knitter"), catalog.make("warp_knitter", assembly=1), random_knitter(5, -1.5)],
+)
 def test_motion_agrees_with_the_loop_equations_of_the_description(linkage):
     arcs = linkage.crank_range()
     # the loop equations are traced from the start, so the angles increase from there
@@ -158,7 +161,7 @@ def k_by_fifty_digits(linkage, f, b, rotation):
 
 @pytest.mark.parametrize("assembly", [1, 2])
 def test_the_motion_is_continuous_and_periodic(assembly):
-    linkage = WarpKnitter(assembly=assembly)
+    linkage = catalog.make("warp_knitter", assembly=assembly)
     angles = np.linspace(0.0, 2 * REVOLUTION, 4001)
     points = linkage.positions(angles)
     rest = linkage.positions(angles - 2 * REVOLUTION)
@@ -171,7 +174,7 @@ def test_the_motion_is_continuous_and_periodic(assembly):
 
 
 def test_every_pose_is_a_root_of_the_sextic():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     for f in np.linspace(0.0, REVOLUTION, 50):
         pivots = [(z.real, z.imag) for z in linkage.pivots.positions(f)]
         poses = triad.triad_modes(pivots, [(0, 0), linkage.base_c, linkage.base_k], linkage.sides)
@@ -182,13 +185,16 @@ def test_every_pose_is_a_root_of_the_sextic():
 def test_the_order_of_angles_does_not_change_the_poses():
     angles = np.linspace(-9.0, 9.0, 101)
     shuffled = np.random.default_rng(1).permutation(101)
-    first, second = WarpKnitter().positions(angles), WarpKnitter().positions(angles[shuffled])
+    first, second = (
+        catalog.make("warp_knitter").positions(angles),
+        catalog.make("warp_knitter").positions(angles[shuffled]),
+    )
     for name in first:
         assert (first[name][shuffled] == second[name]).all()
 
 
 def test_a_gear_ratio_of_three_to_two_has_a_period_of_two_revolutions():
-    linkage = WarpKnitter(gear_ratio=-1.5)
+    linkage = catalog.make("warp_knitter", gear_ratio=-1.5)
     angles = np.linspace(0.0, REVOLUTION, 40)
     first, once, twice = (linkage.positions(angles + n * REVOLUTION) for n in range(3))
     assert max(np.abs(first[name] - twice[name]).max() for name in first) <= 1e-15
@@ -196,7 +202,7 @@ def test_a_gear_ratio_of_three_to_two_has_a_period_of_two_revolutions():
 
 
 def test_an_irrational_ratio_is_traced_revolution_by_revolution():
-    linkage = WarpKnitter(gear_ratio=-np.sqrt(2.0))
+    linkage = catalog.make("warp_knitter", gear_ratio=-np.sqrt(2.0))
     assert length_error(linkage, linkage.positions(np.linspace(-40.0, 40.0, 60))) <= CLOSED
 
 
@@ -282,13 +288,13 @@ def test_a_crank_range_above_one_revolution_stays_on_its_branch():
 def test_the_transmission_angle_vanishes_only_at_dead_centres():
     ((low, high),) = SWINGING.crank_range().arcs
     assert SWINGING.transmission_angle([low + 1e-9, high - 1e-9]).max() < 1e-3
-    angles = WarpKnitter().transmission_angle(np.linspace(0, REVOLUTION, 361))
+    angles = catalog.make("warp_knitter").transmission_angle(np.linspace(0, REVOLUTION, 361))
     assert np.rad2deg(angles.min()) == pytest.approx(47.66, abs=0.01)
     assert angles.max() <= np.pi / 2
 
 
 def test_the_transmission_angle_follows_from_the_instant_centre():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     angles = np.linspace(0.2, 6.0, 9)
     points = linkage.positions(angles)
     for i, value in enumerate(linkage.transmission_angle(angles)):
@@ -300,7 +306,7 @@ def test_the_transmission_angle_follows_from_the_instant_centre():
 
 
 def test_without_gears_the_mechanism_has_two_degrees_of_freedom():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     links = linkage.solve([0.4]).links
     poses = {name: Pose(link.position, link.rotation) for name, link in links.items()}
     assert loops.dof_count(replace(linkage.mechanism, gears=()), poses).mobility == 2
@@ -309,7 +315,7 @@ def test_without_gears_the_mechanism_has_two_degrees_of_freedom():
 
 
 def test_velocities_of_both_cranks_superpose():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     f = np.linspace(0.0, REVOLUTION, 13)
     geared = linkage.gear_ratio * f + linkage.phase
     exact = linkage.solve(f, 3.0)
@@ -326,7 +332,7 @@ def test_velocities_of_both_cranks_superpose():
 
 def test_velocities_agree_with_another_gear_ratio_at_the_same_angles():
     # another gear ratio reaches the same two crank angles
-    linkage, f1, f2 = WarpKnitter(), 0.7, 0.9
+    linkage, f1, f2 = catalog.make("warp_knitter"), 0.7, 0.9
     other = replace(linkage, gear_ratio=(f2 - linkage.phase) / f1)
     exact = other.solve([f1], 3.0)
     result = velocities(linkage, f1, f2, 3.0, 3.0 * other.gear_ratio)
@@ -336,7 +342,7 @@ def test_velocities_agree_with_another_gear_ratio_at_the_same_angles():
 
 def test_a_second_crank_without_full_rotation_is_rejected():
     # a longer crank 2 reaches a dead centre
-    linkage = WarpKnitter(crank2=0.028)
+    linkage = catalog.make("warp_knitter", crank2=0.028)
     with pytest.raises(AssemblyError, match="crank 2 cannot turn"):
         velocities(linkage, 0.0, np.linspace(0.0, REVOLUTION, 12), 1.0, 1.0)
 
@@ -344,7 +350,7 @@ def test_a_second_crank_without_full_rotation_is_rejected():
 @pytest.mark.parametrize("assembly", [0, 3, -1])
 def test_an_invalid_assembly_number_is_rejected(assembly):
     with pytest.raises(InputError, match=rf"assembly is {assembly}, but at crank angle 0 there are 2"):
-        WarpKnitter(assembly=assembly)
+        catalog.make("warp_knitter", assembly=assembly)
 
 
 @pytest.mark.parametrize(
@@ -353,11 +359,11 @@ def test_an_invalid_assembly_number_is_rejected(assembly):
 )
 def test_invalid_parameters_are_rejected_by_name(name, value):
     with pytest.raises(InputError, match=name):
-        WarpKnitter(**{name: value})
+        catalog.make("warp_knitter", **{name: value})
 
 
 def test_dimensions_without_assembly_mode_are_rejected_when_solved():
-    linkage = WarpKnitter(rod3=0.2)
+    linkage = catalog.make("warp_knitter", rod3=0.2)
     assert linkage.crank_range().arcs == ()
     assert linkage.assembly_points(0.3) == []
     with pytest.raises(AssemblyError, match="does not close"):
@@ -366,12 +372,15 @@ def test_dimensions_without_assembly_mode_are_rejected_when_solved():
 
 def test_a_gear_ratio_wrong_by_a_hundredth_moves_the_points():
     angles = np.linspace(0.0, REVOLUTION, 73)
-    right, wrong = WarpKnitter().positions(angles), WarpKnitter(gear_ratio=-2.02).positions(angles)
+    right, wrong = (
+        catalog.make("warp_knitter").positions(angles),
+        catalog.make("warp_knitter", gear_ratio=-2.02).positions(angles),
+    )
     assert max(np.abs(right[name] - wrong[name]).max() for name in right) > 1e-4
 
 
 def test_scaling_all_lengths_scales_the_motion():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     scale = 2.0**5
     lengths = {
         name: scale * getattr(linkage, name) for name in ("crank1", "crank2", "rod3", "rod5", "rocker")
@@ -392,13 +401,13 @@ def test_scaling_all_lengths_scales_the_motion():
 
 def test_the_other_assembly_mode_differs_in_sign_and_position():
     angles = np.linspace(0.0, REVOLUTION, 73)
-    mine, other = WarpKnitter(), WarpKnitter(assembly=1).positions(angles)
+    mine, other = catalog.make("warp_knitter"), catalog.make("warp_knitter", assembly=1).positions(angles)
     assert (mine.assembly_sign(other) < 0.0).all()
     assert np.abs(mine.positions(angles)["K"] - other["K"]).max() > 0.01
 
 
 def test_a_wrong_rod_or_gear_ratio_violates_the_loop_equations():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     motion = linkage.solve(np.linspace(0.0, 6.0, 9))
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
     for wrong in (replace(linkage, rod5=linkage.rod5 * 1.001), replace(linkage, gear_ratio=-2.02)):

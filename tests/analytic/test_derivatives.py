@@ -8,7 +8,7 @@ import pytest
 from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.analytic.derivatives.dimensions import (
     DesignFamily,
     changes,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.analytic import catalog, dynamics
+from mechsim import catalog, dynamics
 from mechsim.analytic.derivatives.dimensions import changes, own_designs
 from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers
 from mechsim.analytic.derivatives.motion import followed_motion

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim.analytic import catalog
-from mechsim.analytic.catalog import many_designs as md
+from mechsim import catalog
+from mechsim.analytic.formulas import many_designs as md
 from mechsim.errors import InputError
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from mechsim import files
-from mechsim.analytic import catalog
+from mechsim import catalog, files
 
 ANGLES = np.linspace(0.0, 6.0, 7)
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from mechsim import catalog
 from mechsim.studies.sweep.table import read_sweep
 
 VARY = ("--vary", "crank=20mm:60mm:5", "--vary", "coupler=30mm:100mm:4")
@@ -79,10 +80,9 @@ def test_random_designs_are_checked_in_mujoco(mechsim, monkeypatch):
     assert answer.code == 0
     assert "2 of 2 designs agree with MuJoCo's poses" in answer.out
     # a wrong closed form fails the check
-    from mechsim.analytic.catalog.four_bar import FourBar
-
-    solve = FourBar.solve
-    monkeypatch.setattr(FourBar, "solve", lambda self, angles, *rest: solve(self, angles + 0.01, *rest))
+    four_bar = catalog.MECHANISMS["four_bar"]
+    solve = four_bar.solve
+    monkeypatch.setattr(four_bar, "solve", lambda self, angles, *rest: solve(self, angles + 0.01, *rest))
     answer = mechsim(*arguments, "-o", "wrong.nc", "--samples", "12", "--json")
     assert answer.code == 1
     assert json.loads(answer.out)["checked"]["passed"] == 0

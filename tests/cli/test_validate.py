@@ -129,7 +129,7 @@ def test_several_mechanisms_have_a_line_each_and_a_summary(mechsim):
 
 def test_mechanisms_without_stepping_are_reported(mechsim, monkeypatch):
     monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
-    monkeypatch.setattr("mechsim.analytic.catalog.MECHANISMS", {})
+    monkeypatch.setattr("mechsim.subjects.catalog.MECHANISMS", {})
     code, out, _ = mechsim("validate")
     assert not code
     assert "1 gallery mechanism: solved poses only; --gallery also steps it" in out

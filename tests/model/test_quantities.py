@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.quantities import (
     KINDS,

@@ -8,7 +8,7 @@ import structure
 from mechsim import catalog
 
 FILES = structure.modules()
-CATALOG = "mechsim.analytic.catalog"
+CATALOG = "mechsim.subjects.catalog"
 # papers 002 to 004 treat one mechanism each, so their theories name it in signatures
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
 # a table of designs for the stress test, by mechanism
@@ -53,7 +53,7 @@ def test_no_module_outside_the_catalogue_names_a_mechanism():
     [
         ('if name == "four_bar":\n    pass', {"four_bar"}),
         ('CRITICAL = {"rssr": "coupler"}', {"rssr"}),
-        ("from mechsim.analytic.catalog import Looper", {"Looper"}),
+        ("from models.looper import Looper", {"Looper"}),
         ("isinstance(drive, looper.Looper)", {"Looper"}),
         ('"""Like rssr, but planar."""', set()),
         ('help = "as in mechsim show rssr"', set()),

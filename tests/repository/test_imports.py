@@ -245,7 +245,7 @@ def test_no_two_classes_share_a_name():
 @pytest.mark.parametrize(
     ("name", "source"),
     [
-        ("mechsim.analytic.catalog.rssr", "import mujoco"),
+        ("mechsim.analytic.loops.tree", "import mujoco"),
         ("mechsim.analytic.loops.oracle", "def f():\n    from mujoco import MjSpec"),
         ("mechsim.analytic.loops.oracle", "import importlib\nimportlib.import_module('mujoco')"),
         ("mechsim.verdict.crosscheck", "import mujoco"),
@@ -263,8 +263,11 @@ def test_the_check_rejects_a_forbidden_library(name, source):
     [
         ("mechsim.analytic.loops.oracle", "from mechsim import simulation"),
         ("mechsim.analytic.dynamics.model", "from mechsim.simulation.mjcf.compiling import to_xml"),
-        ("mechsim.analytic.catalog.rssr", "from ...simulation.mjcf import generator"),
-        ("mechsim.simulation.mjcf.generator", "def f():\n    from mechsim.analytic.catalog.rssr import Rssr"),
+        ("mechsim.analytic.loops.tree", "from ...simulation.mjcf import generator"),
+        (
+            "mechsim.simulation.mjcf.generator",
+            "def f():\n    from mechsim.analytic.loops.tree import SpanningTree",
+        ),
         ("mechsim.simulation.run", "import mechsim.analytic.loops as c"),
         ("mechsim.simulation.run", "from mechsim.pictures import render"),
         ("mechsim.verdict.crosscheck", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
@@ -282,5 +285,5 @@ def test_the_check_rejects_a_forbidden_import(name, source, graph):
 
 def test_the_check_rejects_a_cycle(graph):
     wrong = graph.copy()
-    wrong.add_edge("mechsim.model.mechanism", "mechsim.analytic.catalog.rssr")
-    assert any("mechsim.analytic.catalog.rssr" in cycle for cycle in structure.cycles(wrong))
+    wrong.add_edge("mechsim.model.mechanism", "mechsim.analytic.loops.tree")
+    assert any("mechsim.analytic.loops.tree" in cycle for cycle in structure.cycles(wrong))

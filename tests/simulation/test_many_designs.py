@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.catalog.many_designs import closed_form_starts
+from mechsim.analytic.formulas.many_designs import closed_form_starts
 from mechsim.model.design_arrays import started_designs
 from mechsim.simulation import Settings
 from mechsim.simulation.design_models import design_models, quaternions, shared_model

@@ -104,7 +104,8 @@ def test_a_swing_below_a_turn_satisfies_its_tolerance(reach) -> None:
 @pytest.mark.slow
 def test_a_swing_over_a_tiny_crank_range_satisfies_its_tolerance() -> None:
     # within 0.0067 rad the follower moves from one dead centre to the next
-    linkage = catalog.Looper(
+    linkage = catalog.make(
+        "looper",
         crank=0.0078268,
         coupler=0.0197878,
         arm=0.022136,

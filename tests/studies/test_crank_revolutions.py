@@ -69,7 +69,8 @@ def test_every_method_accepts_a_swing_on_any_revolution(name, data):
 
 
 # cranks with more than a turn between their dead centres: an angle mod 2 pi can have two poses
-KNITTER = catalog.WarpKnitter(
+KNITTER = catalog.make(
+    "warp_knitter",
     crank1=0.010266,
     crank2=0.0039177,
     rod3=0.0493218,
@@ -81,7 +82,8 @@ KNITTER = catalog.WarpKnitter(
     base_k=(0.0021124, 0.0320092),
     phase=1.7064983,
 )
-LOOPER = catalog.Looper(
+LOOPER = catalog.make(
+    "looper",
     crank=0.0079922,
     coupler=0.0333929,
     arm=0.0334788,

@@ -8,8 +8,7 @@ import pytest
 from grids import grid
 
 import mechsim as ms
-from mechsim import files
-from mechsim.analytic import catalog, dynamics
+from mechsim import catalog, dynamics, files
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.measured_table import single
 from mechsim.studies.sensitivity.moved_family import family_at

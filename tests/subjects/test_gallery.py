@@ -1,5 +1,6 @@
 """Gallery mechanisms satisfy their laws by the loop equations and by MuJoCo."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from mechsim.studies.agreement.candidate import values_of_function
 from mechsim.studies.agreement.evaluation_points import evaluation_points
 from mechsim.studies.agreement.misfit import candidate_check, formula_tolerance, scales_of
 from mechsim.studies.validate import case_of
-from mechsim.subjects import gallery
+from mechsim.subjects import catalog, gallery
 from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import load
 from mechsim.verdict.quantities import reach_of
@@ -38,7 +39,7 @@ def test_gallery_files_state_their_source_and_law(gallery_solver):
     assert text.startswith("# ")
     assert "\n# Source: " in text
     assert "\n# Law" in text
-    assert len(gallery.description(FILES[gallery_solver.name])) > 20
+    assert len(catalog.description_of(FILES[gallery_solver.name])) > 20
 
 
 def test_gallery_mechanisms_pass_validation_and_satisfy_their_law(gallery_solver):
@@ -137,14 +138,13 @@ def test_the_fingers_of_the_gripper_do_not_rotate():
 
 def test_the_gallery_is_read_from_package_or_source_tree(monkeypatch, tmp_path):
     package = tmp_path / "mechsim"
-    (package / "gallery").mkdir(parents=True)
+    (package / "models" / "gallery").mkdir(parents=True)
     (tmp_path / "models" / "gallery").mkdir(parents=True)
-    (package / "gallery" / "inside.toml").touch()
+    (package / "models" / "gallery" / "inside.toml").touch()
     (tmp_path / "models" / "gallery" / "source.toml").touch()
-    monkeypatch.setattr(gallery, "PACKAGE", package)
+    monkeypatch.setattr(catalog, "PACKAGE", package)
     assert list(gallery.files()) == ["inside"]
-    (package / "gallery" / "inside.toml").unlink()
-    (package / "gallery").rmdir()
+    shutil.rmtree(package / "models")
     assert list(gallery.files()) == ["source"]
 
 

@@ -97,7 +97,7 @@ def test_a_function_of_time_is_a_motion_law(file):
 
 
 def test_a_mechanism_of_the_catalogue_is_driven_by_any_of_its_joints():
-    from mechsim.analytic import catalog
+    from mechsim import catalog
 
     solver = load("slider_crank", drive={"crank": "600rpm"}, duration=0.1)
     time = np.linspace(0.0, 0.1, 9)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.subjects.readers import load
 

@@ -53,7 +53,7 @@ def test_the_script_reproduces_its_digits_at_another_precision(name, row):
 
 
 def test_the_data_cover_catalogue_gallery_and_benchmarks():
-    from mechsim.analytic import catalog
+    from mechsim import catalog
 
     assert set(NAMES) == {*catalog.MECHANISMS, *gallery.files(), "spatial_slider_crank", "bricard"}
     reported = json.loads((WHERE / "datapackage.json").read_text())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.subjects.readers import load
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.masses import with_inertia

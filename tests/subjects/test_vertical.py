@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from model_files import model_text
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.mechanism import against

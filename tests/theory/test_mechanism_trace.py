@@ -7,10 +7,6 @@ import pytest
 from grids import grid
 
 from mechsim import catalog, loops
-from mechsim.analytic.catalog.four_bar import FourBar
-from mechsim.analytic.catalog.rrsrr import Rrsrr
-from mechsim.analytic.catalog.rssr import Rssr
-from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.analytic.loops import start
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End, Gear, Joint
@@ -131,7 +127,7 @@ def test_branch_points_agree_with_the_closed_form(name):
 
 @pytest.mark.slow
 def test_close_curves_without_a_branch_point_are_separated():
-    linkage = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
     assert trace(replace(linkage, coupler=0.1), starts=0).branch_points
     result = trace(linkage, starts=2)
     assert not result.branch_points
@@ -154,7 +150,7 @@ def test_curves_of_a_geared_mechanism_satisfy_the_gear_equation():
 
 @pytest.mark.parametrize("away", [1e-7, 1e-10])
 def test_a_curve_of_high_curvature_keeps_its_assembly_mode(away):
-    linkage = FourBar(ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + away)
+    linkage = catalog.make("four_bar", ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + away)
     curve = trace(linkage, starts=0).curves[0]
     assert abs(curve.turns) == 1
     poses = curve.samples(60)
@@ -162,7 +158,7 @@ def test_a_curve_of_high_curvature_keeps_its_assembly_mode(away):
 
 
 def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
-    kite = FourBar(ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
+    kite = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
     result = trace(kite, starts=20)
     swinging, still = result.curves
     assert len(swinging.dead_centres) == 2
@@ -175,7 +171,7 @@ def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
 
 
 def test_rockers_reverse_where_crank_and_coupler_are_collinear():
-    linkage = FourBar()
+    linkage = catalog.make("four_bar")
     first, second = trace(linkage, starts=20).curves
     for curve in (first, second):
         reversals = [point for point in curve.turning_points if point.coordinate == "rocker.q"]
@@ -189,7 +185,7 @@ def test_rockers_reverse_where_crank_and_coupler_are_collinear():
 
 
 def test_the_length_of_a_curve_is_the_integral_of_twists():
-    linkage = Rrsrr()
+    linkage = catalog.make("rrsrr")
     motion = linkage.solve(np.linspace(0.0, REVOLUTION, 400)[:-1])
     squares = sum(
         (link.velocity**2).sum(1) / linkage.mechanism.characteristic_length**2
@@ -200,7 +196,7 @@ def test_the_length_of_a_curve_is_the_integral_of_twists():
 
 
 def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
-    linkage = Rrsrr()
+    linkage = catalog.make("rrsrr")
     for curve in trace(linkage, starts=STARTS).curves:
         x, y, z = curve.samples(60).points["S"].T
         # the torus that the coupler's end sweeps about the crank's axis x, and the sphere about the pivot
@@ -212,7 +208,7 @@ def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
 
 
 def test_traces_are_reproducible_for_any_seed():
-    linkage = SliderCrank()
+    linkage = catalog.make("slider_crank")
     first, again, other = (trace(linkage, starts=40, seed=seed) for seed in (4, 4, 5))
     assert [c.starts_ended for c in first.curves] == [c.starts_ended for c in again.curves]
     assert [c.length for c in first.curves] == [c.length for c in again.curves]
@@ -315,9 +311,9 @@ def test_an_unbounded_screw_is_rejected(monkeypatch):
 
 
 def test_chunks_of_random_starts_give_the_same_curves(monkeypatch):
-    whole, reported = trace(SliderCrank(), starts=40), []
+    whole, reported = trace(catalog.make("slider_crank"), starts=40), []
     monkeypatch.setattr(start, "CHUNK_BYTES", 4000.0)
-    chunked = trace(SliderCrank(), starts=40, progress=lambda *output: reported.append(output))
+    chunked = trace(catalog.make("slider_crank"), starts=40, progress=lambda *output: reported.append(output))
     assert [curve.starts_ended for curve in chunked.curves] == [curve.starts_ended for curve in whole.curves]
     fractions = [fraction for output, fraction in reported if output.endswith("of 40 random starts")]
     assert len(fractions) > 2
@@ -366,11 +362,11 @@ def test_invalid_traces_are_rejected():
     with pytest.raises(MobilityError, match=r"truss has no degree of freedom.*add one"):
         trace(truss())
     with pytest.raises(AssemblyError, match=r"four_bar: the loops close at no crank angle"):
-        trace(FourBar(ground=0.3, crank=0.05, coupler=0.05, rocker=0.05))
+        trace(catalog.make("four_bar", ground=0.3, crank=0.05, coupler=0.05, rocker=0.05))
     with pytest.raises(InputError, match="starts of a trace: -1; give a whole number from 0"):
-        trace(FourBar(), starts=-1)
+        trace(catalog.make("four_bar"), starts=-1)
     with pytest.raises(InputError, match=r"the seed of a trace: 1\.5; give a whole number"):
-        trace(FourBar(), seed=1.5)
+        trace(catalog.make("four_bar"), seed=1.5)
     with pytest.raises(InputError, match="of type NoneType"):
         trace(None)
 
@@ -406,7 +402,7 @@ def test_the_motion_along_a_curve_has_uniform_speed():
 
 
 def test_rates_along_a_curve_agree_with_the_closed_form():
-    linkage = Rssr()
+    linkage = catalog.make("rssr")
     motion = even_motion(trace(linkage, starts=0).curves[0], 24, 2.0)
     exact = linkage.solve(motion.angle, motion.speed, motion.acceleration)
     for name, point in exact.points.items():

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechsim import catalog
-from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.loops import assemble, residual_norms, turned_by
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
@@ -134,7 +133,7 @@ def test_four_bar_and_slider_crank_consist_of_a_crank_and_a_dyad(name, links):
 
 
 def test_the_coupler_of_an_rssr_has_a_passive_spin():
-    m = mobility(Rssr().mechanism)
+    m = mobility(catalog.make("rssr").mechanism)
     assert (m.actual, m.somov_malyshev, m.grubler, m.redundant) == (2, 2, None, 0)
     (motion,) = m.idle
     assert motion.links == ("coupler",)
@@ -143,7 +142,7 @@ def test_the_coupler_of_an_rssr_has_a_passive_spin():
 
 
 def test_a_passive_spin_satisfies_the_loop_equations():
-    mechanism = Rssr().mechanism
+    mechanism = catalog.make("rssr").mechanism
     poses = assemble(mechanism, [mechanism.start])
     rod = poses["coupler"]
     p2, p3 = rod.point((0.0, 0.0, 0.0)), rod.point((-0.046, 0.0, 0.0))
@@ -154,12 +153,12 @@ def test_a_passive_spin_satisfies_the_loop_equations():
 
 
 def test_the_guide_removes_the_passive_spin():
-    m = mobility(Rssr(guide=True).mechanism)
+    m = mobility(catalog.make("rssr", guide=True).mechanism)
     assert (m.actual, m.somov_malyshev, m.free, m.redundant) == (1, 1, (), 0)
 
 
 def test_a_spin_that_moves_a_tracked_point_is_not_passive():
-    plain = Rssr().mechanism
+    plain = catalog.make("rssr").mechanism
     tracked = Mechanism(
         name=plain.name,
         links=plain.links,
@@ -175,7 +174,7 @@ def test_a_spin_that_moves_a_tracked_point_is_not_passive():
 
 
 def test_each_passive_spin_is_named():
-    plain = Rssr().mechanism
+    plain = catalog.make("rssr").mechanism
     poses = assemble(plain, [plain.start])
     rocker, position = poses["rocker"].select(0), np.array([0.071, 0.013, 0.009])
     arm = np.array([0.003, 0.002, 0.019])
@@ -409,7 +408,7 @@ def test_planarity_depends_on_every_axis():
     assert normal is not None
     assert normal == pytest.approx(rotated[:, 2], abs=1e-15)
     assert groups_of(planar(FOUR_BAR, rotation_matrix=rotated)) == groups_of(planar(FOUR_BAR))
-    assert plane_normal(Rssr().mechanism) is None
+    assert plane_normal(catalog.make("rssr").mechanism) is None
     tilted = planar({"crank": FOUR_BAR["crank"], "A": FOUR_BAR["A"]})
     slide = Joint(
         "out", "prismatic", End("coupler", axis=(0.0, 1.0, 1e-6)), End("slider", axis=(0.0, 1.0, 1e-6))
@@ -441,7 +440,7 @@ def test_an_invalid_driving_link_is_rejected(driver, stopped, message):
 
 def test_assur_groups_of_spatial_mechanisms_are_rejected():
     with pytest.raises(InputError, match="rssr is not planar"):
-        assur_groups(Rssr().mechanism)
+        assur_groups(catalog.make("rssr").mechanism)
 
 
 @st.composite

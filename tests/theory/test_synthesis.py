@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from mechsim import loops
-from mechsim.analytic.catalog.looper import Looper
+from mechsim import catalog, loops
 from mechsim.errors import AssemblyError, InputError
 from mechsim.theory.coupler_line import best_circle, follow_curve, line, synthesize_looper
 from mechsim.theory.passage import dyad, passage
@@ -17,7 +16,7 @@ THROUGH, TILT, LENGTH = (12.8751e-3, 29.9574e-3), float(np.deg2rad(1.3905)), 4e-
 
 @pytest.fixture(scope="module")
 def paper():
-    return synthesize_looper(THROUGH, TILT, LENGTH, Looper())
+    return synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"))
 
 
 def distance_to_line(points, through, tilt):
@@ -30,7 +29,7 @@ def test_the_line_of_the_paper_gives_its_published_linkage(paper):
     assert f"{1e3 * paper.rocker:.3f}" == "32.000"
     assert paper.design.branch == 1
     assert paper.design == replace(
-        Looper(), frame=paper.frame, frame_angle=paper.frame_angle, rocker=paper.rocker
+        catalog.make("looper"), frame=paper.frame, frame_angle=paper.frame_angle, rocker=paper.rocker
     )
 
 
@@ -46,7 +45,7 @@ def test_the_reported_deviation_agrees_with_the_linkage(paper):
 
 
 def test_perturbed_circles_have_a_larger_error():
-    _, b = dyad(line(THROUGH, TILT, LENGTH), Looper(), 1)
+    _, b = dyad(line(THROUGH, TILT, LENGTH), catalog.make("looper"), 1)
     best = best_circle(b)
     rng = np.random.default_rng(4)
     for _ in range(200):
@@ -57,7 +56,7 @@ def test_perturbed_circles_have_a_larger_error():
 
 
 def test_the_best_circle_agrees_with_forty_digits():
-    _, b = dyad(line(THROUGH, TILT, LENGTH), Looper(), 1)
+    _, b = dyad(line(THROUGH, TILT, LENGTH), catalog.make("looper"), 1)
     best = best_circle(b)
     assert len(best.alternation) == 4
     signs = np.sign(best.error[list(best.alternation)])
@@ -80,21 +79,23 @@ def test_the_best_circle_agrees_with_forty_digits():
 
 @pytest.mark.parametrize("in_space", [False, True])
 def test_equal_ripple_reduces_the_deviation(in_space):
-    result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), equal_ripple=True, in_space=in_space)
+    result = synthesize_looper(
+        THROUGH, TILT, LENGTH, catalog.make("looper"), equal_ripple=True, in_space=in_space
+    )
     extrema = result.error[list(result.alternation)]
     assert len(extrema) == 4
     assert (np.sign(extrema[1:]) == -np.sign(extrema[:-1])).all()
     assert np.abs(extrema) == pytest.approx(result.deviation, rel=1e-3)
-    plain = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=in_space)
+    plain = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), in_space=in_space)
     assert result.deviation < plain.deviation
 
 
 @pytest.mark.parametrize("in_space", [False, True])
 def test_synthesis_recovers_the_linkage_of_a_curve(in_space):
-    made = replace(Looper(), rocker=0.0297, frame=0.0341, frame_angle=0.71)
+    made = replace(catalog.make("looper"), rocker=0.0297, frame=0.0341, frame_angle=0.71)
     angles = np.linspace(2.3, 3.1, 41)
     c = made.positions(angles)["C"] if in_space else made.planar_point(angles)
-    result = follow_curve(c[:, :2], Looper(), in_space=in_space)
+    result = follow_curve(c[:, :2], catalog.make("looper"), in_space=in_space)
     assert result.rocker == pytest.approx(0.0297, rel=1e-8)
     assert result.frame == pytest.approx(0.0341, rel=1e-8)
     assert result.frame_angle == pytest.approx(0.71, rel=1e-8)
@@ -103,7 +104,7 @@ def test_synthesis_recovers_the_linkage_of_a_curve(in_space):
 
 
 def test_spatial_synthesis_follows_the_line_in_space():
-    result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=True)
+    result = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), in_space=True)
     angles = np.linspace(*sorted(result.angles[[0, -1]]), 501)
     space, plane = result.design.positions(angles)["C"], result.design.planar_point(angles)
     assert np.abs(distance_to_line(space, THROUGH, TILT)).max() == pytest.approx(result.deviation, rel=2e-3)
@@ -113,7 +114,7 @@ def test_spatial_synthesis_follows_the_line_in_space():
 def straight_path(frame, frame_angle, rocker):
     """Return offsets along and across the line of THROUGH and TILT over a revolution, by planar circles."""
     angle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
-    base, pivot = Looper(), frame * np.exp(1j * frame_angle)
+    base, pivot = catalog.make("looper"), frame * np.exp(1j * frame_angle)
     a = base.crank * angle
     difference = abs(pivot - a)
     with np.errstate(invalid="ignore"):
@@ -145,7 +146,7 @@ def measured_deviation(frame, frame_angle, rocker, length):
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
 def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
-    result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
+    result = synthesize_looper(THROUGH, TILT, length, catalog.make("looper"), equal_ripple=equal_ripple)
     own = measured_deviation(result.frame, result.frame_angle, result.rocker, length)
     # 801 points hide 2e-5 of a ripple, 20001 of a turn 1e-5
     assert result.deviation == pytest.approx(own, rel=1e-4)
@@ -155,8 +156,8 @@ def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
 
 @pytest.mark.parametrize("length", [pytest.param(4e-3, marks=pytest.mark.slow), 11e-3])
 def test_perturbed_linkages_have_a_larger_deviation(length):
-    result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=True)
-    plain = synthesize_looper(THROUGH, TILT, length, Looper())
+    result = synthesize_looper(THROUGH, TILT, length, catalog.make("looper"), equal_ripple=True)
+    plain = synthesize_looper(THROUGH, TILT, length, catalog.make("looper"))
     best = np.array([result.frame, result.frame_angle, result.rocker])
     toward = np.array([plain.frame, plain.frame_angle, plain.rocker]) - best
     # long lines determine the linkage poorly in one direction: random perturbations of many sizes, and
@@ -173,7 +174,7 @@ def test_perturbed_linkages_have_a_larger_deviation(length):
 
 
 def test_a_long_line_is_followed_better_than_by_a_direct_search():
-    result = synthesize_looper(THROUGH, TILT, 11e-3, Looper(), equal_ripple=True)
+    result = synthesize_looper(THROUGH, TILT, 11e-3, catalog.make("looper"), equal_ripple=True)
     audit = measured_deviation(28.684e-3, 1.03720, 21.667e-3, 11e-3)
     assert result.deviation < audit < 105e-6
 
@@ -181,18 +182,18 @@ def test_a_long_line_is_followed_better_than_by_a_direct_search():
 @pytest.mark.parametrize("length", [1e-12, 1e-6])
 def test_a_line_too_short_for_synthesis_is_rejected(length):
     with pytest.raises(InputError, match=r"rounding decides the linkage; give at least 3\.3e-06 m"):
-        synthesize_looper(THROUGH, TILT, length, Looper())
+        synthesize_looper(THROUGH, TILT, length, catalog.make("looper"))
 
 
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [13e-3, 40e-3])
 def test_a_line_too_long_for_the_dyad_is_rejected(length, equal_ripple):
     with pytest.raises(InputError, match="shorten or move the curve"):
-        synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
+        synthesize_looper(THROUGH, TILT, length, catalog.make("looper"), equal_ripple=equal_ripple)
 
 
 def test_a_linkage_that_reverses_on_the_line_is_rejected():
-    path = Looper()
+    path = catalog.make("looper")
     angles = np.linspace(2.3, 3.1, 41)
     # C's stroke is 13.6 mm
     with pytest.raises(AssemblyError, match="reverses"):
@@ -235,18 +236,20 @@ def test_the_best_circle_through_points_of_a_circle_is_that_circle():
 )
 def test_an_invalid_line_is_rejected(through, tilt, length, message):
     with pytest.raises(InputError, match=message):
-        synthesize_looper(through, tilt, length, Looper())
+        synthesize_looper(through, tilt, length, catalog.make("looper"))
 
 
 @pytest.mark.parametrize("curve", [np.zeros((3, 2)), np.zeros((9, 3)), np.full((9, 2), np.nan)])
 def test_an_invalid_curve_is_rejected(curve):
     with pytest.raises(InputError, match="give five points"):
-        follow_curve(curve, Looper())
+        follow_curve(curve, catalog.make("looper"))
 
 
 def test_the_deviation_from_an_unreachable_curve_is_reported():
     y = np.linspace(-1.0, 1.0, 41)
-    result = follow_curve(np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), Looper())
+    result = follow_curve(
+        np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), catalog.make("looper")
+    )
     # the best circle fits a line and an arc, but not a wave
     assert 3e-5 < result.deviation < 2e-4
     assert result.deviation == np.abs(result.error).max()

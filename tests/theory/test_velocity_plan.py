@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from two_cranks import velocities
 
-from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim import catalog
 from mechsim.errors import AssemblyError
 from mechsim.theory.velocity_plan import velocity_plan
 
 REVOLUTION = 2 * np.pi
 LINKAGES = {
-    "default": WarpKnitter(),
-    "other assembly mode": WarpKnitter(assembly=1),
-    "other direction": WarpKnitter(gear_ratio=1.5, phase=-0.4),
+    "default": catalog.make("warp_knitter"),
+    "other assembly mode": catalog.make("warp_knitter", assembly=1),
+    "other direction": catalog.make("warp_knitter", gear_ratio=1.5, phase=-0.4),
 }
 # allowed difference from the loop equations, relative to the fastest point
 AGREEMENT = 1e-12
@@ -34,7 +34,7 @@ def test_velocity_plans_agree_with_the_loop_equations(linkage, speed):
 
 
 def test_each_plan_agrees_with_one_crank_stopped():
-    linkage, f = WarpKnitter(), 1.1
+    linkage, f = catalog.make("warp_knitter"), 1.1
     f2 = linkage.gear_ratio * f + linkage.phase
     plan = velocity_plan(linkage, f, 3.0, 7.0)
     for single, speeds in ((plan.crank2_stopped, (3.0, 0.0)), (plan.crank1_stopped, (0.0, 7.0))):
@@ -46,8 +46,8 @@ def test_each_plan_agrees_with_one_crank_stopped():
 
 @pytest.mark.parametrize("first", [1e-3, 250.0, -2.0])
 def test_the_length_of_the_first_vector_does_not_matter(first):
-    first_plan = velocity_plan(WarpKnitter(), 0.3, 3.0)
-    other = velocity_plan(WarpKnitter(), 0.3, 3.0, first=first)
+    first_plan = velocity_plan(catalog.make("warp_knitter"), 0.3, 3.0)
+    other = velocity_plan(catalog.make("warp_knitter"), 0.3, 3.0, first=first)
     differences = {name: first_plan.velocities[name] - v for name, v in other.velocities.items()}
     assert fastest(differences) <= AGREEMENT * fastest(first_plan.velocities)
     assert np.linalg.norm(other.crank2_stopped.vectors["c"]) == pytest.approx(abs(first))
@@ -55,7 +55,7 @@ def test_the_length_of_the_first_vector_does_not_matter(first):
 
 
 def test_vectors_of_the_plan_are_perpendicular_to_their_links():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     for f in np.linspace(0.0, 6.0, 13):
         points = {name: position[0, :2] for name, position in linkage.positions([f]).items()}
         points |= {"O1": np.zeros(2), "O2": np.array(linkage.pivot2), "E": np.array(linkage.pivot_rocker)}
@@ -74,7 +74,7 @@ def test_vectors_of_the_plan_are_perpendicular_to_their_links():
 
 
 def test_the_velocity_image_is_similar_to_the_base_link():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     points = linkage.positions([0.9])
     plan = velocity_plan(linkage, 0.9, 3.0)
     for single in (plan.crank2_stopped, plan.crank1_stopped):
@@ -87,7 +87,7 @@ def test_the_velocity_image_is_similar_to_the_base_link():
 
 
 def test_the_scale_gives_the_speed_of_the_crank_pin():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     plan = velocity_plan(linkage, 2.0, 3.0)
     first_plan, second_plan = plan.crank2_stopped, plan.crank1_stopped
     assert first_plan.scale * np.linalg.norm(first_plan.vectors["a"]) == pytest.approx(
@@ -106,7 +106,7 @@ def test_the_scale_gives_the_speed_of_the_crank_pin():
 
 
 def test_both_velocities_of_k_have_the_same_direction():
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     plan = velocity_plan(linkage, 0.6, 3.0)
     arm = linkage.positions([0.6])["K"][0, :2] - linkage.pivot_rocker
     along = np.array([-arm[1], arm[0]]) / np.linalg.norm(arm)
@@ -116,18 +116,22 @@ def test_both_velocities_of_k_have_the_same_direction():
 
 
 def test_cranks_at_rest_give_plans_of_scale_zero():
-    plan = velocity_plan(WarpKnitter(), 0.6, 0.0)
+    plan = velocity_plan(catalog.make("warp_knitter"), 0.6, 0.0)
     assert plan.crank2_stopped.scale == plan.crank1_stopped.scale == 0.0
     assert fastest(plan.velocities) == 0.0
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [WarpKnitter(gear_ratio=-2.02), WarpKnitter(assembly=1), WarpKnitter(rod5=0.049 * 1.001)],
+    [
+        catalog.make("warp_knitter", gear_ratio=-2.02),
+        catalog.make("warp_knitter", assembly=1),
+        catalog.make("warp_knitter", rod5=0.049 * 1.001),
+    ],
     ids=["gear ratio 1 % off", "another assembly mode", "rod 0.1 % longer"],
 )
 def test_a_wrong_mechanism_disagrees(wrong):
-    exact = WarpKnitter().solve([0.9], 3.0)
+    exact = catalog.make("warp_knitter").solve([0.9], 3.0)
     plan = velocity_plan(wrong, 0.9, 3.0)
     differences = {name: plan.velocities[name] - p.velocity[0] for name, p in exact.points.items()}
     assert fastest(differences) > 1e6 * AGREEMENT * fastest(plan.velocities)
@@ -135,7 +139,7 @@ def test_a_wrong_mechanism_disagrees(wrong):
 
 def test_a_plan_with_parallel_lines_is_rejected():
     # K on the line from E to C at crank angle 0: V_K and V_KC then have one direction
-    linkage = WarpKnitter()
+    linkage = catalog.make("warp_knitter")
     points = {name: position[0, :2] for name, position in linkage.positions([0.0]).items()}
     pivot = points["K"] + 0.7 * (points["K"] - points["C"])
     wrong = replace(

@@ -7,7 +7,7 @@ import pytest
 
 import mechsim as ms
 from mechsim import catalog, loops
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import InputError
 from mechsim.files import plain
 from mechsim.model.mechanism import Mechanism

@@ -8,7 +8,7 @@ from catalog_faults import FAULTS
 from grids import grid
 
 from mechsim import catalog
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import AssemblyError
 from mechsim.model.links import EX, EY, EZ
 from mechsim.model.mechanism import Mechanism

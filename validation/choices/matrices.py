@@ -16,7 +16,7 @@ import numpy as np
 import study_table as sheet
 
 from mechsim import catalog
-from mechsim.analytic.catalog.four_bar import FourBar
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.simulation import mjcf, settings
 
 CHAINS = (8, 10, 12, 16, 20, 24, 40)
@@ -25,7 +25,7 @@ STEPS, ROUNDS = 100, 15
 RANDOM, SEED = 400, 0
 
 
-def chain(linkage: FourBar, n: int) -> mujoco.MjSpec:
+def chain(linkage: ClosedForm, n: int) -> mujoco.MjSpec:
     """Return the model of a chain of n four-bars with its crank at zero."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
@@ -187,7 +187,7 @@ def wrong() -> str:
 def main() -> None:
     out = sheet.folder(__doc__ or "")
     linkage = catalog.make("four_bar")
-    assert isinstance(linkage, FourBar)
+    assert linkage.name == "four_bar"
     rows = [measured(f"{n} four-bars", chain(linkage, n)) for n in CHAINS]
     rows += [measured(f"{count} polygons of {sides}", polygons(count, sides)) for count, sides in POLYGONS]
     sheet.show(rows, out, "matrices")

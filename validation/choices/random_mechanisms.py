@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import SELECTORS
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import SELECTORS
 from mechsim.errors import MechsimError
 
 # sizes vary by this factor up and down, angles by this many radians

@@ -21,7 +21,7 @@ import study_table as sheet
 from random_mechanisms import drives
 
 from mechsim import simulation, units
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.model.motion_laws import constant
 from mechsim.simulation import Settings, driven_run, mjcf
 from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, stepping_methods

@@ -24,8 +24,8 @@ import study_table as sheet
 from random_mechanisms import drives
 
 from mechsim import catalog, dynamics, units
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics import DynamicModel
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven

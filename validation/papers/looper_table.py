@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.looper import Looper
+from mechsim import catalog
+from mechsim.analytic.formulas.base import ClosedForm
 
 Array = NDArray[np.float64]
 
@@ -45,9 +46,9 @@ class Row:
         return abs(self.computed - self.expected) <= self.tolerance
 
 
-def table(looper: Looper | None = None) -> list[Row]:
+def table(looper: ClosedForm | None = None) -> list[Row]:
     """Return the paper's table, computed for its linkage or for another one."""
-    looper = looper or Looper()
+    looper = looper or catalog.make("looper")
     angles = np.arange(0.0, 2.0 * np.pi, STEP)
     points = {name: 1e3 * position for name, position in looper.positions(angles).items()}
     planar, c, e = 1e3 * looper.planar_point(angles), points["C"], points["E"]
@@ -95,13 +96,13 @@ def half_band(path: Array, extent: float) -> float:
     return narrowest
 
 
-def figure_3(looper: Looper) -> dict[str, Array]:
+def figure_3(looper: ClosedForm) -> dict[str, Array]:
     """Path of the looper's point E, seen along Z: x and y in [mm]."""
     e = 1e3 * looper.positions(_angles())["E"]
     return {"x": e[:, 0], "y": e[:, 1]}
 
 
-def figure_4(looper: Looper) -> dict[str, Array]:
+def figure_4(looper: ClosedForm) -> dict[str, Array]:
     """Path of C seen along Z, in space and in the plane, in [mm], and the crank angle in [rad]."""
     c, planar = 1e3 * looper.positions(_angles())["C"], 1e3 * looper.planar_point(_angles())
     return {
@@ -113,19 +114,19 @@ def figure_4(looper: Looper) -> dict[str, Array]:
     }
 
 
-def figure_5(looper: Looper) -> dict[str, Array]:
+def figure_5(looper: ClosedForm) -> dict[str, Array]:
     """X, Y and Z of the spatial C in [mm] over the crank angle in [rad]."""
     c = 1e3 * looper.positions(_angles())["C"]
     return {"angle": _angles(), "x": c[:, 0], "y": c[:, 1], "z": c[:, 2]}
 
 
-def figure_6(looper: Looper) -> dict[str, Array]:
+def figure_6(looper: ClosedForm) -> dict[str, Array]:
     """X and Y of the planar C in [mm] over the crank angle in [rad]."""
     planar = 1e3 * looper.planar_point(_angles())
     return {"angle": _angles(), "x": planar[:, 0], "y": planar[:, 1]}
 
 
-def figure_7(looper: Looper) -> dict[str, Array]:
+def figure_7(looper: ClosedForm) -> dict[str, Array]:
     """Differences of X and Y between the planar and the spatial C in [mm] over the crank angle in [rad]."""
     difference = 1e3 * (looper.planar_point(_angles()) - looper.positions(_angles())["C"])
     return {"angle": _angles(), "x": difference[:, 0], "y": difference[:, 1]}
@@ -135,7 +136,7 @@ def _angles() -> Array:
     return np.linspace(0.0, 2.0 * np.pi, 721)
 
 
-def plot(out: Path, looper: Looper) -> list[Path]:
+def plot(out: Path, looper: ClosedForm) -> list[Path]:
     """Write Figs 3-7 as pictures into a folder."""
     from matplotlib.figure import Figure
 
@@ -188,7 +189,7 @@ def main() -> int:
         values = f"{row.printed:>9} {row.expected:9.4f} {row.computed:9.4f}"
         print(f"{row.quantity:30} {row.unit:4} {values}{note}")
     if options.out:
-        for path in plot(options.out, Looper()):
+        for path in plot(options.out, catalog.make("looper")):
             print(path, file=sys.stderr)
     return 0 if all(row.passed for row in rows) else 1
 

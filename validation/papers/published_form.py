@@ -15,7 +15,8 @@ import numpy as np
 from mpmath import mp
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.rssr import Rssr
+from mechsim import catalog
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.vector_method.vectors import (
     Sign,
     column,
@@ -26,7 +27,9 @@ from mechsim.analytic.vector_method.vectors import (
 )
 
 Array = NDArray[np.float64]
-LOOPER = Rssr(crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0)
+LOOPER = catalog.make(
+    "rssr", crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
+)
 
 
 def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Array:
@@ -68,7 +71,7 @@ def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
     return np.where(possible, 2.0 * np.arctan2(np.sqrt(ratio[0]), np.sqrt(ratio[1])), np.nan)
 
 
-def vectors_and_angle(rssr: Rssr, f: Array) -> tuple[Array, Array, Array]:
+def vectors_and_angle(rssr: ClosedForm, f: Array) -> tuple[Array, Array, Array]:
     """Return P4P2, (3, n), the rocker axis, (3, 1), and the angle between rocker and P4P2, (n,)."""
     p2 = rssr.crank * np.stack([np.zeros_like(f), np.cos(f), np.sin(f)])
     to_crank = p2 - column(rssr.pivot)
@@ -89,7 +92,7 @@ def fifty_digit_vector(v1: Array, v2: Array, angle1: float, angle2: float, sign:
         return list(in_plane + sign * mp.sqrt(1 - mp.norm(in_plane) ** 2) / mp.norm(n) * n)
 
 
-def errors_near_zero(distances: Array, rssr: Rssr = LOOPER) -> tuple[Array, Array]:
+def errors_near_zero(distances: Array, rssr: ClosedForm = LOOPER) -> tuple[Array, Array]:
     """Return the errors of the published and the valid form at distances from V3x = 0, in [rad], (n,) each.
 
     The published root loses digits with the distance and is then divided by it: two digits per decade.
@@ -114,7 +117,7 @@ def errors_near_zero(distances: Array, rssr: Rssr = LOOPER) -> tuple[Array, Arra
     return published, valid
 
 
-def assemblies_over_a_turn(angles: Array, rssr: Rssr = LOOPER) -> tuple[Array, Array]:
+def assemblies_over_a_turn(angles: Array, rssr: ClosedForm = LOOPER) -> tuple[Array, Array]:
     """Return the assembly mode, +1 or -1, that W = +1 selects in either form, (n,) each."""
     v1, axis, angle = vectors_and_angle(rssr, angles)
     normal = cross(v1, np.broadcast_to(axis, v1.shape))

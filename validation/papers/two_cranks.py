@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.warp_knitter import WarpKnitter
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.vector_method.triad import carried, flat, xyz
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
@@ -18,7 +18,7 @@ from mechsim.numerics.jets import Jet
 
 
 def velocities(
-    knitter: WarpKnitter, angle1: ArrayLike, angle2: ArrayLike, speed1: ArrayLike, speed2: ArrayLike
+    knitter: ClosedForm, angle1: ArrayLike, angle2: ArrayLike, speed1: ArrayLike, speed2: ArrayLike
 ) -> dict[str, Array]:
     """Return velocities of the tracked points at independent angles and speeds of both cranks.
 
@@ -46,7 +46,7 @@ def velocities(
     return {name: xyz(point.rate).T for name, point in zip("ABCDK", (a, b, c, d, k), strict=True)}
 
 
-def one_crank_stopped(knitter: WarpKnitter, stopped: Literal["crank1", "crank2"], angle: float) -> Mechanism:
+def one_crank_stopped(knitter: ClosedForm, stopped: Literal["crank1", "crank2"], angle: float) -> Mechanism:
     """Return the mechanism with one crank fixed and the other as driver, W = 1.
 
     Args:
@@ -88,7 +88,7 @@ def one_crank_stopped(knitter: WarpKnitter, stopped: Literal["crank1", "crank2"]
     )
 
 
-def _poses(knitter: WarpKnitter, f1: Array, f2: Array) -> tuple[Any, Any]:
+def _poses(knitter: ClosedForm, f1: Array, f2: Array) -> tuple[Any, Any]:
     """Return position and rotation of the base link: the geared pose, then crank 2 rotated to f2."""
     geared = knitter.positions(f1)
     position = flat(geared["B"])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, dynamics, masses
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Inertia
 from mechsim.model.mechanism import Mechanism

@@ -19,7 +19,7 @@ import numpy as np
 from change_points import NAMES, random_linkages
 
 from mechsim import catalog, loops
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION

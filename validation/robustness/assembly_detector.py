@@ -24,8 +24,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
+from mechsim import catalog
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.errors import MechsimError
 from mechsim.model.motion import Motion
 from mechsim.simulation import Settings, simulate
@@ -42,10 +42,10 @@ NEAR_OTHER, NEAR_OWN = 0.1, 1.0 / 3.0
 
 def near_singular(random: np.random.Generator) -> TwoBranchForm:
     """Return a random mechanism whose crank just rotates fully, past an almost dead centre."""
-    classes = (FourBar, SliderCrank, Rssr, Rrsrr)
+    names = ("four_bar", "slider_crank", "rssr", "rrsrr")
     while True:
-        linkage_class = classes[random.integers(len(classes))]
-        linkage = linkage_class(branch=int(random.choice([1, -1])))
+        name = names[random.integers(len(names))]
+        linkage = catalog.make(name, branch=int(random.choice([1, -1])))
         lengths = {}
         for length_name in ("ground", "crank", "coupler", "rocker", "rod", "link"):
             if hasattr(linkage, length_name):

@@ -18,7 +18,7 @@ import numpy as np
 from random_catalog_mechanisms import SPEED, random_catalog_mechanisms
 
 from mechsim import dynamics, load_profile
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.motion_laws import within_range

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, loops
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation.poses import follow
@@ -93,17 +94,17 @@ def exact_joint_b(lengths: Lengths, angle: float, sign: int, through: ChangePoin
         return complex(a + arm / abs(arm) ** 2 * (along + mpmath.mpc(0, 1) * sign * root / 2))
 
 
-def closed_form(linkage: catalog.FourBar) -> Array:
+def closed_form(linkage: ClosedForm) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
     return linkage.positions(ANGLES)["B"]
 
 
-def loop_equations(linkage: catalog.FourBar) -> Array:
+def loop_equations(linkage: ClosedForm) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
     return loops.solve(linkage.mechanism, ANGLES, change_point=linkage.change_point).points["B"].position
 
 
-def mujoco_poses(linkage: catalog.FourBar) -> Array:
+def mujoco_poses(linkage: ClosedForm) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
     source = from_source(linkage)
     return source.point_positions(follow.follow(source.loops, source.qpos, ANGLES))[
@@ -111,7 +112,7 @@ def mujoco_poses(linkage: catalog.FourBar) -> Array:
     ]
 
 
-METHODS: dict[str, Callable[[catalog.FourBar], Array]] = {
+METHODS: dict[str, Callable[[ClosedForm], Array]] = {
     "closed form": closed_form,
     "loop equations": loop_equations,
     "MuJoCo, poses": mujoco_poses,
@@ -123,7 +124,7 @@ def tally(method: str, linkages: Sequence[Lengths], policy: ChangePointPolicy = 
     correct = rejected = wrong = 0
     worst = 0.0
     for lengths in linkages:
-        linkage = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=policy)
+        linkage = catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True)), change_point=policy)
         try:
             result = METHODS[method](linkage)
         except MechsimError as error:

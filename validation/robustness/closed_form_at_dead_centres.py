@@ -21,8 +21,9 @@ import numpy as np
 from mpmath import mp
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
+from mechsim import catalog
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.vectors import column, norm
 
 sys.path.append(str(Path(__file__).parents[1] / "papers"))
@@ -37,16 +38,18 @@ MAX_UNITS = 2.0
 DIGITS = 50
 DISTANCES = np.geomspace(1e-12, 1e-1, 23)
 LINKAGES: dict[str, tuple[TwoBranchForm, str]] = {
-    "four_bar": (FourBar(rocker=0.035), "B"),
-    "slider_crank": (SliderCrank(rod=0.045), "B"),
-    "rssr": (Rssr(rocker=0.009), "P3"),
-    "rrsrr": (Rrsrr(link=0.055), "S"),
+    "four_bar": (catalog.make("four_bar", rocker=0.035), "B"),
+    "slider_crank": (catalog.make("slider_crank", rod=0.045), "B"),
+    "rssr": (catalog.make("rssr", rocker=0.009), "P3"),
+    "rrsrr": (catalog.make("rrsrr", link=0.055), "S"),
 }
 
 
-def dead_centre_at_zero_v3x() -> Rssr:
+def dead_centre_at_zero_v3x() -> ClosedForm:
     """Return the layout of a looper drive with a coupler that puts the dead centre at V3x = 0."""
-    linkage = Rssr(crank=0.014, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0)
+    linkage = catalog.make(
+        "rssr", crank=0.014, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
+    )
     crank_angle = np.arccos(linkage.pivot[1] / linkage.crank)
     height = linkage.crank * np.sin(crank_angle) - linkage.pivot[2]
     return replace(linkage, coupler=float(np.hypot(height, linkage.pivot[0] - linkage.rocker)))
@@ -54,15 +57,15 @@ def dead_centre_at_zero_v3x() -> Rssr:
 
 def exact_inputs(linkage: TwoBranchForm) -> list[mp.mpf]:
     """Return the dimensions that the point depends on, without the crank angle."""
-    if isinstance(linkage, FourBar):
+    if linkage.name == "four_bar":
         values = [linkage.ground, linkage.crank, linkage.coupler, linkage.rocker]
-    elif isinstance(linkage, SliderCrank):
+    elif linkage.name == "slider_crank":
         values = [linkage.crank, linkage.rod, linkage.offset]
-    elif isinstance(linkage, Rssr):
+    elif linkage.name == "rssr":
         values = [linkage.crank, linkage.coupler, linkage.rocker, *linkage.pivot]
         values += [linkage.gamma1, linkage.gamma2]
     else:
-        assert isinstance(linkage, Rrsrr)
+        assert linkage.name == "rrsrr"
         values = [linkage.crank, linkage.coupler, linkage.link, *linkage.pivot]
     return [mp.mpf(value) for value in values]
 
@@ -70,23 +73,23 @@ def exact_inputs(linkage: TwoBranchForm) -> list[mp.mpf]:
 def driven_point(linkage: TwoBranchForm, f: mp.mpf, values: list[mp.mpf]) -> tuple[Vector, mp.mpf]:
     """Return the driven point and the discriminant, zero at the dead centre, as mpmath numbers."""
     c, s = mp.cos(f), mp.sin(f)
-    if isinstance(linkage, SliderCrank):
+    if linkage.name == "slider_crank":
         crank, rod, offset = values
         discriminant = rod**2 - (offset - crank * s) ** 2
         return [crank * c + linkage.branch * mp.sqrt(discriminant), offset, mp.mpf(0)], discriminant
-    if isinstance(linkage, FourBar):
+    if linkage.name == "four_bar":
         ground, crank, coupler, rocker = values
         to_a = [crank * c - ground, crank * s, mp.mpf(0)]
         circle = [ground, mp.mpf(0), mp.mpf(0)], [mp.mpf(0), mp.mpf(0), mp.mpf(1)], rocker
         return circle_sphere_intersection(circle, to_a, coupler, linkage.branch)
-    if isinstance(linkage, Rssr):
+    if linkage.name == "rssr":
         crank, coupler, rocker, *lengths = values
         pivot, (gamma1, gamma2) = lengths[:3], lengths[3:]
         # third column of TY(gamma1) TX(gamma2)
         axis = [mp.sin(gamma1) * mp.cos(gamma2), -mp.sin(gamma2), mp.cos(gamma1) * mp.cos(gamma2)]
         to_p2 = [-pivot[0], crank * c - pivot[1], crank * s - pivot[2]]
         return circle_sphere_intersection((pivot, axis, rocker), to_p2, coupler, linkage.branch)
-    assert isinstance(linkage, Rrsrr)
+    assert linkage.name == "rrsrr"
     crank, coupler, link, *pivot = values
     centre, hinge = [mp.mpf(0), crank * c, crank * s], [mp.mpf(0), s, -c]
     to_pivot = [p - q for p, q in zip(pivot, centre, strict=True)]
@@ -153,7 +156,7 @@ def errors(linkage: TwoBranchForm, name: str, angles: Array) -> tuple[Array, Arr
     return np.array(distances) / longest_link(linkage), np.array([condition for _, condition in references])
 
 
-def published_errors(linkage: Rssr, angles: Array) -> Array:
+def published_errors(linkage: ClosedForm, angles: Array) -> Array:
     """Return errors of P3 by the published form relative to the longest link, (n,); 1 for no number."""
     result = np.empty(len(angles))
     for i, f in enumerate(angles):
@@ -211,7 +214,7 @@ def main(arguments: list[str]) -> int:
     for name, (linkage, point) in linkages.items():
         angles = angles_near(linkage, DISTANCES)
         current[name] = errors(linkage, point, angles)
-        if isinstance(linkage, Rssr):
+        if linkage.name == "rssr":
             published[name] = published_errors(linkage, angles)
     columns = {name: error for name, (error, _) in current.items()}
     columns |= {f"{name}, published": error for name, error in published.items()}

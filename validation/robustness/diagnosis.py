@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mechsim.analytic import catalog, dynamics
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import SELECTORS
+from mechsim import catalog, dynamics
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import SELECTORS
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces

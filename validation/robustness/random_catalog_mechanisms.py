@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import SELECTORS
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import SELECTORS
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import CrankProfile, interval_around, swing, within_range
 from mechsim.numerics.angles import REVOLUTION

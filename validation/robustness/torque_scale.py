@@ -20,8 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from mechanisms import three_cranks
 
-from mechsim import load
-from mechsim.analytic import catalog, dynamics
+from mechsim import catalog, dynamics, load
 from mechsim.analytic.dynamics import dynamic_model, prescribed
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.errors import MechsimError

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from random_catalog_mechanisms import SPEED, random_mechanism, random_swing, swing_near_dead_centre
 
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion_laws import CrankProfile, within_range

@@ -29,7 +29,7 @@ from exact.description import read  # noqa: E402
 from exact.solving import followed, in_doubles, instant  # noqa: E402
 
 import mechsim as ms  # noqa: E402
-from mechsim.analytic import catalog  # noqa: E402
+from mechsim import catalog  # noqa: E402
 
 DIGITS, STEP = 95, "1e-26"
 ROWS = (7, 33, 58)

@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic import catalog
+from mechsim import catalog
 
 
 def timed(call):

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
 from mechsim.model.joint_kinds import KINDS

@@ -5,13 +5,13 @@ from functools import partial
 
 import numpy as np
 
-from mechsim.analytic import catalog
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
+from mechsim.subjects import catalog
 
 # name of an axis -> its quantity and unit
 AXES: dict[str, str] = {

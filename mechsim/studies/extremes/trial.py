@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Outcome
 from mechsim.model.motion import Motion

@@ -7,9 +7,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import Bools, allowed, closes_at, formula_of_many, solved
 from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.many_designs import Bools, allowed, closes_at, formula_of_many, solved
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array

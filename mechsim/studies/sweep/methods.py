@@ -5,8 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import closed_form
-from mechsim.analytic.catalog.many_designs import (
+from mechsim.analytic.dynamics import dynamic_model
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+from mechsim.analytic.formulas.base import closed_form
+from mechsim.analytic.formulas.many_designs import (
     CrankRanges,
     allowed,
     crank_ranges,
@@ -16,9 +18,7 @@ from mechsim.analytic.catalog.many_designs import (
     swing_arcs,
     transmissions,
 )
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
-from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.loops.crank_swings import SwingTracer
 from mechsim.analytic.loops.design_motion import many_motion
 from mechsim.analytic.solvers import KinematicSolver

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from mechsim.analytic.catalog.base import ClosedForm, closed_form
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.formulas.base import ClosedForm, closed_form
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism

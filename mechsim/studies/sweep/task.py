@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import allowed, can_be_started, closed_form_starts
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.many_designs import allowed, can_be_started, closed_form_starts
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.design_arrays import StartedDesigns, similar_designs

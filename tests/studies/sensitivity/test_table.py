@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.analytic import catalog
+from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.quantities import numeric_quantity
 from mechsim.studies.sweep.measures import Turns, measure, measures, table_of

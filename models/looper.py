@@ -9,25 +9,17 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import (
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import (
     Declaration,
-    Geometry,
-    angle,
-    choice,
-    dimensionless,
-    length,
-    position,
 )
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
 from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled_polynomial
-from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
+from mechsim.analytic.vector_method.vectors import circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.links import EX, EZ, ORIGIN
 from mechsim.numerics.angles import REVOLUTION, shifted_into
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, cos_sin, jet_root, values
@@ -112,51 +104,15 @@ class PlanarLoop:
         return _Planar(a, crank, swing, ahead, cross(ez, ahead))
 
 
-@dataclass(frozen=True, kw_only=True)
 class Looper(ClosedForm):
-    """Looper drive of a sewing machine: a spatial five-bar.
-
-    The coupler ABC, on ball joints, rotates and shifts a follower C-D-E.
-
-    Crank O1A and rocker O2B rotate about Z; O1 is the origin, and the crank angle is measured from +X. C is
-    at distance `arm` from A, at `arm_angle` from AB, and rotates with the coupler about AB. The follower
-    rotates about and slides along the line y = axis_y, z = axis_z; D is the foot of C on it, and E lies
-    opposite C: DE = -follower_ratio DC.
-
-    `branch` is the sign of O2B . (O2A x eZ), as in `four_bar`. `side` is the sign of DC . (AB x AC): the
-    circle of C intersects the cylinder from inside or from outside. Both signs change only at a dead centre.
-    Two roots of the quartic can have the same sign: sides 2 (-2) and 3 (-3) are further roots, as
-    `assemblies` numbers them; 1 and -1 are those nearest to the plane at crank angle zero. A root may exist
-    for more than one revolution of the crank between its dead centres; crank angles inside `crank_range` then
-    count revolutions. Angles outside it are shifted into it by whole revolutions, all angles of a call by the
-    same number. If no shift fits, the loop does not close.
-
-    Source: paper 004, eqs (2), (4)-(15), with the cylinder along X as in (2) and (14), not along Z as printed
-        in
-    (6); defaults from papers.md section 4.
-    """
+    """Looper drive of a sewing machine: a spatial five-bar."""
 
     declaration = Declaration(
-        "looper",
         theories=frozenset({"coupler line"}),
         array_parameters=frozenset(
             ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
         ),
     )
-
-    crank: float = length(0.006, "length O1A")
-    coupler: float = length(0.025, "length AB")
-    arm: float = length(0.033, "length AC")
-    arm_angle: float = angle(np.deg2rad(323.0), "angle from AB to AC")
-    rocker: float = length(0.032, "length O2B")
-    frame: float = length(0.0354, "distance of the pivots O1, O2")
-    frame_angle: float = angle(np.deg2rad(45.0), "angle from X to O1O2")
-    follower: float = length(0.0133, "length DC")
-    axis_y: float = position(0.03049, "height y of the follower's axis")
-    axis_z: float = position(0.012, "depth z of the follower's axis")
-    follower_ratio: float = dimensionless(3.0, "length DE over length DC")
-    branch: Sign = choice(1, (1, -1), "assembly of the four-bar: sign of O2B . (O2A x eZ)")
-    side: Side = choice(1, SIDES, "assembly of the follower: sign of DC . (AB x AC)")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -176,65 +132,6 @@ class Looper(ClosedForm):
         """The planar four-bar O1ABO2, and C in the frame of its coupler."""
         along, across = self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle)
         return PlanarLoop(self.crank, self.coupler, self.rocker, self.pivot, self.branch, along, across)
-
-    @property
-    def description(self) -> Mechanism:
-        geometry = self.geometry()
-        joints, point_e = geometry.joints, vector(geometry.points["E"])
-        (tip, _), (at_b, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
-        (on_coupler, on_follower), (slide, _) = joints["C"], joints["slide"]
-        # measured from the direction to O1, near which the angle of a crank-rocker stays: it never wraps
-        inward = vector(-np.array(_direction(self.frame_angle)))
-        line = End(GROUND, slide, axis=EX, reference=EY)
-        return Mechanism(
-            name=self.name,
-            links=(Link("crank"), Link("coupler"), Link("rocker"), Link("follower", outline=(point_e,))),
-            joints=(
-                Joint("crank", "revolute", End(GROUND), End("crank")),
-                Joint("A", "spherical", End("crank", tip), End("coupler")),
-                Joint("B", "spherical", End("coupler", at_b), End("rocker", on_rocker)),
-                Joint(
-                    "rocker",
-                    "revolute",
-                    End(GROUND, pivot, reference=inward),
-                    End("rocker"),
-                ),
-                Joint("C", "spherical", End("coupler", on_coupler), End("follower", on_follower)),
-                Joint("slide", "cylindrical", line, End("follower", axis=EX, reference=EY)),
-            ),
-            driver="crank",
-            points={
-                "A": ("crank", tip),
-                "B": ("rocker", on_rocker),
-                "C": ("coupler", on_coupler),
-                "D": ("follower", (0.0, 0.0, 0.0)),
-                "E": ("follower", point_e),
-            },
-        )
-
-    def geometry(self) -> Geometry:
-        x, y, z = _direction(self.frame_angle)
-        tip, end, at_c = (
-            (self.crank, 0.0, 0.0),
-            (self.rocker, 0.0, 0.0),
-            (self.plane.along, self.plane.across, 0.0),
-        )
-        return Geometry(
-            points={
-                "A": tip,
-                "B": end,
-                "C": at_c,
-                "D": ORIGIN,
-                "E": (0.0, -self.follower_ratio * self.follower, 0.0),
-            },
-            joints={
-                "A": (tip, ORIGIN),
-                "B": ((self.coupler, 0.0, 0.0), end),
-                "rocker": ((self.frame * x, self.frame * y, z), ORIGIN),
-                "C": (at_c, (0.0, self.follower, 0.0)),
-                "slide": ((0.0, self.axis_y, self.axis_z), ORIGIN),
-            },
-        )
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad; they bound the range.

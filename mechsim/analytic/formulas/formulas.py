@@ -130,7 +130,7 @@ class Declaration:
         discriminant_degree: degree of the trigonometric polynomial whose sign changes are the dead centres.
     """
 
-    name: str
+    name: str = ""
     theories: frozenset[str] = frozenset()
     gear: str = ""
     array_parameters: frozenset[str] = frozenset()

@@ -1,76 +1,27 @@
 """Planar four-bar linkage with a coupler point: its dimensions and its closed form."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
+from mechsim.analytic.formulas.formulas import Declaration
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, spun
+from mechsim.analytic.vector_method.vectors import circle_sphere, column, cross, dot, spun
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.links import EX, EY, EZ, ORIGIN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin
 
 
-@dataclass(frozen=True, kw_only=True)
 class FourBar(TwoBranchForm):
-    """Planar four-bar linkage with a coupler point.
-
-    O-A-B-O4 lies in the XY plane, O at the origin and O4 at (ground, 0).
-
-    The crank angle is measured from +X. The coupler point C is at distance `arm` from A, at the angle
-    `arm_angle` from AB. `branch` is the sign of O4B . (O4A x eZ): +1 if B lies left of the line from A to O4.
-    """
+    """Planar four-bar linkage with a coupler point."""
 
     declaration = Declaration(
-        "four_bar",
         array_parameters=frozenset(("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle")),
     )
-
-    ground: float = length(0.100, "distance of the pivots O, O4")
-    crank: float = length(0.032, "length OA")
-    coupler: float = length(0.091, "length AB")
-    rocker: float = length(0.074, "length O4B")
-    branch: Sign = choice(1, (1, -1), "assembly: sign of O4B . (O4A x eZ)")
-    arm: float = length(0.058, "distance of the coupler point C from A")
-    arm_angle: float = angle(np.deg2rad(31.0), "angle from AB to AC")
-
-    @property
-    def description(self) -> Mechanism:
-        geometry = self.geometry()
-        joints, point = geometry.joints, vector(geometry.points["C"])
-        (tip, _), (on_coupler, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
-        return Mechanism(
-            name=self.name,
-            links=(Link("crank"), Link("coupler", outline=(point,)), Link("rocker")),
-            joints=(
-                Joint("crank", "revolute", End(GROUND), End("crank")),
-                Joint("A", "revolute", End("crank", tip), End("coupler")),
-                Joint("B", "revolute", End("coupler", on_coupler), End("rocker", on_rocker)),
-                Joint("rocker", "revolute", End(GROUND, pivot), End("rocker")),
-            ),
-            driver="crank",
-            points={"A": ("crank", tip), "B": ("rocker", on_rocker), "C": ("coupler", point)},
-        )
-
-    def geometry(self) -> Geometry:
-        tip, end = (self.crank, 0.0, 0.0), (self.rocker, 0.0, 0.0)
-        coupler_point = (self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle), 0.0)
-        return Geometry(
-            points={"A": tip, "B": end, "C": coupler_point},
-            joints={
-                "A": (tip, ORIGIN),
-                "B": ((self.coupler, 0.0, 0.0), end),
-                "rocker": ((self.ground, 0.0, 0.0), ORIGIN),
-            },
-        )
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""

@@ -1,21 +1,19 @@
 """Bennett linkage: four skew revolutes with one degree of freedom due to special dimensions."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, angle, length
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import Declaration
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, cross, spun
 from mechsim.errors import InputError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.joints import End
+from mechsim.model.links import EX, EZ, ORIGIN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin
 
@@ -23,28 +21,10 @@ from mechsim.numerics.jets import Values, cos_sin
 MAX_RATIO = 1e6
 
 
-@dataclass(frozen=True, kw_only=True)
 class Bennett(ClosedForm):
-    """Bennett linkage: an overconstrained spatial four-bar.
+    """Bennett linkage: an overconstrained spatial four-bar."""
 
-    O-A-B-O4 has revolute joints only; opposite links are equal.
-
-    Frame and coupler have length0 and twist0, crank and rocker length1 and twist1. Each length is the common
-    normal of two axes, so that no joint has an offset. The linkage moves because all links have the same
-    length / sin(twist); length1 follows from the other three dimensions. The crank rotates about Z at the
-    origin, with its angle measured from X, where O4 lies; a twist rotates the far axis about the line to it.
-
-    The loop closes in one assembly mode only. The other intersection of circle and sphere, B on the other
-    side of the plane of O4A and the rocker axis, needs the twist pi - twist1.
-
-    Source: G. T. Bennett, "A new mechanism", Engineering 76 (1903); closed form in `frames`.
-    """
-
-    declaration = Declaration("bennett")
-
-    length0: float = length(0.050, "length of frame OO4 and coupler AB")
-    twist0: float = angle(np.deg2rad(34.0), "twist of frame and coupler")
-    twist1: float = angle(np.deg2rad(63.0), "twist of crank and rocker")
+    declaration = Declaration()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -74,27 +54,6 @@ class Bennett(ClosedForm):
         """tan(rocker / 2) / tan(crank / 2) = sin((twist1 + twist0)/2) / sin((twist1 - twist0)/2)."""
         with np.errstate(divide="ignore"):
             return np.sin(0.5 * (self.twist1 + self.twist0)) / np.sin(0.5 * (self.twist1 - self.twist0))
-
-    @property
-    def description(self) -> Mechanism:
-        length_a, length_b = self.length0, self.length1
-        return Mechanism(
-            name=self.name,
-            links=(Link("crank"), Link("coupler"), Link("rocker")),
-            joints=(
-                Joint("crank", "revolute", End(GROUND), End("crank")),
-                Joint("A", "revolute", _far_end("crank", length_b, self.twist1), End("coupler")),
-                Joint(
-                    "B",
-                    "revolute",
-                    _far_end("coupler", length_a, self.twist0),
-                    _far_end("rocker", length_b, self.twist1),
-                ),
-                Joint("rocker", "revolute", _far_end(GROUND, length_a, self.twist0), End("rocker")),
-            ),
-            driver="crank",
-            points={"A": ("crank", (length_b, 0.0, 0.0)), "B": ("rocker", (length_b, 0.0, 0.0))},
-        )
 
     def crank_range(self) -> Arcs:
         return Arcs(True, ((-np.pi, np.pi),))

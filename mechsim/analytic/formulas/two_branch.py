@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import choice
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import choice
 from mechsim.analytic.path_instants import crank_angles
 from mechsim.analytic.vector_method.trig_polynomial import (
     Arcs,

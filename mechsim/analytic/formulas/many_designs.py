@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import AnyFormulas, motion_at, parameters_from, unchecked
-from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import AnyFormulas, motion_at, parameters_from, unchecked
+from mechsim.analytic.formulas.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, polynomial_roots

@@ -1,16 +1,15 @@
 """Two-crank six-link mechanism of a warp-knitting machine: its dimensions and its closed form."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, angle, dimensionless, length, position
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import Declaration
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
@@ -18,9 +17,7 @@ from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
-from mechsim.model.joints import End, Gear, Joint
-from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link, Pose, Vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Pose
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, values
 
@@ -44,38 +41,10 @@ MAX_REVOLUTIONS = 100
 MAX_RATIO = 1000.0
 
 
-@dataclass(frozen=True, kw_only=True)
 class WarpKnitter(ClosedForm):
-    """Needle drive of a warp knitting machine: two geared cranks.
+    """Needle drive of a warp knitting machine: two geared cranks."""
 
-    Cranks O1A and O2D, rods AB and CD, ternary link BCK and rocker KE, in the XY plane.
-
-    Crank 1 rotates about the origin, with its angle measured from +X; gears rotate crank 2 by `gear_ratio`
-    times that, from `phase`. Links 3, 4, 5, 6 are an Assur group of class III with up to six assembly modes.
-    They are numbered from 1 at crank angle 0, by increasing angle of the base link (of its frame with origin
-    B) in [0, 2 pi); the motion follows `assembly` from there.
-
-    Source: paper 003; defaults from papers.md section 3.
-    """
-
-    declaration = Declaration("warp_knitter", theories=frozenset({"velocity plan"}), gear="gear_ratio")
-
-    crank1: float = length(0.009, "length O1A")
-    crank2: float = length(0.006, "length O2D")
-    rod3: float = length(0.074, "length AB")
-    rod5: float = length(0.049, "length DC")
-    rocker: float = length(0.035, "length EK")
-    pivot2: tuple[float, float] = position((0.055, 0.023), "pivot O2 of crank 2")
-    pivot_rocker: tuple[float, float] = position((-0.003, 0.079), "rocker pivot E")
-    base_c: tuple[float, float] = position(
-        (0.042, 0.0), "C in the frame of the base link, B being its origin"
-    )
-    base_k: tuple[float, float] = position((0.003, 0.024), "K in the frame of the base link")
-    phase: float = angle(math.radians(75.0), "angle of crank 2 at zero of crank 1")
-    gear_ratio: float = dimensionless(-2.0, "revolutions of crank 2 per revolution of crank 1")
-    assembly: int = dimensionless(
-        2, "number of the assembly mode at crank angle 0, by angle of the base link"
-    )
+    declaration = Declaration(theories=frozenset({"velocity plan"}), gear="gear_ratio")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,45 +67,6 @@ class WarpKnitter(ClosedForm):
                 f"{self.name}: assembly is {self.assembly}, but at crank angle 0 there are {count}; "
                 f"give a number from 1 to {max(count, 1)}"
             )
-
-    @property
-    def description(self) -> Mechanism:
-        """Six links, eight revolute joints and the gears.
-
-        Frames: cranks and rocker at their pivots, rods at their cranks, x along the link; the base link at B
-            as
-        its parameters define it.
-        """
-        positions = {
-            ("crank2", GROUND): self.pivot2,
-            ("rocker", GROUND): self.pivot_rocker,
-            ("A", "crank1"): (self.crank1, 0.0),
-            ("D", "crank2"): (self.crank2, 0.0),
-            ("B", "rod3"): (self.rod3, 0.0),
-            ("C", "rod5"): (self.rod5, 0.0),
-            ("C", "base"): self.base_c,
-            ("K", "base"): self.base_k,
-            ("K", "rocker"): (self.rocker, 0.0),
-        }
-
-        def position_of(joint: str, link: str) -> Vector:
-            x, y = positions.get((joint, link), (0.0, 0.0))
-            return float(x), float(y), 0.0
-
-        def end(joint: str, link: str) -> End:
-            return End(link, position_of(joint, link))
-
-        points = {"A": "crank1", "B": "base", "C": "base", "D": "crank2", "K": "base"}
-        return Mechanism(
-            name=self.name,
-            links=tuple(Link(name) for name in ("crank1", "crank2", "rod3", "rod5", "base", "rocker")),
-            joints=tuple(
-                Joint(name, "revolute", end(name, a), end(name, b)) for name, (a, b) in LINKS_OF_JOINT.items()
-            ),
-            driver="crank",
-            points={name: (link, position_of(name, link)) for name, link in points.items()},
-            gears=(Gear("crank", "crank2", self.gear_ratio, self.phase),),
-        )
 
     @property
     def sides(self) -> tuple[float, float, float]:

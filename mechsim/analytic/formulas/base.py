@@ -6,7 +6,7 @@ from typing import Any, Self
 
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import (
+from mechsim.analytic.formulas.formulas import (
     SELECTORS,
     Formulas,
     motion_in_chunks,

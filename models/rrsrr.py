@@ -1,18 +1,16 @@
 """RRSRR: spatial five-link crank-rocker, its dimensions and its closed form."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, position
-from mechsim.analytic.catalog.two_branch import TwoBranchForm
+from mechsim.analytic.formulas.formulas import Declaration
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
-    Sign,
     circle_sphere,
     column,
     cross,
@@ -23,9 +21,7 @@ from mechsim.analytic.vector_method.vectors import (
     turned_twice,
 )
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, Pose, vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.links import EX, EY, ORIGIN, Pose
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, revalued, values
@@ -35,76 +31,17 @@ from mechsim.numerics.jets import Values, revalued, values
 POLE = 1e-6
 
 
-@dataclass(frozen=True, kw_only=True)
 class Rrsrr(TwoBranchForm):
-    """Spatial five-bar: four revolute joints and one ball joint.
-
-    The crank rotates about X at the origin, with its angle u1 measured from Y. At C it carries the coupler CS
-    on a hinge tangent to the crank circle, so that S lies on a torus; v1 is the coupler's angle from the
-    crank's direction towards +X. The connecting link joins S to P02, where its hinge intersects the rocker
-    axis TY(gamma1) TX(gamma2) eZ at right angles, so that S lies on a sphere; u2 is the rocker angle and v2
-    the link's angle from the rocker's direction towards its axis.
-
-    The pairs (u2, v2) and (u2 + pi, pi - v2) give the same S; v2 lies in (-pi/2, pi/2). If S lies on the
-    rocker axis, |v2| = pi/2, the rocker angle is undetermined, which raises AssemblyError. `branch` is the
-    sign of sin(v1 - w), with the direction w from P02 to C in the plane of the coupler's motion: the two
-    values of v1 lie on either side of w.
-
-    Source: paper 002; closed form and defaults from papers.md section 2.
-    """
+    """Spatial five-bar: four revolute joints and one ball joint."""
 
     declaration = Declaration(
-        "rrsrr",
         array_parameters=frozenset(("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch")),
     )
-
-    crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
-    coupler: float = length(0.028, "length CS; r1 of the torus")
-    link: float = length(0.039, "length P02S of the connecting link; R2 of the sphere")
-    pivot: tuple[float, float, float] = position((-0.024, -0.008, 0.0), "rocker pivot P02")
-    gamma1: float = angle(np.deg2rad(15.0), "turn of the rocker axis about Y")
-    gamma2: float = angle(np.deg2rad(15.0), "turn of the rocker axis about the turned X")
-    branch: Sign = choice(1, (1, -1), "assembly: sign of sin(v1 - direction from P02 to C)")
 
     @cached_property
     def rocker_frame(self) -> Array:
         """Frame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
         return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
-
-    @property
-    def description(self) -> Mechanism:
-        x, _, z = (vector(column) for column in self.rocker_frame.T)
-        joints = self.geometry().joints
-        (at_c, _), (tip, on_link), (pivot, _) = (joints[name] for name in ("C", "S", "rocker"))
-        # signs of both inner hinges: v1 from er to ex, and v2 from x to z
-        coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), reference=EY)
-        link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), reference=EX)
-        return Mechanism(
-            name=self.name,
-            links=(Link("crank"), Link("coupler"), Link("link"), Link("rocker")),
-            joints=(
-                Joint(
-                    "crank",
-                    "revolute",
-                    End(GROUND, axis=EX, reference=EY),
-                    End("crank", axis=EX, reference=EY),
-                ),
-                Joint("C", "revolute", coupler_hinge, End("coupler", axis=EZ, reference=EX)),
-                Joint("S", "spherical", End("coupler", tip), End("link", on_link)),
-                Joint("link", "revolute", link_hinge, End("link", axis=EZ, reference=EX)),
-                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, reference=EX)),
-            ),
-            driver="crank",
-            points={"C": ("crank", at_c), "S": ("coupler", tip)},
-        )
-
-    def geometry(self) -> Geometry:
-        at_c, tip = (0.0, self.crank, 0.0), (self.coupler, 0.0, 0.0)
-        return Geometry(
-            points={"C": at_c, "S": tip},
-            joints={"C": (at_c, ORIGIN), "S": (tip, (self.link, 0.0, 0.0)), "rocker": (self.pivot, ORIGIN)},
-            frames={"rocker": self.rocker_frame},
-        )
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """A2 + B2 - K2 of the closed form A cos v1 + B sin v1 = K."""
