@@ -37,7 +37,7 @@ class KinematicSolver(ABC):
         formula: FILE.py:FUNCTION of the user's own model; empty if there is none.
         ranges: joint -> limits of its coordinate, in [m] or [rad].
         written: units that its file declares.
-        initial: initial state of forward dynamics, J.q and J.v of coordinates in SI; empty for none.
+        initial: initial state of forward dynamics, J.q and J.v of coordinates, in SI; empty for none.
         facts: sentences on what of its file is not read, on changes, and on the assembly.
         source: the MJCF model as read (`MjcfModel`); None for any other mechanism.
         direct: whether formulas give the motion at any crank angle, without a path from the guess.
@@ -52,7 +52,7 @@ class KinematicSolver(ABC):
     formula: str = ""
     ranges: Ranges = NO_RANGES
     written: WrittenUnits = WrittenUnits()
-    initial: Mapping[str, float] = MappingProxyType({})
+    initial: Mapping[str, float | tuple[float, ...]] = MappingProxyType({})
     facts: tuple[str, ...] = ()
     source: Any = None
     direct: bool = False

@@ -1,6 +1,6 @@
 """Joints between two links, and couplings of their coordinates."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import ClassVar
@@ -307,6 +307,20 @@ class Joint:
     def coordinates(self) -> tuple[str, ...]:
         """Names of its coordinates: the joint's name if it has one, else NAME.way, NAME.turn, NAME.1 ..."""
         return tuple(self.name + ending for ending in KINDS[self.kind].suffixes)
+
+
+def state_variable(text: str, coordinates: Container[str]) -> tuple[str, str] | None:
+    """Return coordinate and letter, "q" or "v", of a state variable: J.q, J.v, or J.x, J.vx of displacements.
+
+    None for any other text.
+    """
+    name, _, component = text.rpartition(".")
+    if component in ("q", "v") and name in coordinates:
+        return name, component
+    if text in coordinates and name:
+        return text, "q"
+    rate = f"{name}.{component[1:]}"
+    return (rate, "v") if component[:1] == "v" and rate in coordinates else None
 
 
 def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:

@@ -117,6 +117,14 @@ class JointMotion:
     __repr__ = short_repr
 
 
+def leading_joint(joints: Mapping[str, JointMotion], drivers: tuple[str, ...], instants: int) -> JointMotion:
+    """Return the motion of the first driver, or else of the first coordinate; zero without coordinates."""
+    if drivers:
+        return joints[drivers[0]]
+    zero = np.zeros(instants)
+    return next(iter(joints.values()), JointMotion(zero, zero, zero))
+
+
 class Solver(Protocol):
     """A solver that returns a motion at other crank angles and speeds: a catalogue mechanism."""
 

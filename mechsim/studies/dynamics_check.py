@@ -1,6 +1,6 @@
 """Comparison of MuJoCo's dynamics with the formulas at the states that the run reached."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, FreeRun, prescribed
 from mechsim.analytic.dynamics.dynamic_run import RunSegment
 from mechsim.analytic.dynamics.initial_state import InitialValues
+from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.progress import Progress, no_progress
@@ -113,7 +116,9 @@ def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
 
     They are the longest without contacts, which are soft in MuJoCo; none if the mechanism never moves.
     """
-    moves = any(np.abs(joint.rate).max() > REST for joint in run.motion.joints.values())
+    rates = [joint.rate for joint in run.motion.joints.values()]
+    rates += [link.angular_velocity for link in run.motion.links.values()]
+    moves = any(np.abs(rate).max() > REST for rate in rates)
     free = [
         segment
         for segment in run.segments
@@ -205,6 +210,7 @@ def _compared_with_mujoco(
             kept=kept,
             prescribed={name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving},
             ranges=dynamic_model.solver.ranges,
+            links=section.motion.links,
             progress=progress,
         )
 
@@ -220,7 +226,7 @@ def _compared_with_mujoco(
         finest = 2 * substeps > (most if valid else MAX_STEPS // intervals)
         if valid:
             compared = _forward_quantities(section, dynamic_model.mechanism, coarse, fine)
-            largest = _largest_values(run, compared, dynamic_model.mechanism.characteristic_length)
+            largest = _largest_values(run, compared, dynamic_model.mechanism)
             changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
             errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
             relative = [(unit, changes[name] / largest[unit]) for name, unit, *_ in compared if largest[unit]]
@@ -298,7 +304,8 @@ def _forward_quantities(
     run: DynamicRun, mechanism: Mechanism, coarse: SteppedRun, fine: SteppedRun
 ) -> list[tuple[str, str, Array, Array, Array]]:
     """Return name, unit and values of the quantities of a run and of two runs in MuJoCo."""
-    compared = [*_compared(run.motion, coarse.motion, fine.motion, rates_only=fine.compliant)]
+    turning = _turning(mechanism)
+    compared = [*_compared(run.motion, coarse.motion, fine.motion, turning, rates_only=fine.compliant)]
     for name, effort in run.driving.items():
         unit = mechanism.effort_unit(name)
         compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
@@ -306,13 +313,14 @@ def _forward_quantities(
 
 
 def _largest_values(
-    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]], length: float
+    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]], mechanism: Mechanism
 ) -> dict[str, float]:
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
     Points that all rest on rotating links have the rates of the rotations at a characteristic length [m].
     """
-    whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion)}
+    length, turning = mechanism.characteristic_length, _turning(mechanism)
+    whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion, turning)}
     whole |= {f"drive of {name}": effort for name, effort in run.driving.items()}
     largest: dict[str, float] = {}
     for name, unit, *_ in compared:
@@ -336,24 +344,23 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     Args:
         equilibrium: of the analytic side.
         model: the model of the equilibrium.
-
-    Raises:
-        InputError: for a mechanism without revolute or prismatic joint.
     """
     linear = equilibrium.linear
     index_of = linear.equations.loops.tree.index_of
     coordinates = {name: float(linear.q.values[i, 0]) for name, i in index_of.items()}
+    at_rest = linear.equations.kinematics(linear.q, np.zeros((len(linear.q.values), 1)))
+    links = motion_of(linear.equations, at_rest, at_rest.rates, np.zeros(1)).links
     try:
-        state = static_state(model.mechanism, model.forces, coordinates)
+        state = static_state(model.mechanism, model.forces, coordinates, links)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     exact = linear.roots.values
     if len(exact) != len(state.eigenvalues):
         reason = f"{len(state.eigenvalues) // 2} degrees of freedom in MuJoCo, {len(exact) // 2} in formulas"
         return Verdict("failed", (), reason)
-    at_rest = CONFIGURATION_TOLERANCE * (state.stiffness + state.unconstrained) + ACCELERATION_ROUNDING
+    still = CONFIGURATION_TOLERANCE * (state.stiffness + state.unconstrained) + ACCELERATION_ROUNDING
     reason = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium, and soft loops"
-    checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(at_rest, "1/s2", reason))]
+    checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(still, "1/s2", reason))]
     distances = np.abs(exact[:, None] - state.eigenvalues)
     for number, k in enumerate(np.argsort(np.abs(exact)).tolist(), start=1):
         nearest = int(distances[k].argmin())
@@ -382,11 +389,18 @@ def _static_check(name: str, errors: Array, tolerance: Tolerance) -> Check:
     return replace(check_of(name, "", np.abs(errors), np.zeros(len(errors)), tolerance), method="pose")
 
 
+def _turning(mechanism: Mechanism) -> list[str]:
+    """Return the links on spherical or floating joints, whose rotation no coordinate describes."""
+    ends = (link for joint in mechanism.joints if KINDS[joint.kind].ball for link in joint.links)
+    return [*dict.fromkeys(link for link in ends if link != GROUND)]
+
+
 def _compared(
-    exact: Motion, coarse: Motion, fine: Motion, *, rates_only: bool = False
+    exact: Motion, coarse: Motion, fine: Motion, turning: Sequence[str], *, rates_only: bool = False
 ) -> Iterator[tuple[str, str, Array, Array, Array]]:
     """Yield name, unit and values of the quantities that all three motions have.
 
+    Links of `turning` are compared by their rotation.
     With `rates_only`, accelerations are omitted.
     """
     derivatives = 2 if rates_only else 3
@@ -394,6 +408,13 @@ def _compared(
     for name in fine.points:
         for what, unit in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))[:derivatives]:
             yield f"{what} of {name}", unit, *(getattr(motion.points[name], what) for motion in motions)
+    for name in turning:
+        a, b, c = (motion.links[name] for motion in (exact, coarse, fine))
+        # the distance of two rotation matrices is sqrt(2) times the angle between them
+        half = np.sqrt(0.5)
+        yield f"orientation of {name}", "rad", a.rotation * half, b.rotation * half, c.rotation * half
+        rates = a.angular_velocity, b.angular_velocity, c.angular_velocity
+        yield f"angular velocity of {name}", "rad/s", *rates
     for name, joint in fine.joints.items():
         for what, label, unit in (
             ("value", "coordinate", joint.unit),

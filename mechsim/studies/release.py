@@ -16,7 +16,7 @@ from mechsim.analytic.dynamics import (
     response,
     run,
 )
-from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.dynamics.dynamic_run import Initial, initial_values
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
 from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
@@ -168,7 +168,7 @@ class FrequencyResponse:
 
 
 def frequency_response(
-    model: DynamicModel, text: str, initial: Mapping[str, float | str] | None = None
+    model: DynamicModel, text: str, initial: Mapping[str, Initial] | None = None
 ) -> FrequencyResponse:
     """Return the frequency response of a text such as "crank:P.x" or "P.y:distance:P,Q".
 
@@ -221,7 +221,7 @@ class Release:
     """
 
     model: DynamicModel
-    initial: Mapping[str, float | str] = field(default_factory=dict[str, "float | str"])
+    initial: Mapping[str, Initial] = field(default_factory=dict[str, Initial])
     prescribed: tuple[str, ...] = ()
     duration: float = DURATION
     turns: float | None = None

@@ -1,12 +1,12 @@
 """Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
-from mechsim.model.joints import Coupling, Gear
+from mechsim.model.joints import Coupling, Gear, state_variable
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
 from mechsim.subjects.toml_values import KeyPath, Values, suggestion
@@ -146,19 +146,30 @@ def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tu
             yield (*path, key), entry
 
 
-def initial_of(coordinates: FileCoordinates) -> dict[str, float]:
-    """Return the initial state: J.q and J.v of coordinates J, in SI."""
-    initial: dict[str, float] = {}
+def initial_of(coordinates: FileCoordinates) -> dict[str, float | tuple[float, ...]]:
+    """Return the initial state in SI: J.q and J.v of coordinates J, and J.q and J.w of spherical joints."""
+    initial: dict[str, float | tuple[float, ...]] = {}
     for path, written in leaves(coordinates.read.get("initial", {}), ("initial",)):
-        name, component = ".".join(path[1:-1]), path[-1]
-        if component not in ("q", "v"):
-            raise coordinates.error(path, "is no state variable; give q, the coordinate, or v, its rate")
-        if component == "q":
-            initial[f"{name}.q"] = coordinates.value(name, written, path)
-        else:
-            coordinates.require(name, path)
-            rate: Unit = "m/s" if coordinates.units[name] == "m" else "rad/s"
-            initial[f"{name}.v"] = coordinates.values.quantity(written, rate, path)
+        text = ".".join(path[1:])
+        if isinstance(written, list | tuple):
+            units: tuple[Unit, ...] = ("rad/s",) * 3 if path[-1] == "w" else ("1", "1", "1", "rad")
+            entries = cast(Sequence[Any], written)
+            if len(entries) != len(units):
+                raise coordinates.error(path, "is a list; give q = [X, Y, Z, ANGLE] or w = [WX, WY, WZ]")
+            initial[text] = tuple(
+                coordinates.values.quantity(entry, unit, (*path, i))
+                for i, (entry, unit) in enumerate(zip(entries, units, strict=True))
+            )
+            continue
+        variable = state_variable(text, coordinates.units)
+        if variable is None:
+            if path[-1] in ("q", "v"):
+                coordinates.require(".".join(path[1:-1]), path)
+            raise coordinates.error(path, "is no state variable; give J.q or J.v of a coordinate J")
+        name, letter = variable
+        rate: Unit = "m/s" if coordinates.units[name] == "m" else "rad/s"
+        unit = coordinates.units[name] if letter == "q" else rate
+        initial[f"{name}.{letter}"] = coordinates.values.quantity(written, unit, path)
     return initial
 
 

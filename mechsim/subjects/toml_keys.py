@@ -325,9 +325,16 @@ ROOT = Table(
         "initial": TableOf(
             AnyOf(
                 (
-                    TableOf(JointNumber("value of q, the coordinate, or v, its rate"), "of a joint"),
                     TableOf(
-                        TableOf(JointNumber("value of q or v"), "of a coordinate"), "of a joint with several"
+                        AnyOf(
+                            (
+                                JointNumber("value of q, the coordinate, or v, its rate"),
+                                ListOf(JointNumber("a component"), "q = [x, y, z, angle] or w of a ball"),
+                                TableOf(JointNumber("value of q or v"), "of a coordinate"),
+                            ),
+                            "of a coordinate",
+                        ),
+                        "of a joint",
                     ),
                 ),
                 "of a joint",

@@ -329,7 +329,7 @@ def test_coulomb_friction_shortens_each_half_swing_equally():
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"initial": {"C.q": 1.0}}, "initial value 'C.q' is not J.q or J.v"),
+        ({"initial": {"C.q": 1.0}}, "initial value 'C.q' is no value or rate of a joint"),
         ({"initial": {"A.q": float("nan")}}, "give a finite number"),
         ({"initial": {"A.q": "3kg"}}, "kg"),
         ({"duration": -1.0}, "duration of a run is -1.0 s"),

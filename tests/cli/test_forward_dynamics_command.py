@@ -134,7 +134,7 @@ def test_a_frequency_response_is_tabulated(facts):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--initial", "foo.q=1"], "initial value 'foo.q' is not J.q or J.v"),
+        (["--initial", "foo.q=1"], "initial value 'foo.q' is no value or rate of a joint"),
         (["--initial", "crank.q=1kg"], "kg"),
         (["--initial", "crank.q=1", "--initial", "crank.q=2"], "--initial names crank.q twice"),
         # a four-bar of 0.1 m

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mechsim.errors import InputError
 from mechsim.simulation import simulate
+from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.subjects.readers import load
 
@@ -57,10 +57,10 @@ def test_a_floating_rod_moves_as_a_hinged_one(tmp_path):
     np.testing.assert_allclose(positions[1], positions[0], atol=1e-14)
 
 
-def test_an_unconstrained_floating_link_is_rejected_by_name(tmp_path):
-    ball = '<body name="ball" pos="0 0 1"><freejoint name="loose"/><geom/></body>'
-    solver = read(
-        tmp_path, "loose", HINGED, extra=ball.replace("<geom/>", '<geom type="sphere" size="0.01"/>')
-    )
-    with pytest.raises(InputError, match="joint 'loose' floats and nothing else connects its link"):
-        driven(solver.mechanism, solver.forces, motion_laws=solver.motion_laws, samples=4)
+def test_an_unconstrained_floating_link_falls_in_mujoco(tmp_path):
+    ball = '<body name="ball" pos="0 0 1"><freejoint name="loose"/><geom type="sphere" size="0.01"/></body>'
+    solver = read(tmp_path, "loose", HINGED, extra=ball)
+    times = np.linspace(0.0, 0.5, 11)
+    run = stepped_run(solver.mechanism, solver.forces, {}, {"loose.x": 2.0}, times, 20)
+    assert np.allclose(run.motion.joints["loose.x"].value, 2.0 * times, atol=1e-12)
+    assert np.allclose(run.motion.joints["loose.z"].value, 1.0 - 0.5 * 9.81 * times**2, atol=1e-12)

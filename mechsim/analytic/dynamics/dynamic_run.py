@@ -19,29 +19,31 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, UNTIL, Integration, Piece, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.singular_passages import singular_passages
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import state_variable
 from mechsim.model.limits import Ranges, require_within
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import null_spaces
 
 Run = TypeVar("Run", bound="DynamicRun")
+# an initial value: in SI, text with units, or the numbers of a rotation or angular velocity
+Initial = float | str | Sequence[float]
 # relative error of a step; the error of a pendulum after a hundred periods is then below 4e-12 of its
 # amplitude (validation/published/forward_dynamics.py)
 TOLERANCE = 3e-13
 # smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
 # loops close to 1e-7 only, and accelerations have no significant digits
 SINGULAR_START = 1e-6
-# eigenvalue of the reduced mass matrix relative to the trace of the mass matrix that counts as zero: rounding
-NO_INERTIA = 1e-14
 # difference from the value of an event, in SI, at which it holds: rounding of closed loops
 EVENT_ROUNDING = 1e-12
 
@@ -131,7 +133,7 @@ def run(
     source: Any,
     forces: Forces | None = None,
     *,
-    initial: Mapping[str, float | str] | None = None,
+    initial: Mapping[str, Initial] | None = None,
     prescribed: Sequence[str] = (),
     duration: float | str,
     until: str | None = None,
@@ -151,7 +153,8 @@ def run(
             are rods.
         forces: applied forces; None selects those of the source, or else gravity along -y.
         initial: initial coordinates `J.q` and rates `J.v` in SI, or text with a unit, such as
-            {"crank.q": "10deg"}; other coordinates start at their assembled values, at rest.
+            {"crank.q": "10deg"}; of spherical and floating joints axis and angle `J.q`, (4,), and angular
+            velocity `J.w`, (3,), of side b in side a's frame. Others start as assembled, at rest.
         prescribed: coordinates that follow the motion laws of the source.
         duration: longest time in [s], or text.
         until: an event that ends the run, such as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm"; both
@@ -190,7 +193,7 @@ def run(
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
     require_regular(equations, q, rates)
-    require_inertia(equations, q, rates)
+    equations, rates = with_determined_motion(equations, q, rates)
     stops = stops_of(equations, ranges)
     _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution, progress, budget)
@@ -285,31 +288,75 @@ def _segments(pieces: Sequence[Piece]) -> tuple[RunSegment, ...]:
     return tuple(segments)
 
 
-def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> InitialValues:
-    """Return initial values in SI: those of the model, overridden by `J.q` and `J.v` of `initial`.
+def initial_values(model: DynamicModel, initial: Mapping[str, Initial]) -> InitialValues:
+    """Return initial values in SI: those of the model, overridden by `initial`.
+
+    Names are `J.q` and `J.v` of a coordinate, `J.x` and `J.vx` of a displacement, `J.q` (axis and angle) and
+    `J.w` (angular velocity) of a spherical or floating joint.
 
     Raises:
         InputError: for an unknown name, or a value that is not a finite number.
     """
     mechanism, stated = model.mechanism, getattr(model.solver, "initial", {})
-    coordinates, rates = dict[str, float](), dict[str, float]()
+    names = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
+    balls = [joint.name for joint in mechanism.joints if KINDS[joint.kind].ball]
+    coordinates, rates, rotations, spins = (
+        dict[str, float](),
+        dict[str, float](),
+        dict[str, Array](),
+        dict[str, Array](),
+    )
     for quantity, value in {**stated, **initial}.items():
         name, _, component = quantity.rpartition(".")
-        names = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
-        if component not in ("q", "v") or name not in names:
+        if component in ("q", "w") and name in balls:
+            vector = _rotation_or_spin(quantity, value, model.solver.written)
+            (rotations if component == "q" else spins)[name] = vector
+            continue
+        variable = state_variable(quantity, names)
+        if variable is None:
+            choices = [f"{name}.q" for name in [*names, *balls]] + [f"{ball}.w" for ball in balls]
             raise InputError(
-                f"initial value {quantity!r} is not J.q or J.v of a joint of {mechanism.name}; it has "
-                f"{', '.join(names)}"
+                f"initial value {quantity!r} is no value or rate of a joint of {mechanism.name}; it has "
+                f"{', '.join(choices)}"
             )
+        name, component = variable
         unit: Any = mechanism.unit(name) + ("/s" if component == "v" else "")
         what, length = f"initial value {quantity}", mechanism.characteristic_length
         if isinstance(value, str):
             value = units.parse_coordinate(value, unit, what, model.solver.written, length=length)
-        number = float(value)
-        if not abs(number) < np.inf:
-            raise InputError(f"initial value {quantity} is {number}; give a finite number")
-        (coordinates if component == "q" else rates)[name] = number
-    return InitialValues(coordinates, rates)
+        (coordinates if component == "q" else rates)[name] = _finite(what, value)
+    return InitialValues(coordinates, rates, rotations, spins)
+
+
+def _rotation_or_spin(quantity: str, value: Initial, written: units.WrittenUnits) -> Array:
+    """Return the rotation matrix of `J.q`, X,Y,Z,ANGLE, or the angular velocity of `J.w`, WX,WY,WZ."""
+    from scipy.spatial.transform import Rotation
+
+    what, rotates = f"initial value {quantity}", quantity.endswith(".q")
+    expected, example = ("X,Y,Z,ANGLE", "1,0,0,30deg") if rotates else ("WX,WY,WZ", "0,0,2")
+    names: tuple[units.Unit, ...] = ("1", "1", "1", "rad") if rotates else ("rad/s",) * 3
+    entries: list[Any] = value.split(",") if isinstance(value, str) else list(np.atleast_1d(value))
+    if len(entries) != len(names):
+        raise InputError(f"{what} is {value!r}; give {expected}, as in {quantity}={example}")
+    numbers = np.zeros(len(names))
+    for i, (entry, unit) in enumerate(zip(entries, names, strict=True)):
+        if unit == "rad" and isinstance(entry, str):
+            units.require_written(entry, unit, written.declared(unit), what)
+        numbers[i] = _finite(what, units.parse(entry, unit, what) if isinstance(entry, str) else entry)
+    if not rotates:
+        return numbers
+    length = float(np.linalg.norm(numbers[:3]))
+    if not length > 0.0:
+        raise InputError(f"{what} has an axis of length zero; give {expected} with an axis that is not zero")
+    matrix: Array = Rotation.from_rotvec(numbers[:3] / length * numbers[3]).as_matrix()
+    return matrix
+
+
+def _finite(what: str, value: Any) -> float:
+    number = float(value)
+    if not abs(number) < np.inf:
+        raise InputError(f"{what} is {number}; give a finite number")
+    return number
 
 
 def _prescribed_laws(model: DynamicModel, names: Sequence[str]) -> dict[str, State]:
@@ -332,25 +379,6 @@ def require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) 
             f"{equations.model.mechanism.name}: the initial configuration is singular, as a change point is: "
             "assembly modes meet there, and the motion is not determined; start next to it"
         )
-
-
-def require_inertia(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
-    """Raise InputError if the loops allow a motion that moves no mass: its acceleration is undetermined.
-
-    Then the reduced mass matrix N M N' is singular, with the null space N of the constraints.
-    """
-    state = equations.kinematics(q, rates)
-    mass, null = equations.mass(state)[0], null_spaces(state.jacobian[0])[1]
-    values, vectors = np.linalg.eigh(null @ mass @ null.T)
-    if not len(values) or values[0] > NO_INERTIA * np.trace(mass):
-        return
-    moving = int(equations.free[np.argmax(np.abs(vectors[:, 0] @ null))])
-    names = {index: name for name, index in equations.loops.tree.index_of.items()}
-    raise InputError(
-        f"{equations.model.mechanism.name}: {names.get(moving, 'a spherical joint')} can move without moving "
-        "any mass, so that its acceleration is not determined; give the links that it moves a mass or "
-        "moments of inertia, or drive it"
-    )
 
 
 def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequence[Stop]) -> None:

@@ -111,12 +111,15 @@ class EquationsOfMotion:
         loops: loop equations, in which locked coordinates are prescribed.
         start: assembled coordinates.
         prescribed: coordinate -> its motion law; all others are free.
+        added_moments: moments of inertia of passive rotations in the links' frames, (L, 3, 3); see
+            `passive_rotation`.
     """
 
     model: DynamicModel
     loops: TreeLoops
     start: Coordinates
     prescribed: Mapping[str, State] = field(default_factory=dict[str, State])
+    added_moments: Array | float = 0.0
 
     @cached_property
     def free(self) -> NDArray[np.intp]:
@@ -166,7 +169,7 @@ class EquationsOfMotion:
         return (
             np.array([inertia.mass for inertia in inertias]),
             np.array([inertia.centre for inertia in inertias]),
-            np.array([inertia.moments for inertia in inertias]),
+            np.array([inertia.moments for inertia in inertias]) + self.added_moments,
         )
 
     def kinematics(self, q: Coordinates, rates: Array) -> Kinematics:

@@ -13,7 +13,6 @@ from mechsim.analytic.dynamics.contacts import EventFunction
 from mechsim.analytic.dynamics.dynamic_run import (
     TOLERANCE,
     DynamicRun,
-    require_inertia,
     run_at,
     with_ranges_checked,
 )
@@ -21,6 +20,7 @@ from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kin
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
 from mechsim.analytic.dynamics.model import DynamicModel
+from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
@@ -120,7 +120,7 @@ def free_run(
     _require_determined(model, first)
     equations = equations_of_motion(model, {name: first})
     q, rates = initial_state(equations, InitialValues({name: first}, {name: speed}))
-    require_inertia(equations, q, rates)
+    equations, rates = with_determined_motion(equations, q, rates)
     integration = Integration(equations, q, rates, tolerance, progress=progress, budget=budget)
     crank = CrankEnds(equations, first, speed, turns)
     expected = crank.expected_time(integration.kinematics()) if duration is None else duration

@@ -1,7 +1,7 @@
 """States of a mechanism: initial ones from values of joint coordinates, and their packing into vectors."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,10 +29,19 @@ CONSISTENT = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class InitialValues:
-    """Requested coordinates in [m] or [rad], and rates per second, by coordinate name."""
+    """Requested coordinates in [m] or [rad], and rates per second, by coordinate name.
+
+    Attributes:
+        coordinates: coordinate -> value in [m] or [rad].
+        rates: coordinate -> rate per second.
+        rotations: spherical or floating joint -> rotation of side b's frame in side a's, (3, 3).
+        spins: the same -> angular velocity of side b relative to side a, in side a's frame, (3,) in [rad/s].
+    """
 
     coordinates: Mapping[str, float]
     rates: Mapping[str, float]
+    rotations: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    spins: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
 
 def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[Coordinates, Array]:
@@ -55,8 +64,8 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
     units = equations.loops.units[equations.prescribed_indices]
     first = dict(zip(equations.prescribed, (value[:, 0] * units).tolist(), strict=True))
     first_rates = dict(zip(equations.prescribed, (rate[:, 0] * units).tolist(), strict=True))
-    q = _moved(equations, {**values.coordinates, **first})
-    return q, _rates(equations, q, {**values.rates, **first_rates})
+    q = _moved(equations, {**values.coordinates, **first}, values.rotations)
+    return q, _rates(equations, q, {**values.rates, **first_rates}, values.spins)
 
 
 def projected(
@@ -81,17 +90,32 @@ def projected(
     return q, rates
 
 
-def _moved(equations: EquationsOfMotion, coordinates: Mapping[str, float]) -> Coordinates:
+def _moved(
+    equations: EquationsOfMotion, coordinates: Mapping[str, float], rotations: Mapping[str, Array]
+) -> Coordinates:
+    from scipy.spatial.transform import Rotation
+
     named, q = [_index(equations, name) for name in coordinates], equations.start
-    kept = _independent(equations, q, named)
+    balls = {name: _ball_index(equations, name) for name in rotations}
+    constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
+    kept = _independent(equations, q, [*named, *constant])
+    first_rotations = [Rotation.from_matrix(q.turns[number, ..., 0]) for _, number in balls.values()]
+    changes = [
+        (Rotation.from_matrix(target) * start.inv()).as_rotvec()
+        for target, start in zip(rotations.values(), first_rotations, strict=True)
+    ]
     indices = [*named, *kept.values()]
     units = equations.loops.units[indices]
     begin = q.values[indices, 0] / units
     target = begin.copy()
     target[: len(named)] = np.array([*coordinates.values()]) / units[: len(named)]
-    steps = max(1, int(np.ceil(np.abs(target - begin).max(initial=0.0) / STEP)))
+    widest = np.abs([*(target - begin), *np.ravel(changes)]).max(initial=0.0)
+    steps = max(1, int(np.ceil(widest / STEP)))
     for k in range(1, steps + 1):
-        q = _closed(equations, q, indices, (begin + (target - begin) * (k / steps))[:, None], kept)
+        q = Coordinates(q.values, q.turns.copy())
+        for (_, number), start, change in zip(balls.values(), first_rotations, changes, strict=True):
+            q.turns[number, ..., 0] = (Rotation.from_rotvec(change * k / steps) * start).as_matrix()
+        q = _closed(equations, q, indices, (begin + (target - begin) * (k / steps))[:, None], kept, constant)
     return q
 
 
@@ -117,16 +141,19 @@ def _closed(
     indices: Sequence[int] = (),
     values: Array | float = 0.0,
     kept: Iterable[str] = (),
+    constant: Sequence[int] = (),
 ) -> Coordinates:
     """Return coordinates with closed loops, some at values (k, n) in units; the others change least.
 
-    `kept` names those among them that keep their start, for the message.
+    `kept` names those among them that keep their start, for the message. The rotations of spherical joints
+    with indices `constant` do not change.
     """
     loops = equations.loops
     if len(indices):
         q = Coordinates(q.values.copy(), q.turns)
         q.values[list(indices)] = values * loops.units[list(indices)][:, None]
-        loops = replace(loops, driven=(*loops.driven, *indices))
+    if len(indices) or len(constant):
+        loops = replace(loops, driven=(*loops.driven, *indices, *constant))
     q, gap = close_nearest(loops, q)
     if not (gap <= CLOSED).all():
         start = ", ".join(kept)
@@ -139,10 +166,15 @@ def _closed(
     return q
 
 
-def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, float]) -> Array:
+def _rates(
+    equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, float], spins: Mapping[str, Array]
+) -> Array:
     loops, free = equations.loops, equations.free
     indices = [_index(equations, name) for name in rates]
-    requested = np.array([*rates.values()]) / loops.units[indices]
+    for name in spins:
+        first, _ = _ball_index(equations, name)
+        indices += range(first, first + 3)
+    requested = np.array([*rates.values(), *np.ravel([*spins.values()])]) / loops.units[indices]
     kept = [*_independent(equations, q, indices).values()]
     jacobian = loops.linearise(q)[1][:, :, 0]
     rows = np.concatenate([jacobian, np.eye(loops.tree.count)[[*indices, *kept]]])[:, free]
@@ -152,8 +184,8 @@ def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, flo
     violation = np.abs(rows @ result[free, 0] - right).max(initial=0.0)
     if violation > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
         raise InputError(
-            f"{equations.model.mechanism.name}: the initial rates of {', '.join(rates)} contradict the "
-            "loops; give those of independent coordinates only"
+            f"{equations.model.mechanism.name}: initial rates of {', '.join([*rates, *spins])} contradict "
+            "the loops; give those of independent coordinates only"
         )
     return result
 
@@ -172,6 +204,18 @@ def _index(equations: EquationsOfMotion, name: str) -> int:
             "themselves; leave one of them out"
         )
     raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {names}")
+
+
+def _ball_index(equations: EquationsOfMotion, name: str) -> tuple[int, int]:
+    """Return the index of a spherical joint's first rotation, and the number of the joint in the tree."""
+    for number, ball in enumerate(equations.loops.tree.balls):
+        if ball.joint.name == name:
+            return ball.first_angle, number
+    others = ", ".join(ball.joint.name for ball in equations.loops.tree.balls)
+    raise InputError(
+        f"{equations.model.mechanism.name}: a loop is cut at spherical joint {name!r}, so that it has no "
+        f"initial rotation of its own; give those of other joints{f', such as {others}' if others else ''}"
+    )
 
 
 class StateLayout:

@@ -13,7 +13,7 @@ from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion, Motion
+from mechsim.model.motion import LinkMotion, Motion, leading_joint
 from mechsim.model.quantities import numeric_quantity
 from mechsim.model.quantity import Quantity, record_columns
 from mechsim.numerics.angles import wrapped
@@ -35,7 +35,7 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
         links[name] = LinkMotion(origin, rotation, velocity, angular, acceleration, angular_second)
     values = state.q.values, state.rates * scale, accelerations * scale
     joints = tree_joint_motions(tree, mechanism.joints, links, values)
-    first = joints[mechanism.drivers[0]] if mechanism.drivers else next(iter(joints.values()))
+    first = leading_joint(joints, mechanism.drivers, len(times))
     return Motion(
         source="loop equations",
         angle=first.value,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.dynamics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
-from mechsim.analytic.dynamics.dynamic_run import initial_values, require_inertia, require_regular
+from mechsim.analytic.dynamics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.equilibrium_search import (
     RestingState,
@@ -20,6 +20,7 @@ from mechsim.analytic.dynamics.equilibrium_search import (
 from mechsim.analytic.dynamics.initial_state import initial_state, projected
 from mechsim.analytic.dynamics.linearization import LinearModel, Mode, independent_rates, linear_model
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.state_quantities import (
     change_from,
     displacement_of,
@@ -76,7 +77,7 @@ def equilibria(
     source: Any,
     forces: Forces | None = None,
     *,
-    initial: Mapping[str, float | str] | None = None,
+    initial: Mapping[str, Initial] | None = None,
     starts: int = STARTS,
     assemblies: int = 0,
     seed: int = 0,
@@ -171,7 +172,7 @@ def _starts(
 
 
 def modes(
-    source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
 ) -> tuple[Mode, ...]:
     """Return the modes of small vibrations about an equilibrium; see `nearest_equilibrium`.
 
@@ -184,7 +185,7 @@ def modes(
 
 
 def nearest_equilibrium(
-    source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
 ) -> Equilibrium:
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
@@ -216,7 +217,7 @@ def response(
     frequencies: ArrayLike,
     forces: Forces | None = None,
     *,
-    initial: Mapping[str, float | str] | None = None,
+    initial: Mapping[str, Initial] | None = None,
 ) -> NDArray[np.complex128]:
     """Return the frequency response from a unit load to a quantity about the nearest equilibrium, (n,).
 
@@ -251,7 +252,7 @@ def response(
 
 
 def holding(
-    source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
 ) -> dict[str, float]:
     """Return the drive force of each driver that holds the initial configuration at rest, in [N m] or [N].
 
@@ -268,14 +269,13 @@ def holding(
 
 
 def _prepared(
-    source: Any, forces: Forces | None, initial: Mapping[str, float | str]
+    source: Any, forces: Forces | None, initial: Mapping[str, Initial]
 ) -> tuple[EquationsOfMotion, Coordinates]:
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial)
     equations = equations_of_motion(model, values.coordinates)
     q, rates = initial_state(equations, values)
-    require_inertia(equations, q, rates)
-    return equations, q
+    return with_determined_motion(equations, q, rates)[0], q
 
 
 def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bool = False) -> Equilibrium:

@@ -145,7 +145,9 @@ class LoopForm(KinematicSolver):
     formula: str = ""
     change_point: ChangePointPolicy = "smooth"
     forces: Forces | None = None
-    initial: Mapping[str, float] = field(default_factory=dict[str, float])
+    initial: Mapping[str, float | tuple[float, ...]] = field(
+        default_factory=dict[str, float | tuple[float, ...]]
+    )
     motion_laws: MotionLaws = CRANK
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()

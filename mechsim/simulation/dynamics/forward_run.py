@@ -13,7 +13,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, leading_joint
 from mechsim.model.motion_laws import State
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
@@ -28,7 +28,7 @@ from mechsim.simulation.mjcf import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import MASSLESS_FREE, actuator_slices, with_accepted_inertia
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
-from mechsim.simulation.model_loops import ModelLoops, read_loops
+from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import assembled
@@ -44,6 +44,7 @@ REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
 STEP = 0.05
 # constraint violation in characteristic lengths up to which the loops are closed
 CLOSED = 1e-12
+NO_LINKS: Mapping[str, LinkMotion] = {}
 # minimum Newton iterations of MuJoCo's constraint solver in a step
 ITERATIONS = 20
 
@@ -88,6 +89,7 @@ def stepped_run(
     kept: set[str] | None = None,
     prescribed: Mapping[str, State] | None = None,
     ranges: Ranges = NO_RANGES,
+    links: Mapping[str, LinkMotion] = NO_LINKS,
     progress: Progress = no_progress,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
@@ -105,6 +107,7 @@ def stepped_run(
             there. None keeps all coordinates that have a value.
         prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
         ranges: joint -> lower and upper limit in [m] or [rad], which are soft in MuJoCo.
+        links: link -> its motion, whose first instant gives the rotations and rates of spherical joints.
         progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
@@ -117,10 +120,11 @@ def stepped_run(
         coordinates, rates = (without_cuts(model, values) for values in (coordinates, rates))
     independent = {*mechanism.drivers, *(coordinates if kept is None else kept)}
     qpos = _moved(model, {name: value for name, value in coordinates.items() if name in independent})
+    spins = set_rotations(model.model, qpos, links)
     qpos = closed_near(
         model, model.loops, qpos, *dofs_of(model, coordinates), np.array([*coordinates.values()])
     )
-    qvel = _rates(model, qpos, rates)
+    qvel = _rates(model, qpos, rates, spins)
     timestep = float(times[1] - times[0]) / substeps
     settings = settings or (REDUNDANT if is_redundant(model.loops, qpos) else FREE)
     loops = prepared(model, settings, timestep, ITERATIONS)
@@ -145,7 +149,10 @@ def stepped_run(
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
     """Return the model of a mechanism and its forces; no loop is cut at the coordinates to keep."""
     described = with_accepted_inertia(mechanism, MASSLESS_FREE)
-    drivers, cut = tuple(dict.fromkeys((*mechanism.drivers, *sorted(kept)))), None
+    drivable = [
+        name for joint in mechanism.joints if KINDS[joint.kind].drivable for name in joint.coordinates
+    ]
+    drivers, cut = tuple(dict.fromkeys((*mechanism.drivers, *sorted(kept.intersection(drivable))))), None
     if not mechanism.has_crank:
         described = replace(described, driver=drivers)
     elif kept - {*mechanism.drivers}:
@@ -159,14 +166,12 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         for i in range(compiled_model.njnt)
         if int(compiled_model.jnt_type[i]) in (HINGE, SLIDE)
     ]
-    if not scalar:
-        raise InputError(
-            f"{mechanism.name} has no revolute or prismatic joint, and MuJoCo's side needs one; "
-            "take --method none"
-        )
     names = model_names(described)
-    crank = "crank" if described.has_crank else next(names[name] for name in drivers if names[name] in scalar)
-    loops = read_loops(compiled_model, crank, any_joint=True)
+    crank = "crank" if described.has_crank else next((names[n] for n in drivers if names[n] in scalar), None)
+    # a model that moves freely has no crank of its own: any coordinate takes its place
+    loops = loops_with_crank(
+        compiled_model, 0 if crank is None else int(compiled_model.joint(crank).dofadr[0])
+    )
     closed = ClosedModel(loops, track, compiled_model.qpos0.copy())
     return LoadedModel(
         loops=closed.loops,
@@ -232,13 +237,36 @@ def closed_near(
     return closed
 
 
-def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array:
-    """Return the rates of least norm, (nv,), that satisfy the loops and the initial rates."""
-    _, dofs = dofs_of(model, rates)
+def set_rotations(model: mujoco.MjModel, qpos: Array, links: Mapping[str, LinkMotion]) -> dict[int, float]:
+    """Set the quaternions of balls in a state from the rotations of links; return the rates of their dofs.
+
+    Links that `links` does not contain, such as virtual bodies, keep their quaternions.
+    """
+    spins: dict[int, float] = {}
+    for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)):
+        body = int(model.jnt_bodyid[joint])
+        parent, child = model.body(model.body_parentid[body]).name, model.body(body).name
+        if child not in links or not (parent in links or parent == "world"):
+            continue
+        rotation, spin = links[child].rotation[0], links[child].angular_velocity[0]
+        carrier = links[parent].rotation[0] if parent in links else np.eye(3)
+        spin = spin - (links[parent].angular_velocity[0] if parent in links else 0.0)
+        fixed, local = np.empty((2, 4))
+        mujoco.mju_negQuat(fixed, model.body_quat[body])
+        address, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        mujoco.mju_mat2Quat(local, (carrier.T @ rotation).ravel())
+        mujoco.mju_mulQuat(qpos[address : address + 4], fixed, local)
+        spins |= dict(zip(range(dof, dof + 3), (rotation.T @ spin).tolist(), strict=True))
+    return spins
+
+
+def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float], spins: Mapping[int, float]) -> Array:
+    """Return the rates of least norm, (nv,), that satisfy the loops, initial rates and those of some dofs."""
+    dofs = [*dofs_of(model, rates)[1], *spins]
     loops = model.loops
     _, jacobian = loops.linearise(qpos[None])
     rows = np.concatenate([jacobian[0], np.eye(model.model.nv)[dofs]]) * loops.units
-    right = np.concatenate([np.zeros(jacobian.shape[1]), [*rates.values()]])
+    right = np.concatenate([np.zeros(jacobian.shape[1]), [*rates.values(), *spins.values()]])
     scale = np.concatenate([loops.scale, 1.0 / loops.units[dofs]])
     solution = np.linalg.pinv(rows * scale[:, None], rcond=RANK_TOLERANCE) @ (right * scale)
     return solution * loops.units
@@ -346,7 +374,7 @@ def _motion(
             index = None if kind.single else i
             values = states.qpos[:, address], states.qvel[:, dof], accelerations[:, dof]
             joints[name] = JointMotion(*values, "m" if unit == "m" else "rad", index)
-    first = next(iter(joints.values()))
+    first = leading_joint(joints, (), len(states.time))
     return Motion(
         source="step",
         angle=first.value,

@@ -9,12 +9,21 @@ from numpy.typing import NDArray
 
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.rank import null_spaces
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
-from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, closed_near, free_model, without_cuts
+from mechsim.simulation.dynamics.forward_run import (
+    FREE,
+    ITERATIONS,
+    NO_LINKS,
+    closed_near,
+    free_model,
+    set_rotations,
+    without_cuts,
+)
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
 
@@ -45,7 +54,12 @@ class StaticState:
 
 
 @quiet()
-def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str, float]) -> StaticState:
+def static_state(
+    mechanism: Mechanism,
+    forces: Forces,
+    coordinates: Mapping[str, float],
+    links: Mapping[str, LinkMotion] = NO_LINKS,
+) -> StaticState:
     """Return MuJoCo's accelerations from rest and the eigenvalues of small motions, by finite differences.
 
     Dry friction is left out; time-dependent loads have their values at time zero.
@@ -54,16 +68,18 @@ def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str,
         mechanism: links without an inertia are rods.
         forces: applied forces.
         coordinates: of all joints with one degree of freedom, in [m] or [rad], not wrapped.
+        links: link -> its motion, whose first instant gives the rotations of spherical joints.
 
     Raises:
-        InputError: for a mechanism without revolute or prismatic joint.
         AssemblyError: if MuJoCo's loops do not close at these coordinates.
     """
     smooth = tuple(replace(friction, coulomb=0.0, coulomb_turn=0.0) for friction in forces.friction)
     model = free_model(mechanism, replace(forces, friction=smooth), set())
     loops = model.loops
     values = without_cuts(model, coordinates)
-    qpos = closed_near(model, loops, model.qpos, *dofs_of(model, values), np.array([*values.values()]))
+    qpos = model.qpos.copy()
+    set_rotations(model.model, qpos, links)
+    qpos = closed_near(model, loops, qpos, *dofs_of(model, values), np.array([*values.values()]))
     jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
     basis = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
     accelerations = _Accelerations(model, basis)

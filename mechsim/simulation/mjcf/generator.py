@@ -135,11 +135,6 @@ def with_revolutions(mechanism: Mechanism, joint: Joint, values: tuple[float, ..
     """Return joint coordinates of a pose with the revolutions of the mechanism's start."""
     stated = initial_coordinates(mechanism)
     kind = KINDS[joint.kind]
-    if kind.floating:
-        raise InputError(
-            f"{mechanism.name}: joint {joint.name!r} floats and nothing else connects its link, so no "
-            "MuJoCo model can be made; fix it by --fix-base, or leave the link out"
-        )
     slides = len(kind.slides)
     return tuple(
         value + REVOLUTION * float(np.round((stated[name] - value) / REVOLUTION))

@@ -1,6 +1,6 @@
 """Joints in a MuJoCo model: their hinges and slides, and the points that coincide in a cut joint.
 
-Each coordinate of a joint is a separate hinge or slide; only a ball joint has no coordinates.
+Each coordinate of a joint is a separate hinge or slide; a spherical joint has a ball, and a floating one too.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from mechsim.model.links import EZ, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
+BALL = mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 CRANK = "crank"
 # kind of the joint between a link and its virtual body
@@ -69,14 +69,11 @@ class ModelJoint:
 
 
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
-    """Return the names of the model's joints for a joint, in the order of its coordinates.
-
-    A floating joint has none, because its link depends on other joints.
-    """
+    """Return the names of the model's joints for a joint, in the order of its coordinates; a ball is last."""
     if mechanism.has_crank and joint.name == mechanism.crank.name:
         return [CRANK]
     kind = KINDS[joint.kind]
-    return [] if kind.floating else [joint.name] if kind.ball else list(joint.coordinates)
+    return [*joint.coordinates, joint.name] if kind.ball else list(joint.coordinates)
 
 
 def model_names(mechanism: Mechanism) -> dict[str, str]:
@@ -113,7 +110,7 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
     ends may belong to d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
     """
     kind = KINDS[branch.joint.kind]
-    if kind.ball:
+    if kind.ball and not kind.slides:
         return _ball(branch, parent, child), ()
     parent_side, child_side = _placed(branch.parent, parent), _placed(branch.child, child)
     a, b = (parent_side, child_side) if branch.direction > 0 else (child_side, parent_side)
@@ -121,7 +118,7 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
     values = (
         tuple(np.moveaxis(values_, -1, 0)) if values_.ndim > 1 else tuple(float(value) for value in values_)
     )
-    return _posed(branch, values), values
+    return (_ball(branch, parent, child) if kind.ball else _posed(branch, values)), values
 
 
 def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
@@ -133,7 +130,7 @@ def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
     """Return the child's pose in the parent's frame with the relative rotation of the initial guess."""
     to_parent = np.swapaxes(parent.rotation, -1, -2)
     rotation = to_parent @ child.rotation
-    if KINDS[branch.joint.kind].floating:
+    if KINDS[branch.joint.kind].slides:
         return Pose(rotated(to_parent, child.position - parent.position), rotation)
     position = np.asarray(branch.parent.point) - rotated(rotation, np.asarray(branch.child.point))
     return Pose(position, rotation)
@@ -164,11 +161,9 @@ def model_joints(
     """
     joint, position = branch.joint, np.asarray(branch.child.point)
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
-    if kind.ball:
-        return [ModelJoint(names[0], FREE if kind.slides else BALL, position, EZ, None)]
-    types = [SLIDE] * len(kind.slides) + [HINGE] * len(kind.turns)
+    types = [SLIDE] * len(kind.slides) + ([BALL] if kind.ball else [HINGE] * len(kind.turns))
     axes: list[Axis] = [*kind.slides, *kind.turns]
-    coordinates = list(zip(names, types, axes, values, strict=True))
+    coordinates = list(zip(names, types, axes, [*values, None] if kind.ball else values, strict=False))
     if branch.direction < 0 and len(set(axes)) > 1:
         # axes fixed in the parent come first, axes fixed in the child last
         coordinates.reverse()
@@ -177,7 +172,7 @@ def model_joints(
         back = np.swapaxes(local.rotation, -1, -2)
         position = rotated(back, np.asarray(branch.parent.point) - local.position)
     return [
-        ModelJoint(name, made, position, _axis_of(branch, local, axis), value)
+        ModelJoint(name, made, position, EZ if value is None else _axis_of(branch, local, axis), value)
         for name, made, axis, value in coordinates
     ]
 
@@ -190,9 +185,7 @@ def add_joint(
     Arguments are those of `model_joints`.
     """
     for made in model_joints(mechanism, branch, local, values):
-        if made.type == FREE:
-            body.add_freejoint(name=made.name)
-        elif made.value is None:
+        if made.value is None:
             body.add_joint(name=made.name, type=made.type, pos=made.position)
         else:
             body.add_joint(name=made.name, type=made.type, pos=made.position, axis=made.axis, ref=made.value)

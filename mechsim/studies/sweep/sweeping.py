@@ -10,6 +10,7 @@ import numpy as np
 
 from mechsim import units
 from mechsim.analytic.dynamics import dynamic_model
+from mechsim.analytic.dynamics.dynamic_run import Initial
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
@@ -77,7 +78,7 @@ def sweep(
     resume: bool = False,
     scheduler: Any = None,
     progress: Progress = no_progress,
-    initial: Mapping[str, float | str] | None = None,
+    initial: Mapping[str, Initial] | None = None,
     until: str | None = None,
     **options: Any,
 ) -> "Dataset":
@@ -156,7 +157,7 @@ def swept_task(
     samples: int | None = None,
     speed: float | str = 1.0,
     settings: Settings | None = None,
-    initial: Mapping[str, float | str] | None = None,
+    initial: Mapping[str, Initial] | None = None,
     until: str | None = None,
     **options: Any,
 ) -> SweepTask:
