@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
+from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.links import Pose
@@ -40,7 +41,10 @@ class KinematicSolver(ABC):
         initial: initial state of forward dynamics, J.q and J.v of coordinates, in SI; empty for none.
         facts: sentences on what of its file is not read, on changes, and on the assembly.
         source: the MJCF model as read (`MjcfModel`); None for any other mechanism.
-        direct: whether formulas give the motion at any crank angle, without a path from the guess.
+        method: how the motion is found, in words.
+        own_start: whether formulas give a start in the assembly mode that the parameters select; otherwise a
+            start is sought, and the motion followed from there.
+        theories: studies that exist only for some mechanisms: "coupler line", "velocity plan".
         about: one sentence on a mechanism of the catalogue; empty for others.
         gear: parameter that is a gear ratio; empty if there is none.
     """
@@ -55,7 +59,9 @@ class KinematicSolver(ABC):
     initial: Mapping[str, float | tuple[float, ...]] = MappingProxyType({})
     facts: tuple[str, ...] = ()
     source: Any = None
-    direct: bool = False
+    method: str = "loop equations"
+    own_start: bool = False
+    theories: frozenset[str] = frozenset()
     about: str = ""
     gear: str = ""
 
@@ -96,6 +102,10 @@ class KinematicSolver(ABC):
     @abstractmethod
     def with_mechanism(self, mechanism: Mechanism, **changes: Any) -> "KinematicSolver":
         """Return the solver of another description by its loop equations, with other attributes changed."""
+
+    def with_closed_guess(self) -> "KinematicSolver":
+        """Return the solver with a guess that closes the loops, as the start of formulas does."""
+        return self
 
     def with_dimensions(self, values: Mapping[str, float]) -> Self:
         """Return the solver with other `dimensions`."""
@@ -208,9 +218,9 @@ class KinematicSolver(ABC):
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles of change points, at which two assembly modes meet, in [-pi, pi) rad."""
 
-    def assemblies(self, angle: float) -> Sequence["KinematicSolver"]:
-        """Return the mechanism in each real assembly mode at a crank angle, if formulas have them all."""
-        return ()
+    def assemblies(self, angle: float) -> Sequence["KinematicSolver"] | None:
+        """Return the mechanism in each real assembly mode at a crank angle; None if no formula has them."""
+        return None
 
     @abstractmethod
     def assembly_points(self, angle: float) -> list[AssemblyPoints]:
@@ -235,6 +245,20 @@ class KinematicSolver(ABC):
     def transmission_angle(self, angles: ArrayLike) -> Array | None:
         """Return the transmission angle at crank angles, (n,) in [rad]; None if no formula defines it."""
         return None
+
+    def required_transmission_angle(self, angles: ArrayLike) -> Array:
+        """Return the transmission angle as `transmission_angle`.
+
+        Raises:
+            InputError: if no formula defines it.
+        """
+        result = self.transmission_angle(angles)
+        if result is None:
+            raise InputError(
+                f"no formula defines a transmission angle of {self.name!r}; "
+                "mechanisms of the catalogue have one"
+            )
+        return result
 
     def variants(self) -> Mapping[str, "KinematicSolver"]:
         """Return variants that are validated in addition: name -> the mechanism with another parameter."""

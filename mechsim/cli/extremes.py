@@ -5,13 +5,13 @@ from typing import Annotated
 
 import typer
 
-from mechsim.analytic.formulas.base import closed_form
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import load_model, output_folder
+from mechsim.cli.options import output_folder
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
 from mechsim.studies.extremes.results import StabilityMap
+from mechsim.subjects import catalog
 from mechsim.units import option
 
 
@@ -35,7 +35,7 @@ def extremes(
     from mechsim.studies.extremes.stability_map import study
 
     for name in names or ():
-        closed_form(load_model(name), "a stress test")
+        catalog.parameters(name)
     with output_folder(report) as folder:
         with progress("extremes", None) as report_progress:
             result = study(names, quick=quick, progress=report_progress)

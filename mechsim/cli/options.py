@@ -363,9 +363,8 @@ def require_other_drivers(model: str, sets: list[str] | None, driven: DriveOptio
 
 def require_motion(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
-    # a closed form has a crank; its mechanism may be impossible to assemble
-    if not solver.direct:
-        solver.motion_laws.require_drivers(solver.mechanism)
+    # not its mechanism, which may be impossible to assemble
+    solver.motion_laws.require_drivers(solver.described)
     return solver
 
 

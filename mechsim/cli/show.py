@@ -160,7 +160,7 @@ def show(
 
 def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
     declared = solver.written
-    if solver.direct:
+    if any(parameter["doc"] for parameter in data["parameters"].values()):
         rows = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
         print_table("Parameters", ("name", "value", "unit", "meaning"), rows)
     else:

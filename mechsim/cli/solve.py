@@ -202,9 +202,8 @@ def _whole(
 def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) -> None:
     """Write or print a motion as .csv chunk by chunk, in constant memory."""
     instants, fewest = task.instants, list[AccuracyWarning]()
-    if not task.solver.direct:
-        # loop equations that have no solution over the whole motion fail before a row is written
-        task.motion_at(np.array([instants.min(), instants.max()]))
+    # a motion that has no solution as a whole fails before a row is written
+    task.motion_at(np.array([instants.min(), instants.max()]))
 
     def chunks() -> Iterator[dict[str, Array]]:
         for first in range(0, len(instants), CHUNK):

@@ -2,10 +2,9 @@
 
 import math
 from dataclasses import MISSING
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from mechsim import units
-from mechsim.analytic.formulas.base import closed_form
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table
@@ -51,8 +50,8 @@ def synthesize(
     mechsim synthesize looper --through 12.9,30mm --tilt 1.4deg --length 4mm
     mechsim synthesize looper --through 13,30mm --tilt 2deg --length 5mm --json
     """
-    base: Any = closed_form(load_model(model, sets), "a synthesis")
-    if "coupler line" not in base.declaration.theories:
+    base = load_model(model, sets)
+    if "coupler line" not in base.theories:
         choices = catalog.with_theory("coupler line")
         raise InputError(f"{base.name} cannot be synthesised; choose from {choices}")
     point = units.parse_vector(through, "m", "--through")

@@ -237,8 +237,6 @@ class Evaluator:
                 return Term(math.pi)
             case ast.Name(id=name):
                 return self.names(name)
-            case ast.Attribute(value=ast.Name(id=name), attr=component):
-                return self.names(f"{name}.{component}")
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.evaluate(operand, depth + 1)
             case ast.UnaryOp(op=ast.USub(), operand=operand):

@@ -38,7 +38,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     from mechsim.theory.mobility_count import mobility
 
     record = _described(solver)
-    if not solver.direct:
+    if not solver.own_start:
         record |= _mobility(solver)
         if (
             not solver.mechanism.has_crank

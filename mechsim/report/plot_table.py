@@ -7,13 +7,12 @@ its help and the page read the table.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.formulas.base import closed_form
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
@@ -137,7 +136,7 @@ class PlotKind:
         draw: function of a source.
         on_page: whether the page of a validation shows it.
         released: whether it shows a run from an initial state or vibrations: "never", "always" or "either".
-        closed: whether it needs a closed form.
+        transmission: whether it needs a transmission angle.
         takes: names of the `PlotOptions` that apply.
     """
 
@@ -145,7 +144,7 @@ class PlotKind:
     draw: Callable[[PlotSource], "Figure"]
     takes: tuple[str, ...] = ()
     on_page: bool = False
-    closed: bool = False
+    transmission: bool = False
     released: Literal["never", "always", "either"] = "never"
 
     def figure(self, source: PlotSource) -> "Figure":
@@ -182,15 +181,13 @@ def _errors(source: PlotSource, method: str) -> "Figure":
 
 
 def _transmission(source: PlotSource) -> "Figure":
-    solver = closed_form(source.solver, "a transmission angle")
     angles = source.motion("closed").angle
-    return plots.transmission_plot(angles, solver.transmission_angle(angles))
+    return plots.transmission_plot(angles, source.solver.required_transmission_angle(angles))
 
 
 def _velocity_plan(source: PlotSource) -> "Figure":
-    solver: Any = closed_form(source.solver, "a velocity plan")
-    options = source.options
-    if "velocity plan" not in solver.declaration.theories:
+    solver, options = source.solver, source.options
+    if "velocity plan" not in solver.theories:
         names = catalog.with_theory("velocity plan")
         raise InputError(f"{solver.name} has no velocity plan with a crank stopped; {names} has")
     both = velocity_plan(solver, options.angle, source.speed)
@@ -225,9 +222,11 @@ def _assemblies(source: PlotSource) -> "Figure":
 
 
 def _stability(source: PlotSource) -> "Figure":
-    solver = closed_form(source.solver, "a stability map")
-    if solver != type(solver)():
-        raise InputError("a stability map uses the catalogue's own dimensions; leave out --set")
+    solver = source.solver
+    if solver.name not in catalog.MECHANISMS or solver != catalog.make(solver.name):
+        raise InputError(
+            "a stability map is of a mechanism of the catalogue with its own dimensions; leave out --set"
+        )
     return extremes_map(stability_map.study([solver.name], quick=True, progress=source.progress))
 
 
@@ -318,7 +317,7 @@ PLOTS = {
         lambda source: plots.schematic_plot(source.solver.mechanism, source.requested_motion),
         ("method",),
     ),
-    "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
+    "transmission": PlotKind("transmission angle", _transmission, on_page=True, transmission=True),
     "assemblies": PlotKind("all assemblies as curves", _assemblies, ("coordinates",)),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),
     "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",)),

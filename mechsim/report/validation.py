@@ -192,7 +192,7 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         for name, kind in PLOTS.items()
         if kind.on_page
         and (name in UNSTEPPED_PLOTS or not case.quick)
-        and (case.solver.direct or not kind.closed)
+        and (not kind.transmission or case.solver.transmission_angle(case.exact.angle) is not None)
     ]
     return [(caption, _webp(plots.drawn(figure, "png"))) for caption, figure in figures]
 

@@ -64,7 +64,7 @@ def crank_grids(
     Raises:
         AssemblyError: if this assembly mode closes at no crank angle.
     """
-    if not solver.direct:
+    if solver.assemblies(solver.crank_range().start()) is None:
         # the slider covers the crank's whole range
         free = solver.with_mechanism(solver.mechanism, ranges={})
         return [crank_grid(free, "own assembly", speed, limits)]
@@ -107,7 +107,7 @@ def _others(solver: KinematicSolver) -> list[KinematicSolver]:
     """Return the other assemblies that stand at some crank angle."""
     names, assemblies = {_called(solver)}, list[KinematicSolver]()
     for angle in np.linspace(-np.pi, np.pi, CRANK_ANGLES, endpoint=False).tolist():
-        for assembly in solver.assemblies(angle):
+        for assembly in solver.assemblies(angle) or ():
             if _called(assembly) not in names:
                 names.add(_called(assembly))
                 assemblies.append(assembly)
@@ -187,8 +187,8 @@ def curve_grids(solver: KinematicSolver) -> tuple[list[PoseGrid], str]:
     Returns:
         The grids, and a sentence on what was sought; empty where no curve could be followed.
     """
-    own_alone = solver.direct
-    swings = not solver.crank_range().full
+    arcs = solver.crank_range()
+    own_alone, swings = solver.assemblies(arcs.start()) is not None, not arcs.full
     if own_alone and not swings:
         return [], ""
     try:
@@ -284,12 +284,12 @@ def mechanism_view(
         AssemblyError: where it closes nowhere.
     """
     searched, limits = limits is None, limits or {}
-    method = "closed form" if solver.direct else "loop equations"
     if solver.mechanism.has_crank and solver.motion_laws.crank:
         grids = crank_grids(solver, speed, limits.get(solver.mechanism.crank.name))
         others, sentence = curve_grids(solver) if searched else ([], NOT_SOUGHT)
         facts = [
-            f"Solved by its {method}; speeds are at a crank speed of {speed * 60.0 / REVOLUTION:g} rpm.",
+            f"Solved by its {solver.method}; speeds are at a crank speed of "
+            f"{speed * 60.0 / REVOLUTION:g} rpm.",
             sentence,
         ]
         return _view(solver, [*grids, *others], facts)

@@ -221,8 +221,8 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = solver.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
-    if solver.direct:
-        verdicts["closed form"] = against_loops(solver, exact)
+    if exact.source != "loop equations":
+        verdicts[exact.source] = against_loops(solver, exact)
     formula = None
     if solver.formula:
         formula = compare_model(designs, speed=speed, tolerance=tolerance, stepped=not quick)

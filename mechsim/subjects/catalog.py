@@ -111,13 +111,13 @@ def _parameter(name: str, row: Mapping[str, Any]) -> tuple[str, type, Any]:
 
 
 def _values(formulas: Formulas) -> dict[str, Any]:
-    """Return the parameters by the names that expressions use; components of a point are named as pivot.x."""
+    """Return the parameters by the names that expressions use; a component of a point is pivot_x."""
     values: dict[str, Any] = {}
     for parameter in fields(formulas):
         value = getattr(formulas, parameter.name)
         if isinstance(value, tuple):
             components = zip(AXES, cast(tuple[Any, ...], value), strict=False)
-            values |= {f"{parameter.name}.{axis}": component for axis, component in components}
+            values |= {f"{parameter.name}_{axis}": component for axis, component in components}
         elif not isinstance(value, str):
             values[parameter.name] = value
     return values

@@ -57,7 +57,7 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         (True, 8)
     """
     solver = load(model)
-    if solver.direct:
+    if solver.assemblies(angle) is not None:
         listed, reason = solver.assembly_points(angle), "its formula has every assembly"
         return _assemblies_of(angle, listed, True, reason)
     try:

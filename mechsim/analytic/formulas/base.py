@@ -17,8 +17,7 @@ from mechsim.analytic.formulas.formulas import (
 )
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.path_instants import crank_angles, crank_rate, path_instants
-from mechsim.analytic.solvers import AssemblyPoints, KinematicSolver
-from mechsim.errors import InputError
+from mechsim.analytic.solvers import AssemblyPoints
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK
@@ -32,7 +31,8 @@ from mechsim.numerics.jets import Jet
 class ClosedForm(Formulas):
     """A catalogue mechanism with a driven crank and a closed form."""
 
-    direct = True
+    method = "closed form"
+    own_start = True
     change_point = "smooth"
 
     @property
@@ -42,6 +42,10 @@ class ClosedForm(Formulas):
     @property
     def gear(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.declaration.gear
+
+    @property
+    def theories(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.declaration.theories
 
     @property
     def selectors(self) -> dict[str, int | None]:
@@ -165,24 +169,6 @@ class ClosedForm(Formulas):
     def check_finite(self, motion: Motion) -> None:
         """Raise AssemblyError where the closed form has no finite rates."""
         require_finite(self, motion)
-
-
-def closed_form(solver: KinematicSolver, what: str) -> ClosedForm:
-    """Return a solver as a catalogue mechanism.
-
-    Args:
-        solver: the solver.
-        what: the requested result, for the message.
-
-    Raises:
-        InputError: for a solver that is no catalogue mechanism.
-    """
-    if isinstance(solver, ClosedForm):
-        return solver
-    raise InputError(
-        f"{what} needs a mechanism of the catalogue, and {solver.name!r} is not in it; "
-        "`mechsim list` names them"
-    )
 
 
 def _is_choice(parameter: Field[Any]) -> bool:

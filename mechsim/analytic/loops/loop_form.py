@@ -16,6 +16,7 @@ from mechsim.analytic.loops.motion import (
     solve_prescribed,
 )
 from mechsim.analytic.loops.path import Instants, LoopPath
+from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import AssemblyPoints, KinematicSolver
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, SingularStartError
@@ -179,6 +180,9 @@ class LoopForm(KinematicSolver):
 
     def with_mechanism(self, mechanism: Mechanism, **changes: Any) -> Self:
         return replace(self, mechanism=mechanism, **changes)
+
+    def with_closed_guess(self) -> Self:
+        return self.with_mechanism(with_closed_guess(self.mechanism))
 
     @property
     def parameter_rows(self) -> dict[str, tuple[Any, str, str]]:

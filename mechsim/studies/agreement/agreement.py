@@ -306,7 +306,7 @@ def _candidates(
         raise InputError(f"{source} is of type {type(function).__name__}; name a function")
     solver.motion_laws.require_drivers(solver.mechanism)
     evaluation = evaluation_points(solver, speed)
-    parameters = None if solver.direct else {name: row[0] for name, row in solver.parameter_rows.items()}
+    parameters = {name: row[0] for name, row in solver.parameter_rows.items()}
 
     def ask(elsewhere: EvaluationPoints) -> list[Candidate]:
         return values_of_function(function, elsewhere, source, parameters)

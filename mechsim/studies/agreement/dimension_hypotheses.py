@@ -1,6 +1,6 @@
 """Hypotheses of one wrong dimension: parameter, position of a joint or point, gear ratio or phase."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -158,7 +158,7 @@ def _require_small(change: float) -> None:
 
 def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism with other dimensions."""
-    if solver.direct:
+    if solver.own_start:
         return _solved_from_start(evaluation, solver)
     return evaluation.with_dimensions(solver)
 
@@ -306,13 +306,15 @@ def _predicted(misfit: Misfit, evaluation: Callable[[], EvaluationPoints]) -> Va
 def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, KinematicSolver]]:
     """Return the other assemblies, each with a description of the difference."""
     solver = evaluation.solver
-    if solver.direct:
-        return list(_of_catalogue(solver, float(evaluation.angle[len(evaluation) // 3])))
-    return _assemblies_from_random_starts(solver)
+    modes = solver.assemblies(float(evaluation.angle[len(evaluation) // 3]))
+    return _assemblies_from_random_starts(solver) if modes is None else list(_selected(solver, modes))
 
 
-def _of_catalogue(solver: KinematicSolver, angle: float) -> Iterator[tuple[str, KinematicSolver]]:
-    for assembly in solver.assemblies(angle):
+def _selected(
+    solver: KinematicSolver, modes: Iterable[KinematicSolver]
+) -> Iterator[tuple[str, KinematicSolver]]:
+    """Yield the other assemblies of a mechanism, each with the parameters that select it."""
+    for assembly in modes:
         chosen = assembly.selectors
         if chosen != solver.selectors:
             yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != solver.selectors[k]), assembly

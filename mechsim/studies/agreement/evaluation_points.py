@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily, changes
 from mechsim.analytic.derivatives.motion import TracedMotion, followed_motion, motion_derivatives
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
@@ -200,9 +199,10 @@ class EvaluationPoints:
     @cached_property
     def _of_loops(self) -> Motion:
         """The motion by the loop equations, which determine every coordinate."""
-        if not self.solver.direct or self.solved is not None:
+        if self.solved is not None:
             return self.motion
-        return LoopForm(self.solver.mechanism).solve(self.angle, self.speed, self.acceleration)
+        loops = self.solver.with_mechanism(self.solver.mechanism)
+        return loops.solve_along(self.angle, self.speed, self.acceleration)
 
     @cached_property
     def loaded_model(self) -> "DynamicModel":

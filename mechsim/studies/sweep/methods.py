@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.formulas.base import closed_form
 from mechsim.analytic.formulas.many_designs import (
     CrankRanges,
     allowed,
@@ -35,7 +34,6 @@ from mechsim.studies.sweep.stepped_runs import (
     released_alone,
     stepped_alone,
     stepped_together,
-    with_closed_start,
 )
 from mechsim.studies.sweep.task import (
     CrankRows,
@@ -152,8 +150,8 @@ def _turns(
     designs = len(next(iter(rows.values())))
     poses, more = len(motion.angle) // designs, dict[str, Array]()
     if task.measures.includes(TRANSMISSION):
-        solver = closed_form(task.subject.solver, "a transmission angle")
-        more[TRANSMISSION] = transmissions(solver, rows, motion).reshape(designs, poses)
+        assert task.subject.closed is not None
+        more[TRANSMISSION] = transmissions(task.subject.closed, rows, motion).reshape(designs, poses)
     return Turns(designs, poses, motion, more, facts or {})
 
 
@@ -274,7 +272,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         row = np.array([i])
         try:
             made = task.subject.make({name: float(values[i]) for name, values in rows.items()})
-            solver = with_closed_start(made)
+            solver = made.with_closed_guess()
             facts = facts_alone(task, solver) | released_alone(task, solver)
             for name, value in facts.items():
                 result.values[name][i] = value
@@ -305,7 +303,7 @@ def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
         elif kind == "dead_centres":
             result[kind] = float(len(solver.dead_centres()))
         else:
-            result[kind] = float(len(solver.assemblies(arcs.start()))) if arcs.arcs else 0.0
+            result[kind] = float(len(solver.assemblies(arcs.start()) or ())) if arcs.arcs else 0.0
     return result
 
 
@@ -369,8 +367,7 @@ def _solved_alone(
         study = prescribed_along(dynamic_model(solver), angles, path_speed, crank.acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.measures.includes(TRANSMISSION):
-        angle = closed_form(solver, "a transmission angle").transmission_angle(angles)
-        more[TRANSMISSION] = angle.reshape(shape)
+        more[TRANSMISSION] = solver.required_transmission_angle(angles).reshape(shape)
     turns = Turns(1, len(angles), motion, more, kept)
     return {name: float(values[0]) for name, values in task.values(turns).items()}
 
@@ -385,13 +382,13 @@ def require_measurable(task: SweepTask) -> None:
     if task.settings is not None:
         _require_stepped(task)
     for measure in task.measures:
-        if measure.kind == "assemblies" and not solver.direct:
+        if measure.kind == "assemblies" and solver.assemblies(solver.mechanism.start) is None:
             raise InputError(
                 f"the number of assemblies is known for catalogue mechanisms only, not for {solver.name!r}; "
                 "`mechsim trace` finds the assemblies of any mechanism"
             )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
-            closed_form(solver, "a transmission angle")
+            solver.required_transmission_angle([solver.mechanism.start])
     if any(not measure.released for measure in task.measures):
         solver.motion_laws.require_drivers(solver.mechanism)
 

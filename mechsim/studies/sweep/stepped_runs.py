@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import dynamic_model, nearest_equilibrium
-from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import select_instants
@@ -191,11 +190,6 @@ def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, f
     turns = Turns(1, len(task.records), select_instants(motion, task.records), forces)
     values = {name: float(value[0]) for name, value in task.values(turns).items()}
     return values, run.outcome, "" if run.outcome == "passed" else tolerance_text(run.estimate, run.tolerance)
-
-
-def with_closed_start(solver: KinematicSolver) -> KinematicSolver:
-    """Return a design that starts assembled, so that MuJoCo and the formulas use the same assembly."""
-    return solver if solver.direct else solver.with_mechanism(with_closed_guess(solver.mechanism))
 
 
 def prescribed_motion(solver: KinematicSolver, speed: float) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.formulas.base import ClosedForm, closed_form
+from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
@@ -106,8 +106,8 @@ def swept_subject(
     current, plain = dict(set or {}), not any(options.values())
     if isinstance(source, PythonObject) and plain and source.parameters({}).dimensions:
         return SweptSubject(name, solver, result, OfPython(source.address, current))
-    if solver.direct:
-        return SweptSubject(name, solver, result, result.make, closed_form(solver, "a sweep"))
+    if isinstance(solver, ClosedForm):
+        return SweptSubject(name, solver, result, result.make, solver)
     if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
         make = OfToml(source, current, written_guess(source), unit_of)

@@ -40,7 +40,7 @@ from mechsim.studies.sweep.designs import (
 )
 from mechsim.studies.sweep.measures import RELEASED, measures
 from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
-from mechsim.studies.sweep.stepped_runs import prescribed_motion, released_alone, with_closed_start
+from mechsim.studies.sweep.stepped_runs import prescribed_motion, released_alone
 from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept_subject
 from mechsim.studies.sweep.table import (
     HASH_ATTRIBUTE,
@@ -356,7 +356,7 @@ def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesign
         row = task.designs.rows(int(i), int(i) + 1)
         try:
             made = task.subject.make({name: float(values[0]) for name, values in row.items()})
-            solver = with_closed_start(made)
+            solver = made.with_closed_guess()
             distance, reason = _compared(task, solver)
             worst, reason = (
                 max(worst, distance),
@@ -372,7 +372,7 @@ def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesign
 def _other_method(task: SweepTask) -> str:
     if task.settings is None:
         return "MuJoCo's poses"
-    return "the formulas" if task.subject.solver.direct else "the loop equations"
+    return f"the {task.subject.solver.method}"
 
 
 def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:

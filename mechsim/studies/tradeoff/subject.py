@@ -180,7 +180,7 @@ def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = No
     solver = solver.starting_at(angles)
     stroke = half_extent(solver.positions(angles).values())
     reference = Reference(
-        "closed form" if solver.direct else "loop equations",
+        solver.method,
         lambda motion: solver.solve(motion.angle, motion.speed, motion.acceleration),
     )
     mechanism = solver.mechanism
