@@ -41,8 +41,9 @@ if TYPE_CHECKING:
     from mechsim.model.motors import Controller as Controller
     from mechsim.model.scene import Scene as Scene
     from mechsim.pictures import plots as plots
-    from mechsim.pictures import render as render
+    from mechsim.pictures.render import Look as Look
     from mechsim.report.notebook import plot as plot
+    from mechsim.report.notebook import render as render
     from mechsim.report.notebook import show as show
     from mechsim.report.notebook import view as view
     from mechsim.simulation.run import Run as Run
@@ -86,7 +87,6 @@ _MODULES = {
     "masses": "model.masses",
     "motors": "model.motors",
     "plots": "pictures.plots",
-    "render": "pictures.render",
     "simulation": "simulation",
     "testing": "testing",
     "units": "units",
@@ -104,7 +104,8 @@ _NAMES = {
     "model.motion_laws": "MotionLaws",
     "model.motors": "Controller",
     "model.scene": "Scene",
-    "report.notebook": "plot show view",
+    "pictures.render": "Look",
+    "report.notebook": "plot render show view",
     "simulation.run": "Run",
     "simulation.settings": "Settings",
     "studies.agreement.agreement": "Agreement",

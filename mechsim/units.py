@@ -4,6 +4,8 @@ A number without a unit is in SI: metres, radians, radians per second, seconds. 
 dataclass that users can set in this form.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable
 from contextlib import suppress

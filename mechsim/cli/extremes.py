@@ -6,12 +6,11 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import output_folder
+from mechsim.cli.options import complete_models, load_model, output_folder, require_motion
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
 from mechsim.studies.extremes.results import StabilityMap
-from mechsim.subjects import catalog
 from mechsim.units import option
 
 
@@ -19,7 +18,12 @@ from mechsim.units import option
 def extremes(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Mechanisms of the catalogue. Default: all."),
+        typer.Argument(
+            metavar="[MODEL]...",
+            help="Models; size, dead centres and gears are varied for the catalogue only. Default: the "
+            "catalogue.",
+            autocompletion=complete_models,
+        ),
     ] = None,
     report: str | None = option(None, "Write the plot and all numbers to this folder.", metavar="DIR"),
     quick: bool = option(False, "Test fewer values in shorter runs.", name="--quick"),
@@ -34,11 +38,10 @@ def extremes(
     from mechsim.report.study_plots import extremes_map
     from mechsim.studies.extremes.stability_map import study
 
-    for name in names or ():
-        catalog.parameters(name)
+    solvers = [require_motion(load_model(name)) for name in names or ()]
     with output_folder(report) as folder:
         with progress("extremes", None) as report_progress:
-            result = study(names, quick=quick, progress=report_progress)
+            result = study(solvers, quick=quick, progress=report_progress)
         if folder is not None:
             plots.write(folder / "extremes.svg", extremes_map(result))
             write_json(folder / "extremes.json", result)
@@ -62,4 +65,6 @@ def _print(result: StabilityMap) -> None:
     title = "Many turns: position error / size in the first and last hundredth"
     print_table(title, ("mechanism", "turns", "first", "last", "no drift"), drifts)
     correct = len(result.trials) - len(result.wrong)
-    typer.echo(f"{correct} of {len(result.trials)} runs ended as the closed form predicts, and reported it")
+    typer.echo(
+        f"{correct} of {len(result.trials)} runs ended as the analytic solution predicts, and reported it"
+    )

@@ -3,6 +3,8 @@
 Both methods read these descriptions. Vectors are in the ground frame, in SI.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -244,7 +246,7 @@ class Forces:
                 "leave the controllers out"
             )
 
-    def without_motor(self) -> "Forces":
+    def without_motor(self) -> Forces:
         """Return the same forces without the motor."""
         return replace(self, motor=None)
 

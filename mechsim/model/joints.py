@@ -1,5 +1,7 @@
 """Joints between two links, and couplings of their coordinates."""
 
+from __future__ import annotations
+
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property

@@ -1,5 +1,7 @@
 """Links: inertia, outline and pose."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -165,7 +167,7 @@ class Pose:
         """Return the position of a point given in the link's frame, (..., 3) in [m]."""
         return self.position + self.rotation @ np.asarray(local)
 
-    def select(self, index: int | slice | NDArray[np.intp]) -> "Pose":
+    def select(self, index: int | slice | NDArray[np.intp]) -> Pose:
         """Return the pose or poses at an index of the first axis."""
         return Pose(self.position[index], self.rotation[index])
 

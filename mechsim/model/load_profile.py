@@ -1,5 +1,7 @@
 """A load as a function of crank angle or time: constant, table, function or harmonics."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal

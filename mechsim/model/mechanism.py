@@ -3,6 +3,8 @@
 A `Mechanism` is plain data without positions in space. The analytic solvers and MuJoCo solve these.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -316,7 +318,7 @@ class Mechanism:
             )
         return max(centres) or 1.0
 
-    def with_guess(self, guess: Mapping[str, Pose], start: float) -> "Mechanism":
+    def with_guess(self, guess: Mapping[str, Pose], start: float) -> Mechanism:
         """Return the same mechanism with another guess at another crank angle in [rad]."""
         return replace(self, guess=dict(guess), start=start)
 

@@ -1,5 +1,7 @@
 """Record of a motion, the common result of closed forms, loop equations and MuJoCo."""
 
+from __future__ import annotations
+
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
@@ -53,7 +55,7 @@ def _short(value: Any) -> str:
     return textwrap.shorten(repr(value), MAX_TEXT, placeholder=" ...")
 
 
-def _array(values: "np.ndarray[Any, Any]") -> str:
+def _array(values: np.ndarray[Any, Any]) -> str:
     if values.dtype.kind not in "fiu" or not values.size:
         return f"<array {values.shape}>"
     with np.errstate(invalid="ignore"):
@@ -129,7 +131,7 @@ class Solver(Protocol):
     """A solver that returns a motion at other crank angles and speeds: a catalogue mechanism."""
 
     @property
-    def solve(self) -> Callable[..., "Motion"]:
+    def solve(self) -> Callable[..., Motion]:
         """Return the motion at crank angles, speeds and accelerations, or under motion laws at times `t`."""
         ...
 
@@ -182,7 +184,7 @@ class Motion:
     def __len__(self) -> int:
         return len(self.angle)
 
-    def position_errors(self, other: "Motion") -> dict[str, Array]:
+    def position_errors(self, other: Motion) -> dict[str, Array]:
         """Return the distance of each point from that in another motion at the same instants, (n,) in [m]."""
         gaps = {name: self.points[name].position - point.position for name, point in other.points.items()}
         return {name: np.sqrt((gap**2).sum(1)) for name, gap in gaps.items()}
@@ -201,7 +203,7 @@ class Motion:
         """Return the SI unit of each column of `columns`."""
         return {name: unit for name, _, unit in self._columns()}
 
-    def to_pandas(self) -> "DataFrame":
+    def to_pandas(self) -> DataFrame:
         """Return the columns as a table with one row per instant; `attrs["units"]` gives their units.
 
         Raises:
@@ -211,7 +213,7 @@ class Motion:
         table.attrs["units"] = self.column_units()
         return table
 
-    def to_xarray(self) -> "Dataset":
+    def to_xarray(self) -> Dataset:
         """Return the columns as variables over the dimension `instant`, with attributes `units`.
 
         Crank angle and time are coordinates.

@@ -1,5 +1,7 @@
 """Motion laws: driven coordinates as functions of time, and crank motions."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -316,7 +318,7 @@ class MotionLaws:
         """Revolutions of the fastest driver, or cycles of the fastest oscillation."""
         return self.duration * self.fastest / REVOLUTION
 
-    def with_duration(self, duration: float) -> "MotionLaws":
+    def with_duration(self, duration: float) -> MotionLaws:
         """Return the same motion laws over another duration in [s]."""
         return replace(self, duration=duration)
 

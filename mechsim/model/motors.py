@@ -1,5 +1,7 @@
 """Motors: torque on the crank as a function of its speed; controllers: forces as expressions of the state."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields

@@ -1,5 +1,7 @@
 """Derivatives by central differences, with an estimate of their error."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

@@ -4,6 +4,8 @@ A position formula written with + - * / **, the ufuncs of `RULES` and the functi
 `mechsim.analytic.vector_method.vectors` gives positions on plain arrays, and the motion on jets.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any
 
@@ -102,26 +104,26 @@ class Jet:
         rule = RULES.get(ufunc)
         return NotImplemented if rule is None or method != "__call__" or options else rule(*inputs)
 
-    def __getitem__(self, index: Any) -> "Jet":
+    def __getitem__(self, index: Any) -> Jet:
         return Jet(self.value[index], self.rate[index], self.second[index])
 
-    def __neg__(self) -> "Jet":
+    def __neg__(self) -> Jet:
         return Jet(-self.value, -self.rate, -self.second)
 
-    def __add__(self, other: "Values | complex") -> "Jet":
+    def __add__(self, other: Values | complex) -> Jet:
         if isinstance(other, Jet):
             return Jet(self.value + other.value, self.rate + other.rate, self.second + other.second)
         return Jet(self.value + other, self.rate, self.second)
 
-    def __sub__(self, other: "Values | complex") -> "Jet":
+    def __sub__(self, other: Values | complex) -> Jet:
         if isinstance(other, Jet):
             return Jet(self.value - other.value, self.rate - other.rate, self.second - other.second)
         return Jet(self.value - other, self.rate, self.second)
 
-    def __rsub__(self, other: "Array | complex") -> "Jet":
+    def __rsub__(self, other: Array | complex) -> Jet:
         return Jet(other - self.value, -self.rate, -self.second)
 
-    def __mul__(self, other: "Values | complex") -> "Jet":
+    def __mul__(self, other: Values | complex) -> Jet:
         if isinstance(other, Jet):
             a, b, c = self.value, self.rate, self.second
             u, v, w = other.value, other.rate, other.second
@@ -130,7 +132,7 @@ class Jet:
             return Jet(a * u, a * v + b * u, a * w + (2.0 * b) * v + c * u)
         return Jet(self.value * other, self.rate * other, self.second * other)
 
-    def __truediv__(self, other: "Values | complex") -> "Jet":
+    def __truediv__(self, other: Values | complex) -> Jet:
         if isinstance(other, Jet):
             value = self.value / other.value
             rate = (self.rate - value * other.rate) / other.value
@@ -138,33 +140,33 @@ class Jet:
             return Jet(value, rate, second)
         return Jet(self.value / other, self.rate / other, self.second / other)
 
-    def __rtruediv__(self, other: "Array | complex") -> "Jet":
+    def __rtruediv__(self, other: Array | complex) -> Jet:
         value = other / self.value
         rate = -value * self.rate / self.value
         return Jet(value, rate, -((2.0 * rate) * self.rate + value * self.second) / self.value)
 
-    def __pow__(self, power: "Values | float") -> "Jet":
+    def __pow__(self, power: Values | float) -> Jet:
         return _power(self, power)
 
-    def __rpow__(self, base: "Array | float") -> "Jet":
+    def __rpow__(self, base: Array | float) -> Jet:
         return _power(base, self)
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __abs__(self) -> "Jet":
+    def __abs__(self) -> Jet:
         return np.sqrt(self.real * self.real + self.imag * self.imag)
 
     @property
-    def real(self) -> "Jet":
+    def real(self) -> Jet:
         """The real part of a complex jet."""
         return Jet(self.value.real, self.rate.real, self.second.real)
 
     @property
-    def imag(self) -> "Jet":
+    def imag(self) -> Jet:
         """The imaginary part of a complex jet."""
         return Jet(self.value.imag, self.rate.imag, self.second.imag)
 
-    def conjugate(self) -> "Jet":
+    def conjugate(self) -> Jet:
         """Return the complex conjugate."""
         return Jet(self.value.conjugate(), self.rate.conjugate(), self.second.conjugate())
 

@@ -1,8 +1,10 @@
 """Display of results in a notebook: tables, plots, videos, interactive pages."""
 
+from __future__ import annotations
+
 import base64
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, overload
@@ -32,7 +34,7 @@ class Video:
         width: in pixels.
     """
 
-    data: bytes
+    data: bytes = field(repr=False)
     width: int
 
     def _repr_html_(self) -> str:
@@ -44,6 +46,20 @@ class Video:
 
 
 @dataclass(frozen=True, slots=True)
+class Still:
+    """A picture, shown as the last line of a notebook's cell.
+
+    Attributes:
+        data: the PNG file.
+    """
+
+    data: bytes = field(repr=False)
+
+    def _repr_png_(self) -> bytes:
+        return self.data
+
+
+@dataclass(frozen=True, slots=True)
 class FramedPage:
     """An interactive page, shown as the last line of a notebook's cell.
 
@@ -52,7 +68,7 @@ class FramedPage:
         height: in pixels.
     """
 
-    text: str
+    text: str = field(repr=False)
     height: int
 
     def _repr_html_(self) -> str:
@@ -66,17 +82,17 @@ class FramedPage:
 def show(mechanism: Any, *, speed: float | str = SPEED, height: int = 720) -> FramedPage: ...
 @overload
 def show(
-    mechanism: "Mechanism",
-    motion: "Motion",
-    look: "Look | None" = None,
+    mechanism: Mechanism,
+    motion: Motion,
+    look: Look | None = None,
     *,
     frames_per_turn: int = 48,
     fps: float = 24.0,
     size: tuple[int, int] = (480, 360),
-    exact: "Motion | None" = None,
+    exact: Motion | None = None,
     **options: Any,
 ) -> Video: ...
-def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = None, **options: Any) -> Any:
+def show(mechanism: Any, motion: Motion | None = None, look: Look | None = None, **options: Any) -> Any:
     """Return a page to turn a mechanism by hand; with a motion, a film of it.
 
     Args:
@@ -92,11 +108,11 @@ def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = N
 
 def view(
     model: Any,
-    output: "str | PathLike[str] | None" = None,
+    output: str | PathLike[str] | None = None,
     *,
-    set: "Mapping[str, str | float] | None" = None,
+    set: Mapping[str, str | float] | None = None,
     speed: float | str = SPEED,
-    up: "Up | None" = None,
+    up: Up | None = None,
     live: bool = False,
     height: int = 720,
     **options: Any,
@@ -143,11 +159,11 @@ def view(
 
 def plot(
     model: Any,
-    output: "str | PathLike[str] | None" = None,
+    output: str | PathLike[str] | None = None,
     *,
     kind: str = "motion",
-    quantities: "Sequence[str] | None" = None,
-    set: "Mapping[str, str | float] | None" = None,
+    quantities: Sequence[str] | None = None,
+    set: Mapping[str, str | float] | None = None,
     speed: float | str = SPEED,
     **options: Any,
 ) -> Any:
@@ -187,15 +203,80 @@ def plot(
     return figure
 
 
+def render(
+    model: Any,
+    output: str | PathLike[str] | None = None,
+    motion: Motion | None = None,
+    *,
+    angle: float | None = None,
+    set: Mapping[str, str | float] | None = None,
+    speed: float | str = SPEED,
+    turns: float = 1.0,
+    fps: float = 30.0,
+    **options: Any,
+) -> Still | None:
+    """Return a picture of a mechanism, or write an animation of it, as `mechsim render` does.
+
+    Args:
+        model: any argument of `load`.
+        output: path to write: .png, .mp4, .webm, .gif, or a new folder for a file of each frame; None writes
+            none and returns a picture.
+        motion: what is drawn, analytic or simulated; None for a turn of the crank, or the motion laws.
+        angle: crank angle of a picture in [rad]; None for one that shows the mechanism well.
+        set: parameter -> its value, as for `load`.
+        speed: of the crank, in [rad/s] or as "600rpm".
+        turns: of the crank.
+        fps: frames per second of an animation; a turn has 72 frames, a given `motion` one for
+            each instant.
+        options: fields of `Look`, such as `camera`, `size` and `arrows`; `drive`, `lock` and further
+            arguments of `load`.
+
+    Raises:
+        InputError: for an unknown model, option or kind of file.
+        AssemblyError: where the loops do not close.
+        MissingToolError: where this machine has no OpenGL, or no ffmpeg for a film.
+
+    Example:
+        >>> ms.render("rssr", "rssr.png", camera="top")
+    """
+    from mechsim.pictures.render import Look, write_picture, write_video
+    from mechsim.pictures.render.drawn_model import drawn_as
+    from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
+    from mechsim.studies.drawn_motion import drawn_motion
+    from mechsim.studies.motions import profile_of
+    from mechsim.subjects.readers import load
+    from mechsim.units import crank_speed
+
+    shown = {name: options.pop(name) for name in [*options] if name in Look.__dataclass_fields__}
+    solver = load(model, set, **options)
+    look = replace(Look(), **{**drawn_as(solver), **shown})
+    timed, picture = not solver.motion_laws.crank, output is None or Path(output).suffix == ".png"
+    if motion is None:
+        profile = profile_of(solver, crank_speed(speed), turns, angle)
+        samples = 360.0 * abs(turns) if picture else profile.duration * fps if timed else 72.0 * abs(turns)
+        motion = drawn_motion(solver, "closed", profile, max(1.0, samples))
+    if output is not None and not picture:
+        # a repeated first frame is left out
+        again = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
+        angles = motion.angle[:-1] if again else motion.angle
+        write_video(output, solver.mechanism, motion, look, angles=angles, fps=fps)
+        return None
+    look = replace(look, paths="whole" if look.paths else False)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture.png" if output is None else Path(output)
+        write_picture(path, solver.mechanism, motion, look, angle=angle)
+        return Still(path.read_bytes())
+
+
 def video(
-    mechanism: "Mechanism",
-    motion: "Motion",
-    look: "Look | None" = None,
+    mechanism: Mechanism,
+    motion: Motion,
+    look: Look | None = None,
     *,
     frames_per_turn: int = 48,
     fps: float = 24.0,
     size: tuple[int, int] = (480, 360),
-    exact: "Motion | None" = None,
+    exact: Motion | None = None,
     **options: Any,
 ) -> Video:
     """Return a video of a motion, analytic or simulated; whole turns play in a loop without a seam.
@@ -222,7 +303,7 @@ def video(
         return Video(path.read_bytes(), size[0])
 
 
-def verdict_html(verdict: "Verdict") -> str:
+def verdict_html(verdict: Verdict) -> str:
     """Return a verdict as a table: quantity, largest error, its instant, tolerance and reason."""
     from mechsim.verdict.checks import check_table
 
@@ -239,7 +320,7 @@ def result_html(result: Any) -> str:
     return verdict_html(Verdict(result.outcome, result.checks, result.why))
 
 
-def motion_html(motion: "Motion") -> str:
+def motion_html(motion: Motion) -> str:
     """Return a motion as its length and columns, and a plot."""
     from mechsim.pictures import plots
 
@@ -253,7 +334,7 @@ class Shown(Protocol):
     """The interface of a run for display."""
 
     @property
-    def motion(self) -> "Motion":
+    def motion(self) -> Motion:
         """The motion."""
         ...
 

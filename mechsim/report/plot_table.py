@@ -222,12 +222,7 @@ def _assemblies(source: PlotSource) -> "Figure":
 
 
 def _stability(source: PlotSource) -> "Figure":
-    solver = source.solver
-    if solver.name not in catalog.MECHANISMS or solver != catalog.make(solver.name):
-        raise InputError(
-            "a stability map is of a mechanism of the catalogue with its own dimensions; leave out --set"
-        )
-    return extremes_map(stability_map.study([solver.name], quick=True, progress=source.progress))
+    return extremes_map(stability_map.study([source.solver], quick=True, progress=source.progress))
 
 
 def _release(source: PlotSource) -> Release:

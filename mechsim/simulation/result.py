@@ -1,5 +1,7 @@
 """Results of runs in MuJoCo: a driven run, a driven run with forces, a free run."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -1,5 +1,7 @@
 """One call from a mechanism or a model to its motion in MuJoCo, with an outcome."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 

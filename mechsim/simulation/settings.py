@@ -1,5 +1,7 @@
 """Settings of time stepping: integrator, step, constraint compliance, virtual drive inertia and others."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal
@@ -243,7 +245,7 @@ class Settings:
         """The compliance in effect."""
         return COMPLIANCE if self.compliance is None else self.compliance
 
-    def apply(self, loops: ModelLoops, timestep: float, *, velocity_products: bool = False) -> "Settings":
+    def apply(self, loops: ModelLoops, timestep: float, *, velocity_products: bool = False) -> Settings:
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
 
         Args:

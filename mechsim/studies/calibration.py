@@ -1,5 +1,7 @@
 """Dimensions fitted to measured motion by least squares, with exact derivatives."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

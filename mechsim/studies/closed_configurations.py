@@ -1,5 +1,7 @@
 """Closed configurations of any model in MuJoCo's order of qpos; a mechanism is exported to MuJoCo first."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from os import PathLike
 from typing import Any

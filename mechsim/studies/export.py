@@ -1,5 +1,7 @@
 """Export a mechanism: as a MuJoCo model with settings, or as TOML."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
@@ -50,8 +52,8 @@ class ExportedModel:
     format: str
     text: str
     shortfall: str = ""
-    verification: "Verification | None" = None
-    twin: "SerialTwin | None" = None
+    verification: Verification | None = None
+    twin: SerialTwin | None = None
 
     def __str__(self) -> str:
         return self.text
@@ -199,7 +201,7 @@ def _require_plain(format: str, contents: _Contents) -> None:
         )
 
 
-def exported(mechanism: Mechanism, scene: Scene) -> "mujoco.MjSpec":
+def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     """Return the assembled model of a mechanism, with its picture if the scene has one.
 
     Raises:

@@ -1,5 +1,7 @@
 """Validation of a mechanism: its motions by all methods, compared."""
 
+from __future__ import annotations
+
 from collections.abc import Container, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -372,7 +374,7 @@ def validate(
     speed: float | str = SPEED,
     tolerance: float | str | None = None,
     stepped: bool = True,
-) -> "Agreement | Validation":
+) -> Agreement | Validation:
     """Validate a model by every method, or compare it with a formula or a table; as `mechsim validate`.
 
     Args:

@@ -1,5 +1,7 @@
 """Models from names, files and objects: `load`, and parametric models of designs."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -46,7 +48,7 @@ class CatalogName(ModelSource):
         )
 
 
-def open_model(model: "Model") -> ModelSource:
+def open_model(model: Model) -> ModelSource:
     """Return the source of a model; a file is read here and nowhere else.
 
     Raises:
@@ -94,7 +96,7 @@ def _unknown_model(name: str, names: list[str]) -> InputError:
 
 
 def load(
-    model: "Model",
+    model: Model,
     set: Mapping[str, str | float] | None = None,
     *,
     drive: Mapping[str, str | State] | None = None,
@@ -145,7 +147,7 @@ def load(
 
 
 def load_by_motors(
-    model: "Model", set: Mapping[str, str | float] | None = None, **options: Any
+    model: Model, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> KinematicSolver:
     """Return the solver of a model whose actual drivers follow the motion of driven points or links.
 
@@ -194,7 +196,7 @@ def _prescription(
 
 
 def parametric_model(
-    model: "Model", set: Mapping[str, str | float] | None = None, **options: Any
+    model: Model, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> DesignFamily:
     """Return a parametric model: its dimensions in SI, and the function that makes a design.
 

@@ -1,5 +1,7 @@
 """`simulate` for all models that `load` accepts: names, files and objects."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from functools import wraps
 from os import PathLike

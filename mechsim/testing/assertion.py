@@ -1,5 +1,7 @@
 """An assertion for test suites: a model agrees with a formula; a failure states the likely cause."""
 
+from __future__ import annotations
+
 import inspect
 import shlex
 from collections.abc import Callable, Mapping

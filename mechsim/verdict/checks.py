@@ -1,5 +1,7 @@
 """Checks of quantities against their tolerances, and the resulting verdict."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby

@@ -1,5 +1,7 @@
 """Comparisons of two motions or two force records; each returns a verdict."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal, Protocol

@@ -5,6 +5,8 @@ A tolerance lies between the measured error and the effect of the smallest relev
 % in the mass of a link changes torque, forces and energies of any mechanism by more than 1e-5.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -125,7 +125,7 @@ def test_an_incomplete_initial_guess_is_completed():
 
 PUBLIC = """
     Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia
-    InputError Joint JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene
+    InputError Joint JointSpring Link Load Look Mechanism MechsimError Motion MotionLaws Pose Run Scene
     Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
     compile crosscheck dynamics export fit joint_map list load load_profile loops masses motors moved optimise
     plot plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
@@ -151,10 +151,10 @@ def test_name_completion_imports_no_module():
 @pytest.mark.parametrize(
     "line",
     [
-        "from mechsim import catalog, loops, load_profile, dynamics, motors, plots, render, masses, units",
-        "import mechsim as ms; ms.render.still, ms.plots.motion_plot, ms.load_profile.constant",
+        "from mechsim import catalog, loops, load_profile, dynamics, motors, plots, masses, units",
+        "import mechsim as ms; ms.Look, ms.plots.motion_plot, ms.load_profile.constant",
         "import mechsim as ms; ms.masses.with_inertia, ms.motors, ms.simulation.simulate",
-        "from mechsim import *; catalog.make('rssr'), render.Look",
+        "from mechsim import *; catalog.make('rssr'), Look",
     ],
 )
 def test_documented_imports_work(line):

@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from drawing import draws
 
 import mechsim as ms
 from mechsim.errors import MissingToolError
@@ -127,3 +128,25 @@ def test_plot_is_a_function(tmp_path):
         ms.plot("four_bar", kind="phase")
     with pytest.raises(ms.InputError, match="takes no --of"):
         ms.plot("four_bar", kind="curve", quantities=["rocker"])
+
+
+@draws
+def test_render_is_a_function(tmp_path):
+    small = {"size": (96, 72)}
+    still = ms.render("slider_crank", tmp_path / "slider.png", angle=0.7, **small)
+    assert still._repr_png_() == (tmp_path / "slider.png").read_bytes()
+    assert still._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert ms.render("slider_crank", angle=0.7, **small).data == still.data
+    assert ms.render("slider_crank", angle=0.7, camera="top", **small).data != still.data
+    solver = ms.catalog.make("slider_crank")
+    motion = solver.solve([0.7], 1.0)
+    assert ms.render(solver.mechanism, motion=motion, paths=False, **small).data
+    assert ms.render("planar_3rrr", tmp_path / "frames", fps=3.0, **small) is None
+    assert len(list((tmp_path / "frames").iterdir())) == round(
+        3.0 * ms.load("planar_3rrr").motion_laws.duration
+    )
+    with pytest.raises(ms.InputError, match="there is no camera 'back'"):
+        ms.render("slider_crank", camera="back")
+    with pytest.raises(ms.InputError, match="jpg"):
+        ms.render("slider_crank", tmp_path / "slider.jpg", **small)
+    assert len(repr(still)) < 100

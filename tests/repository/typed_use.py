@@ -14,7 +14,7 @@ assert_type(run, ms.Run)
 verdict = ms.crosscheck(run.motion, exact)
 assert_type(verdict.passed, bool)
 assert_type(ms.units.parse_length("13 mm"), float)
-ms.render.Look, ms.plots.motion_plot, ms.load_profile.constant, ms.masses.with_inertia, ms.motors
+ms.Look, ms.plots.motion_plot, ms.load_profile.constant, ms.masses.with_inertia, ms.motors
 ms.simulate(linkage, speed="600rpm", tolerance="1um")
 ms.simulate(linkage, speed=[600])  # type: ignore[arg-type]
 ms.nothing  # type: ignore[attr-defined]

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from grids import grid
 
+import mechsim as ms
 from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
-from mechsim.studies.extremes import axes
+from mechsim.studies.extremes import axes, stability_map
 from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
@@ -138,3 +139,26 @@ def test_the_command_writes_the_stability_map_and_json(monkeypatch, capsys, tmp_
     assert {border["axis"] for border in output["borders"]} >= {"steps", "speed"}
     assert json.loads((tmp_path / "x" / "extremes.json").read_text()) == output
     assert (tmp_path / "x" / "extremes.svg").read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(("axis", "value"), [(axes.steps, 20.0), (axes.steps, 1e3), (axes.speed, 1e8)])
+def test_a_model_file_ends_as_the_formulas_of_the_same_mechanism_state(axis, value, tmp_path):
+    path = tmp_path / "linkage.xml"
+    ms.export("rssr", path)
+    observed, exact = axis(ms.load(path), value), axis(catalog.make("rssr"), value)
+    assert observed.passed
+    assert observed.outcome == exact.outcome == {20.0: "failed", 1e3: "passed", 1e8: "diverged"}[value]
+
+
+def test_any_model_has_the_axes_that_apply_to_it():
+    laws = {name for name, *_ in stability_map.axes_of(ms.load("planar_3rrr"), quick=True)}
+    assert laws == {"steps", "mass ratio", "far start"}
+    crank = {name for name, *_ in stability_map.axes_of(ms.load("jansen"), quick=True)}
+    assert crank == laws | {"speed"}
+    assert {"size", "dead centre"} <= {name for name, *_ in stability_map.axes_of(catalog.make("rssr"), True)}
+
+
+def test_platforms_and_gallery_mechanisms_report_their_true_outcomes():
+    assert axes.steps(ms.load("planar_3rrr"), 1e3).outcome == "passed"
+    assert axes.far_start(ms.load("jansen"), 1.0, seed=0).passed
+    assert axes.mass_ratio(ms.load("jansen"), 0.0).outcome == "cannot assemble"

@@ -1,5 +1,7 @@
 """Forward dynamics: `run` integrates a mechanism's motion from an initial state."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby

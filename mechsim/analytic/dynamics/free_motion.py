@@ -1,5 +1,7 @@
 """Free motion of a crank: a run of forward dynamics that ends after revolutions of the crank."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any

@@ -1,5 +1,7 @@
 """Dynamic model: a mechanism with masses, the forces on it, and the solver of its motion."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,13 +59,13 @@ class DynamicModel:
             motion = self.solver.whole_motion_as(at_unit_speed(as_run))
         return from_motion(self.mechanism, self.solver.within_ranges(motion) if within else motion)
 
-    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "DynamicModel":
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> DynamicModel:
         """Return the model in the assembly mode that is selected at the first crank angle."""
         solver = self.solver.starting_at(angles, direction)
         mechanism = self.mechanism.with_guess(solver.mechanism.guess, solver.mechanism.start)
         return replace(self, mechanism=mechanism, solver=solver)
 
-    def with_forces(self, forces: Forces) -> "DynamicModel":
+    def with_forces(self, forces: Forces) -> DynamicModel:
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
         _check_crank(self.mechanism, forces, self.solver.motion_laws)

@@ -1,5 +1,7 @@
 """Inverse dynamics: drive forces and joint reactions for a prescribed motion."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """The reduced equation of a crank: its coefficients, speed fluctuation, and the flywheel that limits it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Forces of redundant actuators: minimum weighted norm for a prescribed motion."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """Statics of any mechanism: equilibria under its loads, and drive forces that hold a configuration."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,5 +1,7 @@
 """The loop equations of a mechanism at given poses, and their residual."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -93,7 +95,7 @@ class Stack:
         motion = slide_motion(a, i, b)
         self._add(dot(a.frame[..., i], b.point - a.point), motion.bias, motion.terms)
 
-    def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, "CoordinateMotion"]]) -> None:
+    def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, CoordinateMotion]]) -> None:
         """Prescribe a weighted sum of joint coordinates, weights (n,) or scalar; residual in [rad] or [m]."""
         scaled = [
             (slot, weight[..., None] * linear, weight[..., None] * angular)

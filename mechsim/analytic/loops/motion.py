@@ -1,5 +1,7 @@
 """The motion of any mechanism from its loop equations alone."""
 
+from __future__ import annotations
+
 from contextlib import suppress
 from dataclasses import replace
 

@@ -3,6 +3,8 @@
 No spanning tree is used for assembly from a guess, for rates, or for the distance from a singular pose.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """Products of vectors, stored as (..., 3), and rotation matrices, (..., 3, 3), and small rotations."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

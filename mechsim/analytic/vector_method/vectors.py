@@ -6,6 +6,8 @@ Vectors are stored component first, shape (3,) or (3, n): operations on whole ar
 closed forms fast. Angles are in [rad]. Arguments of type `Values` can be jets.
 """
 
+from __future__ import annotations
+
 from typing import Any, Literal
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Common parts of all plots: style, axes, and output to files."""
 
+from __future__ import annotations
+
 import io
 import warnings
 from collections.abc import Generator, Mapping, Sequence
@@ -85,7 +87,7 @@ def styled() -> Generator[None]:
 
 def blank(
     rows: int, columns: int, inches: tuple[float, float], **options: Any
-) -> tuple["Figure", NDArray[Any]]:
+) -> tuple[Figure, NDArray[Any]]:
     """Return a figure of a size in inches and its axes, (rows, columns).
 
     It is a figure of its own: The figure is independent of pyplot, so it needs no screen and is in no list of
@@ -104,7 +106,7 @@ def blank(
     return figure, axes
 
 
-def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
+def drawn(figure: Figure, file_format: Format = "svg") -> bytes:
     """Return a figure as the bytes of a file; equal plots give equal bytes.
 
     Raises:
@@ -127,7 +129,7 @@ def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
     return out.getvalue()
 
 
-def write(path: str | Path, figure: "Figure") -> None:
+def write(path: str | Path, figure: Figure) -> None:
     """Write a figure to a file, in the format of its extension.
 
     Raises:
@@ -146,7 +148,7 @@ def label_of(name: str) -> str:
 
 
 def draw_curves(
-    ax: "Axes", x: Array, curves: Mapping[str, Array], quantity: str, unit: str
+    ax: Axes, x: Array, curves: Mapping[str, Array], quantity: str, unit: str
 ) -> tuple[float, str]:
     """Draw named curves, in degrees or in a readable unit; return the factor and the name of that unit."""
     every = np.concatenate([*curves.values()])
@@ -185,7 +187,7 @@ def abscissa(motion: Motion) -> Array:
     return motion.time if motion.drivers and motion.time is not None else np.rad2deg(motion.angle)
 
 
-def along_axis(ax: "Axes", timed: bool) -> None:
+def along_axis(ax: Axes, timed: bool) -> None:
     """Label the horizontal axis for times in seconds, or for crank angles in degrees."""
     if timed:
         ax.set_xlabel("time [s]")
@@ -193,7 +195,7 @@ def along_axis(ax: "Axes", timed: bool) -> None:
         angle_axis(ax)
 
 
-def angle_axis(ax: "Axes") -> None:
+def angle_axis(ax: Axes) -> None:
     """Label the horizontal axis for crank angles in degrees."""
     ax.set_xlabel("crank angle [°]")
     low, high = ax.get_xlim()
@@ -208,7 +210,7 @@ def still(values: ArrayLike, scale: float) -> bool:
     return bool(len(finite)) and scale > 0.0 and float(np.ptp(finite)) < ROUNDED * scale
 
 
-def flattened(ax: "Axes", scale: float, unit: str) -> None:
+def flattened(ax: Axes, scale: float, unit: str) -> None:
     """Draw curves that vary by no more than rounding as flat lines, with a note.
 
     Args:
@@ -233,7 +235,7 @@ def locator(step: float) -> Any:
     return MultipleLocator(step)
 
 
-def round_numbers(axis: "Axis") -> None:
+def round_numbers(axis: Axis) -> None:
     """Label 1, 2 and 5 of each decade of a logarithmic axis with plain numbers; others without these."""
     with needs("pictures"):
         from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
@@ -243,7 +245,7 @@ def round_numbers(axis: "Axis") -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def decades(axis: "Axis") -> None:
+def decades(axis: Axis) -> None:
     """Label powers of ten as plain text: typesetting each as a formula takes most of the time of a plot."""
     with needs("pictures"):
         from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator

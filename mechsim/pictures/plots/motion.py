@@ -1,5 +1,7 @@
 """Plots over the crank angle: motions, transmission angle, errors."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -36,7 +38,7 @@ FLOOR = 1e-18
 
 
 @styled()
-def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure":
+def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> Figure:
     """Draw displacement, velocity and acceleration of points over crank angle, under motion laws over time.
 
     Args:
@@ -87,7 +89,7 @@ def _scales(motion: Motion) -> list[float]:
 
 
 @styled()
-def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> "Figure":
+def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> Figure:
     """Draw the transmission angle over the crank angle, both in [rad]."""
     x, y = np.rad2deg(np.asarray(angles)), np.rad2deg(np.asarray(transmission))
     figure, axes = blank(1, 1, (4.6, 2.8))
@@ -110,7 +112,7 @@ def error_plot(
     *,
     tolerance: float | None = None,
     timed: bool = False,
-) -> "Figure":
+) -> Figure:
     """Draw errors in [m] over a revolution on a logarithmic scale, with their tolerance.
 
     Args:
@@ -179,7 +181,7 @@ class TwoCurves:
 
 
 @styled()
-def agreement_plot(curves: TwoCurves) -> "Figure":
+def agreement_plot(curves: TwoCurves) -> Figure:
     """Draw candidate values over exact ones, their difference, and the components of a run's difference."""
     rows = 3 if curves.shares else 2
     figure, axes = blank(rows, 1, (5.4, 2.1 * rows + 0.6))
@@ -197,7 +199,7 @@ def agreement_plot(curves: TwoCurves) -> "Figure":
     return figure
 
 
-def _curves(ax: "Axes", x: Array, curves: TwoCurves) -> None:
+def _curves(ax: Axes, x: Array, curves: TwoCurves) -> None:
     factor, unit = _readable(np.concatenate([curves.exact, curves.claimed]), curves.unit)
     for i in range(curves.exact.shape[1]):
         colour, component = COLOURS[i], f" {curves.components[i]}" if curves.components else ""
@@ -217,7 +219,7 @@ def _curves(ax: "Axes", x: Array, curves: TwoCurves) -> None:
     ax.set_title(f"{curves.name}: exact, and {curves.source}")
 
 
-def _difference(ax: "Axes", x: Array, curves: TwoCurves) -> None:
+def _difference(ax: Axes, x: Array, curves: TwoCurves) -> None:
     gap = curves.claimed - curves.exact
     if curves.unit == "rad":
         gap = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
@@ -245,7 +247,7 @@ def _difference(ax: "Axes", x: Array, curves: TwoCurves) -> None:
     ax.set_title(f"the difference: {text}")
 
 
-def _shares(ax: "Axes", curves: TwoCurves) -> None:
+def _shares(ax: Axes, curves: TwoCurves) -> None:
     names = list(curves.shares)
     values = np.array([curves.shares[name] for name in names])
     factor, unit = _readable(values, curves.unit)

@@ -1,5 +1,7 @@
 """Plots of sensitivities, tolerances and sweeps."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -63,7 +65,7 @@ class SweepTable:
         return values / factor, f"{name} [{shown_unit}]"
 
 
-def sweep_plot(table: SweepTable, selected: Sequence[str] | None = None, kind: str | None = None) -> "Figure":
+def sweep_plot(table: SweepTable, selected: Sequence[str] | None = None, kind: str | None = None) -> Figure:
     """Draw a sweep.
 
     Args:
@@ -89,7 +91,7 @@ def sweep_plot(table: SweepTable, selected: Sequence[str] | None = None, kind: s
 
 
 @styled()
-def _map(table: SweepTable, names: Sequence[str]) -> "Figure":
+def _map(table: SweepTable, names: Sequence[str]) -> Figure:
     axes_of = [name for name, n in zip(table.parameters, table.shape, strict=False) if n > 1]
     if len(table.parameters) == 1:
         axes_of = [*table.parameters]
@@ -120,7 +122,7 @@ def _map(table: SweepTable, names: Sequence[str]) -> "Figure":
     return figure
 
 
-def _lines(table: SweepTable, names: Sequence[str], over: str) -> "Figure":
+def _lines(table: SweepTable, names: Sequence[str], over: str) -> Figure:
     figure, axes = blank(len(names), 1, (6.0, 2.4 * len(names)), sharex=True)
     x, x_label = table.scaled(over)
     order = np.argsort(x)
@@ -138,7 +140,7 @@ def _lines(table: SweepTable, names: Sequence[str], over: str) -> "Figure":
 
 
 @styled()
-def _parallel(table: SweepTable, names: Sequence[str]) -> "Figure":
+def _parallel(table: SweepTable, names: Sequence[str]) -> Figure:
     from matplotlib.collections import LineCollection
 
     built = np.flatnonzero(np.all([np.isfinite(table.measures[name]) for name in names], axis=0))
@@ -171,7 +173,7 @@ def _parallel(table: SweepTable, names: Sequence[str]) -> "Figure":
 
 
 @styled()
-def _pareto(table: SweepTable, names: Sequence[str]) -> "Figure":
+def _pareto(table: SweepTable, names: Sequence[str]) -> Figure:
     if len(names) < 2:
         raise InputError("a Pareto front shows two measures; name two with --of")
     figure, axes = blank(1, 1, (5.4, 4.2))
@@ -271,7 +273,7 @@ def sensitivity_plot(
     curves: Mapping[str, Mapping[str, Array]],
     units: Mapping[str, str],
     by: Mapping[str, str],
-) -> "Figure":
+) -> Figure:
     """Draw derivatives of each quantity that has any over the motion, the largest few of its dimensions.
 
     They are drawn per mm or per degree, so that lengths and angles are comparable.
@@ -328,7 +330,7 @@ def _largest_first(lines: Mapping[str, Array]) -> list[str]:
 
 
 @styled()
-def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
+def tolerance_plot(sheet: ToleranceSheet) -> Figure:
     """Draw magnified bands around paths, deviations of quantities, and the shares of dimensions.
 
     Raises:
@@ -353,7 +355,7 @@ def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
     return figure
 
 
-def _draw_path(ax: "Axes", path: PathBand) -> None:
+def _draw_path(ax: Axes, path: PathBand) -> None:
     """Draw a path in its plane, with bands across it."""
     flat, normal = in_plane(path.positions)
     extent = float(np.ptp(flat, axis=0).max())
@@ -389,7 +391,7 @@ def in_plane(positions: Array) -> tuple[Array, Array]:
     return flat, np.column_stack([-along[:, 1], along[:, 0]])
 
 
-def _draw_band(ax: "Axes", sheet: ToleranceSheet, quantity: str, band: Band) -> None:
+def _draw_band(ax: Axes, sheet: ToleranceSheet, quantity: str, band: Band) -> None:
     instants = _axis(sheet.over, sheet.instants)
     times, unit = SHOWN.get(band.unit, (1.0, band.unit))
     ax.fill_between(
@@ -407,7 +409,7 @@ def _draw_band(ax: "Axes", sheet: ToleranceSheet, quantity: str, band: Band) -> 
     ax.legend(fontsize=7.5, loc="upper center", ncols=3)
 
 
-def _draw_shares(ax: "Axes", band: Band) -> None:
+def _draw_shares(ax: Axes, band: Band) -> None:
     order = sorted(band.shares, key=lambda name: band.shares[name])[-8:]
     ax.barh(order, [100.0 * band.shares[name] for name in order], color=COLOURS[0])
     ax.tick_params(axis="y", labelsize=7.5)

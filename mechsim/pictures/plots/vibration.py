@@ -1,5 +1,7 @@
 """Plots of runs from an initial state and of vibrations: histories, phase portrait, Bode diagram, modes."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -49,7 +51,7 @@ class Released(WithEnergies, Protocol):
 
 
 @styled()
-def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -> "Figure":
+def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -> Figure:
     """Draw the coordinates of joints, other quantities and the energies of a run over time.
 
     Args:
@@ -73,7 +75,7 @@ def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -
 
 
 @styled()
-def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> "Figure":
+def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> Figure:
     """Draw quantities over the crank angle, of motions in time over time.
 
     Args:
@@ -94,7 +96,7 @@ def _time(motion: Motion) -> Array:
     return motion.time
 
 
-def _coordinates(ax: "Axes", time: Array, motion: Motion, unit: str) -> None:
+def _coordinates(ax: Axes, time: Array, motion: Motion, unit: str) -> None:
     """Draw the coordinates of joints with one unit."""
     joints = {name: joint for name, joint in motion.joints.items() if joint.unit == unit}
     curves: dict[str, Array] = {}
@@ -109,7 +111,7 @@ def _coordinates(ax: "Axes", time: Array, motion: Motion, unit: str) -> None:
 
 
 @styled()
-def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> "Figure":
+def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> Figure:
     """Draw the rate of joint coordinates over their value; a dot marks the start.
 
     Args:
@@ -135,7 +137,7 @@ def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> "Figure":
 
 
 @styled()
-def bode_plot(response: Mapping[str, Array], label: str) -> "Figure":
+def bode_plot(response: Mapping[str, Array], label: str) -> Figure:
     """Draw magnitude and phase of a frequency response.
 
     Args:
@@ -155,7 +157,7 @@ def bode_plot(response: Mapping[str, Array], label: str) -> "Figure":
 
 
 @styled()
-def mode_plot(mechanism: Mechanism, modes: Mapping[str, Motion]) -> "Figure":
+def mode_plot(mechanism: Mechanism, modes: Mapping[str, Motion]) -> Figure:
     """Draw the mechanism at rest in grey, and at both ends of each mode's vibration.
 
     Args:
@@ -187,7 +189,7 @@ def mode_plot(mechanism: Mechanism, modes: Mapping[str, Motion]) -> "Figure":
 
 
 def _frame(
-    ax: "Axes", mechanism: Mechanism, motion: Motion, frame: int, view: Array, colour: Any, style: str
+    ax: Axes, mechanism: Mechanism, motion: Motion, frame: int, view: Array, colour: Any, style: str
 ) -> None:
     """Draw the links as lines at one instant."""
     poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}

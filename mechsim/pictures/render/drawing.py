@@ -1,5 +1,7 @@
 """Frames of a motion, drawn in order, with shadows, paths and arrows."""
 
+from __future__ import annotations
+
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Contents of a picture: size, camera, paths, labels, projections, overlaid positions."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args

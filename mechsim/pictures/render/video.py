@@ -1,5 +1,7 @@
 """Pictures and videos in files."""
 
+from __future__ import annotations
+
 import functools
 import re
 import shutil
@@ -8,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +60,7 @@ def write_picture(
 
 
 def write_video(
-    path: str | Path,
+    path: str | PathLike[str],
     mechanism: Mechanism,
     motion: Motion,
     look: Look | None = None,

@@ -1,5 +1,7 @@
 """Compare a model with a formula or a table, and find the cause of a difference."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -281,7 +283,7 @@ def _is_table(against: str | Path) -> bool:
 
 def _candidates(
     solver: KinematicSolver, against: Against | None, speed: float
-) -> tuple[str, EvaluationPoints, list[Candidate], "AskFunction | None"]:
+) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
     """Return a formula or a table: its name, evaluation points, values there, and the function to call."""
     if against is None:
         against = solver.formula

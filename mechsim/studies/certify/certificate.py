@@ -1,5 +1,7 @@
 """Certificate of a motion: proven segments, their joins, and intervals without a proof, with the reason."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -298,7 +300,7 @@ def _about_computed_motion(motion: ComputedMotion, segments: Segments) -> bool:
 
 
 def certify(
-    model: "Model",
+    model: Model,
     angles: str | tuple[float | str, float | str] | None = None,
     *,
     within: Mapping[str, str | float] | None = None,

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
-from mechsim.studies.extremes.axes import special_designs
+from mechsim.studies.extremes.axes import SpecialDesigns, special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
 from mechsim.subjects import catalog
@@ -31,26 +33,37 @@ HALVINGS, QUICK_HALVINGS = 5, 2
 # largest exponent of two of the gear ratio, and revolutions of the long run, in a quick and in a full study
 MAX_EXPONENT, TURNS = (3, 6), (200.0, 10_000.0)
 
-Push = Callable[[ClosedForm, float], Trial]
+Push = Callable[[Any, float], Trial]
 
 
 def _decades(low: float, high: float, interval: int = 1) -> list[float]:
     return [10.0**n for n in range(round(np.log10(low)), round(np.log10(high)) + 1, interval)]
 
 
-def axes_of(solver: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
+def _designs(solver: KinematicSolver) -> SpecialDesigns:
+    return special_designs(solver.name) if isinstance(solver, ClosedForm) else SpecialDesigns()
+
+
+def axes_of(solver: KinematicSolver, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
     """Return the axes of one mechanism: name, trial at a value, values from stable to unstable."""
     coarse = 2 if quick else 1
     steps = [1e4, 1e3, 100.0, 50.0, 20.0, 10.0]
     pushes: list[tuple[str, Push, Sequence[float]]] = [
-        ("steps", axes.steps, steps if quick else [1e5, *steps]),
-        ("speed", axes.speed, [1.0, 1e3, 1e5, 1e6, 1e7]),
-        ("size", axes.characteristic_length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
-        ("size", axes.characteristic_length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
-        ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
-        ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
+        ("steps", axes.steps, steps if quick else [1e5, *steps])
     ]
-    if special_designs(solver.name).swinging:
+    if solver.motion_laws.crank:
+        pushes.append(("speed", axes.speed, [1.0, 1e3, 1e5, 1e6, 1e7]))
+    if isinstance(solver, ClosedForm):
+        pushes += [
+            ("size", axes.characteristic_length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
+            ("size", axes.characteristic_length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
+        ]
+    if axes.coupler_of(solver.mechanism) is not None:
+        pushes += [
+            ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
+            ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
+        ]
+    if _designs(solver).swinging:
         distances = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
         for method in ("pose", "step"):
             before = partial(axes.dead_centre, method=method, beyond=False)
@@ -65,7 +78,7 @@ def axes_of(solver: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[f
 
 
 def study(
-    names: Sequence[str] | None = None,
+    solvers: Sequence[KinematicSolver] | None = None,
     *,
     quick: bool = False,
     progress: Progress = no_progress,
@@ -73,17 +86,16 @@ def study(
     """Vary the quantity of each axis until runs fail.
 
     Args:
-        names: mechanisms of the catalogue; None selects all.
+        solvers: mechanisms; None selects those of the catalogue.
         quick: fewer values, coarser borders, shorter runs.
         progress: callback after each axis of each mechanism.
     """
     result = StabilityMap()
-    solvers = {name: catalog.make(name) for name in names or catalog.MECHANISMS}
-    total = sum(
-        len(axes_of(solver, quick)) + special_designs(solver.name).long_runs for solver in solvers.values()
-    )
+    solvers = solvers or [catalog.make(name) for name in catalog.MECHANISMS]
+    total = sum(len(axes_of(solver, quick)) + _designs(solver).long_runs for solver in solvers)
     finished = 0
-    for name, solver in solvers.items():
+    for solver in solvers:
+        name = solver.name
         for axis, push, values in axes_of(solver, quick):
             trials, borders = borders_along(
                 partial(push, solver), values, QUICK_HALVINGS if quick else HALVINGS
@@ -92,15 +104,17 @@ def study(
             result.borders += borders if axis != "far start" else []
             finished += 1
             progress(f"{name}: {axis}", finished / total)
+        if not isinstance(solver, ClosedForm):
+            continue
         result.trials += [
             axes.change_point(solver, which, swing_only)
-            for which in special_designs(solver.name).change_points
+            for which in special_designs(name).change_points
             for swing_only in (True, False)
         ]
-        if solver.declaration.gear:
+        if solver.gear:
             exponents = range(MAX_EXPONENT[0 if quick else 1] + 1)
             result.trials += [axes.gear_ratio(solver, 2.0**exponent) for exponent in exponents]
-        if special_designs(solver.name).long_runs:
+        if special_designs(name).long_runs:
             result.drifts.append(axes.drift(solver, TURNS[0 if quick else 1]))
             finished += 1
             progress(f"{name}: {result.drifts[-1].turns:g} turns", finished / total)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Outcome
 from mechsim.model.motion import Motion
@@ -22,7 +22,7 @@ POSITION_TOLERANCE = 1e-6
 
 def attempt(
     axis: str,
-    solver: ClosedForm,
+    solver: KinematicSolver,
     value: float,
     source: Any = None,
     *,
@@ -31,13 +31,13 @@ def attempt(
     note: str = "",
     **options: Any,
 ) -> Trial:
-    """Run a source in MuJoCo and check the run by the closed form.
+    """Run a source in MuJoCo and check the run by the analytic solution.
 
     Args:
         axis, value, expected: those of the trial.
-        solver: the closed form.
-        source: model for `simulate`; None for the mechanism of the closed form.
-        reachable: whether the closed form proves that the crank can make its motion, so that an exception is
+        solver: the analytic solver.
+        source: model for `simulate`; None for the mechanism of the solver.
+        reachable: whether formulas prove that the crank can make its motion, so that an exception is
             wrong.
         note: note on the change.
         options: other arguments of `simulate`; the default method is "step".
@@ -65,19 +65,22 @@ def attempt(
     return replace(trial, outcome=outcome, right=right, error=error)
 
 
-def position_errors(solver: ClosedForm, motion: Motion) -> Array:
+def position_errors(solver: KinematicSolver, motion: Motion) -> Array:
     """Return the largest position error of the tracked points at each record, (n,) in characteristic lengths.
 
     Raises:
-        MechsimError: if the closed form has no position at a recorded crank angle.
+        MechsimError: if the analytic solution has no position at a recorded instant.
     """
-    exact = solver.positions(motion.angle)
+    if solver.motion_laws.crank:
+        exact = solver.positions(motion.angle)
+    else:
+        exact = {name: point.position for name, point in solver.solve_as(motion).points.items()}
     errors = [np.linalg.norm(motion.points[name].position - points, axis=1) for name, points in exact.items()]
     return np.max(errors, axis=0) / solver.mechanism.characteristic_length
 
 
-def _true_outcome(solver: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
-    """Return the outcome by the closed form, from positions only, and the largest relative error."""
+def _true_outcome(solver: KinematicSolver, run: Run) -> tuple[Outcome, float | None]:
+    """Return the outcome by the analytic solution, from positions only, and the largest relative error."""
     if run.motion.broken:
         return "diverged", None
     try:

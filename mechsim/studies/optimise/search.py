@@ -1,5 +1,7 @@
 """Optimisation of dimensions: scipy's `least_squares`, or `minimize` with SLSQP if there are limits."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal

@@ -1,5 +1,7 @@
 """Reduce a model to the smallest scene within a tolerance for its tracked points, written as MJCF."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike, fspath

@@ -1,5 +1,7 @@
 """Maps from motors to joints of any model, and their comparison with the loop equations."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -150,7 +152,7 @@ def compare_with_loop_equations(
     )
 
 
-def _outputs(motion: "Motion", still: "Motion", mechanism: Mechanism, names: Sequence[str]) -> Array:
+def _outputs(motion: Motion, still: Motion, mechanism: Mechanism, names: Sequence[str]) -> Array:
     """Return the outputs of a motion with their first and second time derivatives, (3, n, m).
 
     Rotations are measured from the first instant of `still`.
@@ -171,7 +173,7 @@ def _outputs(motion: "Motion", still: "Motion", mechanism: Mechanism, names: Seq
     return np.stack(columns, -1)
 
 
-def _rotation_vectors(motion: "Motion", still: "Motion", link: str) -> Array:
+def _rotation_vectors(motion: Motion, still: Motion, link: str) -> Array:
     """Return the rotation vector of a link from the first instant, and two time derivatives, (3, n, 3).
 
     The rate of the vector v is J(v) w, with the angular velocity w, and its second derivative is
@@ -199,7 +201,7 @@ def _slow_motion(start: float) -> Callable[[Array], tuple[Array, Array, Array]]:
     return lambda time: (start + 1e-3 * time, np.full_like(time, 1e-3), np.zeros_like(time))
 
 
-def _with_rate(still: "Motion", names: Sequence[str], moving: int) -> "Motion":
+def _with_rate(still: Motion, names: Sequence[str], moving: int) -> Motion:
     """Return a motion with one driver at unit rate and the others at rest."""
     rates = {
         name: replace(still.joints[name], rate=np.full(len(still.angle), float(i == moving)))

@@ -1,5 +1,7 @@
 """Tuning of a model or its motor: cheapest settings of plain MuJoCo within a tolerance, in its file."""
 
+from __future__ import annotations
+
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """Derivatives of quantities by dimensions, over a motion, as one table."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -82,7 +84,7 @@ class Sensitivity:
         """Return the unit of a derivative."""
         return per(self.units[quantity], self.dimensions[dimension].unit)
 
-    def to_pandas(self) -> "DataFrame":
+    def to_pandas(self) -> DataFrame:
         """Return the columns as a table with one row for each instant.
 
         Raises:
@@ -92,7 +94,7 @@ class Sensitivity:
             from pandas import DataFrame as PandasDataFrame
         return PandasDataFrame(dict(self.columns()))
 
-    def to_xarray(self) -> "Dataset":
+    def to_xarray(self) -> Dataset:
         """Return quantities over instants, and derivatives "QUANTITY/" over instants and dimensions.
 
         Raises:

@@ -1,5 +1,7 @@
 """Effects of tolerances on a motion: worst case, root sum of squares, Monte Carlo, and the share of each."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

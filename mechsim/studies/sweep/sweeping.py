@@ -1,5 +1,7 @@
 """Sweeps: from a subject and its varied parameters to a table of measures."""
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -81,7 +83,7 @@ def sweep(
     initial: Mapping[str, Initial] | None = None,
     until: str | None = None,
     **options: Any,
-) -> "Dataset":
+) -> Dataset:
     """Measure many designs of a mechanism.
 
     Args:
@@ -239,7 +241,7 @@ def run_sweep(
     resume: bool = False,
     scheduler: Any = None,
     progress: Progress = no_progress,
-) -> "Dataset":
+) -> Dataset:
     """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
     count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + BYTES_PER_TEXT
     # a table is in memory twice while it is built
@@ -308,7 +310,7 @@ def _is_finished(path: Path, sweep_hash: str, resume: bool) -> bool:
     return resume
 
 
-def built(result: "Dataset") -> int:
+def built(result: Dataset) -> int:
     """Return the number of built designs in a sweep, including those whose cranks swing."""
     return int(np.count_nonzero(np.isin(result["outcome"].values.astype(str), BUILT)))
 
@@ -339,7 +341,7 @@ class CheckedDesigns:
     failed: dict[int, str]
 
 
-def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesigns:
+def check_sweep(task: SweepTask, result: Dataset, count: int) -> CheckedDesigns:
     """Measure random built designs again, and compare their motions with the other method.
 
     The other method is MuJoCo's poses for formulas and loop equations, and those for stepped designs.
@@ -389,7 +391,7 @@ def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
     return distance, "" if verdict.passed else verdict.outcome
 
 
-def _difference_from_table(task: SweepTask, solver: KinematicSolver, result: "Dataset", i: int) -> str:
+def _difference_from_table(task: SweepTask, solver: KinematicSolver, result: Dataset, i: int) -> str:
     """Return the first measure of a single design that differs from the table, as text, or ""."""
     facts = facts_alone(task, solver) | released_alone(task, solver)
     values, outcome, _ = measured_alone(task, solver, facts)
