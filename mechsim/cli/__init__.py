@@ -25,12 +25,11 @@ FIRST_STEPS = {
 }
 # panel -> long names of its options; a command's own options come first, without a panel
 PANELS = {
-    "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
-    "flywheel density diameter scene cut",
+    "Model": "set lock lock-others fix-base key start loops track gravity load motor gear friction spring "
+    "damper flywheel density diameter scene cut",
     "Initial state": "initial until restitution budget controller",
-    "Motion": "drive ctrl speed turns angles angle profile at every samples duration change-point",
-    "Solver": "method tolerance timestep integrator steps-per-turn setting solref solimp compliance solver "
-    "iterations drive-inertia budget seed",
+    "Motion": "drive ctrl speed turns angles angle profile at samples duration change-point",
+    "Solver": "method tolerance timestep setting compliance drive-inertia budget seed",
     "Output": "output units json verbose plot report csv help",
 }
 PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}
@@ -39,7 +38,6 @@ TYPES = {
     "speed": "SPEED",
     "angle": "ANGLE",
     "angles": "ANGLE:ANGLE:ANGLE",
-    "every": "ANGLE",
     "tilt": "ANGLE",
     "tolerance": "LENGTH",
     "length": "LENGTH",
@@ -51,8 +49,6 @@ TYPES = {
     "through": "X,Y",
     "gravity": "X,Y,Z",
     "cut": "JOINT,...",
-    "solref": "NUMBERS",
-    "solimp": "NUMBERS",
     "size": "WIDTHxHEIGHT",
     "scene": "LEVEL",
     "kind": "KIND",

@@ -95,16 +95,15 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     A parameter whose default `units.option` declares is an option. A parameter whose type is a dataclass
     becomes an option for each field that `units.option` declares or whose type is `Annotated` with a typer
     option; other fields keep their defaults, and so do those that `Annotated[cls, Without("name")]` names.
-    A parameter of type `Annotated[Mapping[str, Any], cls]` receives only the fields that are set. A parameter
-    of type `Stated` receives the options on the command line. A function that returns a `Result` gets the
-    option --json.
+    A parameter of type `Stated` receives the options on the command line. A function that returns a `Result`
+    gets the option --json.
     """
     parameters: list[inspect.Parameter] = []
     own: dict[str, Field[Any]] = {}
     stated: str | None = None
-    groups: dict[str, tuple[Callable[..., Any], list[Field[Any]], bool]] = {}
+    groups: dict[str, tuple[Callable[..., Any], list[Field[Any]]]] = {}
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
-        cls, only_set = _option_class(parameter.annotation)
+        cls = _option_class(parameter.annotation)
         if cls is Stated:
             stated = parameter.name
             keyword = inspect.Parameter.KEYWORD_ONLY
@@ -119,8 +118,8 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
             continue
         types = get_type_hints(cls, include_extras=True)
         declared = _declared_fields(cls, types, parameter.annotation)
-        groups[parameter.name] = dict if only_set else cls, declared, only_set
-        parameters += [_parameter(field.name, field, types[field.name], only_set) for field in declared]
+        groups[parameter.name] = cls, declared
+        parameters += [_parameter(field.name, field, types[field.name]) for field in declared]
     has_json = data_type(function) is not None and all(p.name != "as_json" for p in parameters)
     if has_json:
         kind = inspect.Parameter.KEYWORD_ONLY
@@ -128,14 +127,9 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
 
     def run(**values: Any) -> None:
         as_json = values.pop("as_json", False) if has_json else values.get("as_json", False)
-        for name, (make, declared, only_set) in groups.items():
-            texts = {field: values.pop(field.name) for field in declared}
+        for name, (make, declared) in groups.items():
             values[name] = make(
-                **{
-                    field.name: _value(field.name, field, text)
-                    for field, text in texts.items()
-                    if not (only_set and text is None)
-                }
+                **{field.name: _value(field.name, field, values.pop(field.name)) for field in declared}
             )
         values |= {name: _value(name, field, values[name]) for name, field in own.items()}
         if stated is not None:
@@ -151,16 +145,10 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     return wrapped
 
 
-def _option_class(annotation: Any) -> tuple[Any, bool]:
-    """Return the dataclass of a parameter or None, and whether only the fields that are set are passed."""
-    if is_dataclass(annotation):
-        return annotation, False
-    arguments = get_args(annotation)
-    if arguments and is_dataclass(arguments[0]):
-        return arguments[0], False
-    if len(arguments) == 2 and is_dataclass(arguments[1]):
-        return arguments[1], True
-    return None, False
+def _option_class(annotation: Any) -> Any:
+    """Return the dataclass of a parameter; None if it has another type."""
+    candidates = (annotation, *get_args(annotation)[:1])
+    return next((candidate for candidate in candidates if is_dataclass(candidate)), None)
 
 
 def _declared_fields(cls: Any, types: Mapping[str, Any], annotation: Any) -> list[Field[Any]]:
@@ -174,16 +162,14 @@ def _declared_fields(cls: Any, types: Mapping[str, Any], annotation: Any) -> lis
 
 
 def _is_typer(kind: Any) -> bool:
-    return get_origin(kind) is Annotated and not is_dataclass(get_args(kind)[1])
+    return get_origin(kind) is Annotated
 
 
-def _parameter(name: str, field: Field[Any], kind: Any, only_set: bool = False) -> inspect.Parameter:
+def _parameter(name: str, field: Field[Any], kind: Any) -> inspect.Parameter:
     """Return the parameter that typer reads for a field or for a declared default."""
     rule, default = field.metadata, field.default
     if "doc" in rule:
         kind, default = _declared(kind, default, rule)
-        if only_set:
-            kind, default = kind | None, None
         names = (rule["name"],) if rule["name"] else ()
         kind = Annotated[kind, typer.Option(*names, metavar=rule["metavar"], help=rule["doc"])]
     default = inspect.Parameter.empty if default is MISSING else default
@@ -194,7 +180,7 @@ def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, An
     """Return the type and default of an option on the command line."""
     if rule["many"]:
         return list[str] | None, None
-    if rule["unit"] or rule["read"] or "count" in rule:
+    if rule["unit"] or rule["read"]:
         if default is MISSING:
             return str, MISSING
         return (str, rule["text"]) if rule["text"] else (str | None, None)
@@ -212,20 +198,6 @@ def _value(name: str, field: Field[Any], text: Any) -> Any:
         return tuple(rule["read"](item) for item in text)
     if rule["read"]:
         return rule["read"](text)
-    label = rule["name"] or f"--{name.replace('_', '-')}"
-    if "count" in rule:
-        return _numbers(label, text, field)
     if rule["unit"]:
-        return units.parse(text, rule["unit"], label)
+        return units.parse(text, rule["unit"], rule["name"] or f"--{name.replace('_', '-')}")
     return text
-
-
-def _numbers(name: str, text: str, field: Field[Any]) -> tuple[float, ...]:
-    """Return the numbers of a comma-separated text; missing numbers at the end come from the default."""
-    values = units.parse_vector(text, "1", name)
-    least, most = field.metadata["fewest"], field.metadata["count"]
-    if not least <= len(values) <= most:
-        expected = str(least) if least == most else f"{least} to {most}"
-        raise InputError(f"{name} is {text!r}, {len(values)} numbers; give {expected}, with commas")
-    default: tuple[float, ...] = field.default if isinstance(field.default, tuple) else ()
-    return values + default[len(values) :]

@@ -24,7 +24,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.settings import RARE_SETTINGS, Settings
+from mechsim.simulation.settings import SettingOptions
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, exported, require_compatible
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
@@ -114,8 +114,7 @@ def export(
     ] = None,
     *,
     options: ExportOptions,
-    settings: Annotated[Mapping[str, Any], Settings],
-    more: tuple[tuple[str, Any], ...] = RARE_SETTINGS,
+    setting: SettingOptions,
     driven: DriveOptions,
     sets: Sets = None,
     output: Annotated[
@@ -128,7 +127,7 @@ def export(
     mechsim export four_bar --speed 600rpm -o four_bar.xml
     mechsim export gripper.xml --format toml -o gripper.toml
     """
-    settings = {**settings, **dict(more)}
+    settings = setting.stated()
     if (model is None) == (options.every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if options.every is not None:

@@ -37,25 +37,23 @@ from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import CrankProfile, constant, interval_around
 from mechsim.model.motion_laws import table as table_profile
 from mechsim.model.scene import Scene
-from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.run import Run
 from mechsim.simulation.run import simulate as run_in_mujoco
-from mechsim.simulation.settings import RARE_SETTINGS, Settings, plain_settings
+from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
 from mechsim.studies.motions import driven_as
 from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.subjects.mjcf_source import scene_findings
-from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_time
+from mechsim.units import crank_speed, option, parse_length, parse_time
 
-RunSettings = Annotated[Mapping[str, Any], Settings]
 # options without an effect on a file that is stepped under controls
 WITHOUT_CONTROLS = (
     *("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia", "start"),
     "lock_others",
 )
 # options of time steps
-OF_STEPS = ("timestep", "more", *option_names(Settings))
+OF_STEPS = ("timestep", *option_names(SettingOptions))
 # options that apply to a crank only and are invalid with motion laws
-CRANK_OPTIONS = ("speed", "turns", "profile", "every")
+CRANK_OPTIONS = ("speed", "turns", "profile")
 HAS_LAW = "applies to a crank without a motion law; leave it out, and give --duration"
 
 
@@ -86,7 +84,6 @@ class RunOptions:
         "time step, an integrator or a constraint setting, else pose.",
         metavar="step|pose",
     )
-    every: str | None = option(None, "Crank angle between two rows of the result, as in 5deg.")
     samples: int | None = option(None, "Rows, both ends included. Default: about 72 a turn.")
 
     @property
@@ -104,18 +101,9 @@ class RunOptions:
             if getattr(self, name) is not None:
                 raise InputError(f"--{name} {because}")
 
-    def records(self, motion: CrankProfile) -> int | None:
-        """Return the number of recorded instants after the first; None without an option for it."""
-        if self.every is not None:
-            if self.samples is not None:
-                raise InputError("both --samples and --every were given; give one of them")
-            spacing = parse_angle(self.every, "the angle between records")
-            count = round(motion.turns * REVOLUTION / abs(spacing)) if spacing else 0
-            if count < 1:
-                raise InputError(
-                    f"records {self.every} apart do not fit the motion; give an angle above 0 within it"
-                )
-            return count
+    @property
+    def records(self) -> int | None:
+        """The number of recorded instants after the first; None without an option for it."""
         return None if self.samples is None else self.samples - 1
 
 
@@ -125,8 +113,7 @@ def simulate(
     options: RunOptions,
     *,
     stated: Stated,
-    settings: RunSettings,
-    more: tuple[tuple[str, Any], ...] = RARE_SETTINGS,
+    setting: SettingOptions,
     controls: ControlOptions,
     scene: str = option("motion", "Detail of the MuJoCo model: pose, motion, dynamics or picture."),
     cut: str | None = option(None, "Joints at which the loops are cut."),
@@ -140,7 +127,7 @@ def simulate(
     mechsim simulate four_bar --speed 600rpm --turns 2 --tolerance 1um
     mechsim simulate gripper.xml --ctrl 'fingers=120*sin(t)' -o run.csv
     """
-    path, settings = None if output is None else writable(output, ".csv", ".npz"), {**settings, **dict(more)}
+    path, settings = None if output is None else writable(output, ".csv", ".npz"), setting.stated()
     if controls.ctrl:
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
         from mechsim.cli.scene_run import run_under_controls
@@ -221,10 +208,10 @@ def _run(
     tolerance, timestep = options.tolerance_in_metres, None
     if options.timestep is not None:
         if "steps_per_turn" in settings:
-            raise InputError("both --timestep and --steps-per-turn were given; give one of them")
+            raise InputError("both --timestep and setting steps_per_turn were given; give one of them")
         timestep = parse_time(options.timestep, "the time step")
     if tolerance is not None and (timestep is not None or "steps_per_turn" in settings):
-        raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
+        raise InputError("--tolerance chooses the step by itself; leave out --timestep and steps_per_turn")
     with progress("simulate", None) as report:
         return run_in_mujoco(
             solver,
@@ -233,7 +220,7 @@ def _run(
             settings=Settings(**settings) if settings else None,
             timestep=timestep,
             method=options.method,  # pyright: ignore[reportArgumentType]
-            samples=options.records(motion),
+            samples=options.records,
             scene=scene,
             progress=report,
         )

@@ -18,7 +18,7 @@ from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
-from mechsim.units import option, parse, si
+from mechsim.units import option, parse, parse_vector, si
 
 Jacobian = Literal["dense", "sparse"]
 KINDS: dict[Jacobian, int] = {
@@ -72,21 +72,17 @@ def number_setting(
     return setting(default, about, least=least, remedy=remedy, **options)
 
 
-def setting(default: Any, about: str, *, typed: bool = True, **declared: Any) -> Any:
-    """Declare a setting of a run.
+def setting(default: Any, about: str, **declared: Any) -> Any:
+    """Declare a setting of a run, written as `--setting NAME=VALUE` on the command line.
 
     Args:
         default: value if none is set.
         about: meaning of the setting.
-        typed: whether it is an option of the command line; the others are written as `--setting NAME=VALUE`.
         declared: `options`, the allowed words; or `least`, with the message `remedy` for smaller numbers; or
-            `count` of its numbers and the `fewest` that must be given; `doc`, its help on the command line
-            (default `about`), with the keys of `units.option`; `row`, its name in a report and the function
-            of its text.
+            `count` of its numbers and the `fewest` that must be given; `row`, its name in a report and the
+            function of its text.
     """
-    shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
-    as_option = {"doc": about, **shown} if typed else {}
-    return field(default=default, metadata={"about": about, **as_option, **declared})
+    return field(default=default, metadata={"about": about, **declared})
 
 
 def check_setting(name: str, value: Any, rule: Mapping[str, Any]) -> None:
@@ -129,15 +125,14 @@ class Settings:
     time constant proportional to the step would keep a stiff mode in every step and reduce the order of the
     Runge-Kutta method from four to two. Measured in validation/choices/constraint_settings.py.
 
-    Each field declares its meaning, its valid values and the message for others; `doc` is its help on the
-    command line, `row` its name and text in a report.
+    Each field declares its meaning, its valid values and the message for others; `row` is its name and text
+    in a report.
     """
 
     integrator: str = setting(
         "RK4",
         "How MuJoCo steps.",
         options=INTEGRATORS,
-        doc=f"Integrator: {', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}. Default: RK4.",
         row=("integrator", str),
     )
     steps_per_turn: int = number_setting(
@@ -151,7 +146,6 @@ class Settings:
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
-        typed=False,
         row=("constraint time constant", _steps),
     )
     solref: tuple[float, float] | None = setting(
@@ -159,62 +153,53 @@ class Settings:
         "MuJoCo's two numbers, as they are; None for (time constant, 1).",
         count=2,
         fewest=2,
-        doc="MuJoCo's solref of the loops: two numbers with a comma.",
     )
     solimp: tuple[float, float, float, float, float] = setting(
         (0.9999, 0.9999, 0.001, 0.5, 2.0),
         "MuJoCo's five numbers (dmin, dmax, width, midpoint, power).",
         count=5,
-        doc="MuJoCo's solimp of the loops: two to five numbers with commas.",
         fewest=2,
     )
     compliance: float | None = number_setting(
         None,
         "Factor on the compliance of constraints; 1 is MuJoCo's own. None takes 1e-8, and another value "
         "where a position tolerance requires it.",
-        doc="Factor on MuJoCo's constraint compliance. Default: 1e-8, or what the tolerance requires.",
         row=("constraint compliance", _compliance),
     )
-    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant above two steps.", typed=False)
+    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant above two steps.")
     diagexact: bool = setting(
         False,
         "Whether MuJoCo computes the diagonal of the constraint inertia exactly.",
-        typed=False,
     )
     jacobian: str = setting(
         "auto",
         "Matrices in the constraint solver; auto takes the faster, and dense if the two differ.",
         options=JACOBIANS,
-        typed=False,
     )
     solver: str | None = setting(
         None,
         "MuJoCo's constraint solver; None takes Newton's method.",
         options=SOLVERS,
-        doc=f"Constraint solver: {', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}. Default: {SOLVERS[-1]}.",
     )
     iterations: int | None = number_setting(
         None,
         "Maximum iterations of the solver; None takes enough for an exact solution.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
-        doc="Maximum iterations of the constraint solver. Default: enough for an exact solution.",
     )
     ls_iterations: int | None = number_setting(
         None,
         "Maximum iterations of the solver's line search; None takes MuJoCo's.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
-        typed=False,
     )
     residual: float | None = number_setting(
         None,
         "Residual at which the solver stops; None makes all iterations.",
         least=0.0,
         remedy="{name} is {value}; give a finite number, 0 or above",
-        typed=False,
     )
-    eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.", typed=False)
+    eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.")
     island: bool = setting(
         False, "Whether MuJoCo solves independent groups of constraints separately.", typed=False
     )
@@ -222,7 +207,6 @@ class Settings:
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
-        doc="Virtual inertia that keeps the driver's speed, in kg m2. Default: 1e12 times that of the links.",
     )
 
     def __post_init__(self) -> None:
@@ -315,37 +299,62 @@ class Settings:
         return {row[0]: row[1](value) for row, value in options if row}
 
 
-RARE = tuple(setting_.name for setting_ in fields(Settings) if "doc" not in setting_.metadata)
+# settings with options of their own
+OWN_OPTIONS = ("compliance", "drive_inertia")
+NAMED = {item.name: item for item in fields(Settings) if item.name not in OWN_OPTIONS}
 
 
-def rare_setting(text: str) -> tuple[str, Any]:
-    """Return name and value of a setting without an option of its own, written as NAME=VALUE.
+def setting_of(text: str) -> tuple[str, Any]:
+    """Return name and value of a setting written as NAME=VALUE.
 
     Raises:
         InputError: for an unknown name, or a value of the wrong kind.
     """
     name, _, value = text.partition("=")
-    if name not in RARE:
-        raise InputError(f"there is no setting {name!r}; choose from {', '.join(RARE)}")
-    default = getattr(Settings(), name)
+    if name not in NAMED:
+        raise InputError(f"there is no setting {name!r}; choose from {', '.join(NAMED)}")
+    rule, default, label = NAMED[name].metadata, NAMED[name].default, f"setting {name}"
     if isinstance(default, bool):
         if value not in ("true", "false"):
-            raise InputError(f"setting {name} is {value!r}; give true or false")
+            raise InputError(f"{label} is {value!r}; give true or false")
         return name, value == "true"
-    if isinstance(default, str):
+    if "options" in rule:
         return name, value
-    number = float(parse(value, "1", f"setting {name}"))
+    if "count" in rule:
+        numbers, least, most = parse_vector(value, "1", label), rule["fewest"], rule["count"]
+        if not least <= len(numbers) <= most:
+            expected = str(least) if least == most else f"{least} to {most}"
+            raise InputError(f"{label} is {value!r}, {len(numbers)} numbers; give {expected}, with commas")
+        return name, numbers + (default or ())[len(numbers) :]
+    number = float(parse(value, "1", label))
     return name, int(number) if number.is_integer() else number
 
 
-RARE_SETTINGS = option(
-    (),
-    f"Rarely used setting of steps: {', '.join(RARE)}.",
-    read=rare_setting,
-    many=True,
-    name="--setting",
-    metavar="NAME=VALUE",
-)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingOptions:
+    """Settings of the steps of a run."""
+
+    setting: tuple[tuple[str, Any], ...] = option(
+        (),
+        f"Setting of the steps: {', '.join(NAMED)}.",
+        read=setting_of,
+        many=True,
+        metavar="NAME=VALUE",
+    )
+    compliance: float | None = option(
+        None, "Factor on MuJoCo's constraint compliance. Default: 1e-8, or what the tolerance requires."
+    )
+    drive_inertia: float | None = option(
+        None,
+        "Virtual inertia that keeps the driver's speed, in kg m2. Default: 1e12 that of the links.",
+    )
+
+    def stated(self) -> dict[str, Any]:
+        """Return the settings that are given, by name."""
+        own = {name: getattr(self, name) for name in OWN_OPTIONS}
+        return dict(self.setting) | {name: value for name, value in own.items() if value is not None}
+
+
 # settings of a driven run -> names in plain MuJoCo
 MUJOCO_NAMES = {"residual": "tolerance"}
 
@@ -374,9 +383,9 @@ def plain_settings(
         raise InputError(f"time step is {timestep}; give a finite time above 0")
     if "steps_per_turn" in values:
         if speed is None:
-            raise InputError("--steps-per-turn applies to a crank; give --timestep instead")
+            raise InputError("setting steps_per_turn applies to a crank; give --timestep instead")
         if step is not None:
-            raise InputError("both --timestep and --steps-per-turn were given; give only one")
+            raise InputError("both --timestep and setting steps_per_turn were given; give only one")
         step = REVOLUTION / abs(speed) / values["steps_per_turn"]
     if "constant_steps" in values:
         if "solref" in values:

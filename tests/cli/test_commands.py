@@ -44,18 +44,18 @@ BAD = {
     "step larger than the turn": ("simulate rssr --timestep 1s", ["1 s", "0.1 s"]),
     "step too short": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
     "too many steps": (
-        "simulate rssr --steps-per-turn 1000000000000",
+        "simulate rssr --setting steps_per_turn=1000000000000",
         ["1e+12", "the limit is 100,000,000 per run"],
     ),
     "too many turns": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
-    "too many records": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
+    "too many records": ("simulate rssr --samples 360000000000001", ["3.6e+14", "at the most"]),
     "step zero": ("simulate rssr --timestep 0", ["time step"]),
-    "two steps a turn": ("simulate rssr --steps-per-turn 2", ["at least 4"]),
-    "both kinds of step": ("simulate rssr --steps-per-turn 100 --timestep 1ms", ["one of them"]),
+    "two steps a turn": ("simulate rssr --setting steps_per_turn=2", ["at least 4"]),
+    "both kinds of step": ("simulate rssr --setting steps_per_turn=100 --timestep 1ms", ["one of them"]),
     "tolerance with step": ("simulate rssr --tolerance 1um --timestep 1ms", ["leave out"]),
     "tolerance zero": ("simulate rssr --tolerance 0", ["tolerance", "above 0"]),
-    "unknown integrator": ("simulate rssr --integrator verlet", ["verlet", "RK4"]),
-    "solref of one number": ("simulate rssr --solref 1", ["--solref", "give 2"]),
+    "unknown integrator": ("simulate rssr --setting integrator=verlet", ["verlet", "RK4"]),
+    "solref of one number": ("simulate rssr --setting solref=1", ["setting solref", "give 2"]),
     "no turns": ("simulate rssr --turns 0", ["turns", "above 0"]),
     "invalid turns": ("simulate rssr --turns many", ["--turns"]),
     "unknown method": ("simulate rssr --method guess", ["guess", "pose"]),
@@ -115,8 +115,9 @@ def test_an_invalid_table_is_rejected_with_line_and_column(mechsim: Call, tmp_pa
 def test_loop_errors_fail_without_a_requested_tolerance(
     mechsim: Call,
 ) -> None:
-    mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--compliance", "1"]
-    answer = mechsim("simulate", "rssr", "--integrator", "Euler", "--timestep", "20ms", *mujoco_defaults)
+    settings = ["solref=0.02,1", "solimp=0.9,0.95,0.001,0.5,2", "integrator=Euler"]
+    defaults = [word for setting in settings for word in ("--setting", setting)]
+    answer = mechsim("simulate", "rssr", "--timestep", "20ms", "--compliance", "1", *defaults)
     assert answer.code == 1
     assert answer.out.splitlines()[0].split() == ["rssr", "MuJoCo,", "stepped", "FAIL"]
     answer = mechsim("simulate", "rssr", "--method", "step", "--json")
@@ -213,8 +214,8 @@ def test_simulate_prints_one_json_object_and_writes_time(mechsim: Call, tmp_path
 
 
 def test_simulate_with_default_settings_of_mujoco_reports_its_error(mechsim: Call) -> None:
-    words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--compliance", "1"]
-    answer = mechsim(*words, "--solref", "0.02,1", "--solimp", "0.9,0.95,0.001", "--json")
+    words = ["simulate", "rssr", "--setting", "integrator=Euler", "--timestep", "1ms", "--compliance", "1"]
+    answer = mechsim(*words, "--setting", "solref=0.02,1", "--setting", "solimp=0.9,0.95,0.001", "--json")
     output = json.loads(answer.out)
     # the estimate shows the error of the default settings, above 0.1 mm
     assert output["estimate"] > 1e-4
@@ -260,7 +261,7 @@ def test_branch_policy_keeps_the_branch_and_stepping_is_rejected(mechsim: Call, 
 
 
 def test_simulate_by_poses_is_exact_to_rounding(mechsim: Call, tmp_path: Path) -> None:
-    assert mechsim("simulate", "rssr", "--method", "pose", "--every", "5deg", "-o", "run.csv").code == 0
+    assert mechsim("simulate", "rssr", "--method", "pose", "--samples", "73", "-o", "run.csv").code == 0
     table = files.read(tmp_path / "run.csv")
     assert len(table["angle"]) == 73
     exact = catalog.make("rssr").positions(table["angle"])["P3"]

@@ -39,7 +39,14 @@ def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
 
 def test_only_requested_settings_replace_those_of_the_file(mechsim):
     answer = mechsim(
-        *COMMAND, "--timestep", "1ms", "--integrator", "implicitfast", "--solver", "CG", "--json"
+        *COMMAND,
+        "--timestep",
+        "1ms",
+        "--setting",
+        "integrator=implicitfast",
+        "--setting",
+        "solver=CG",
+        "--json",
     )
     settings = json.loads(answer.out)["settings"]
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
@@ -58,7 +65,7 @@ def test_a_tolerance_chooses_steps_and_compliance(mechsim):
         (("--ctrl", "servo"), "has no '='"),
         (("--ctrl", "servo=1", "--lock", "swung"), "swung"),
         (("--ctrl", "servo=1", "--speed", "3"), "--speed"),
-        (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
+        (("--ctrl", "servo=1", "--setting", "steps_per_turn=50"), "steps_per_turn"),
     ],
 )
 def test_incompatible_options_are_rejected(mechsim, arguments, output):

@@ -45,7 +45,7 @@ def test_examples_use_existing_options(name):
 def test_options_are_listed_in_their_panels(mechsim):
     out = help_of("simulate", mechsim)
     sections = dict(re.findall(r"^(\w+):\n((?:  .*\n)+)", out, re.MULTILINE))
-    for option, panel in {"set": "Model", "drive": "Motion", "solver": "Solver", "json": "Output"}.items():
+    for option, panel in {"set": "Model", "drive": "Motion", "setting": "Solver", "json": "Output"}.items():
         assert f"--{option}" in sections[panel]
     assert set(PANELS) - {"Initial state"} <= set(sections)
     assert "\nInitial state:\n" in help_of("dynamics forward", mechsim)

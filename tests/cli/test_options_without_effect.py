@@ -83,7 +83,7 @@ CASES = [
     ("show four_bar --drive crank=1rad/s", "--driver rocker"),
     ("trace four_bar", "--samples 10"),
     ("trace four_bar", "--units mm,deg"),
-    ("simulate four_bar --method pose", "--integrator RK4"),
+    ("simulate four_bar --method pose", "--setting integrator=RK4"),
     ("simulate four_bar --method pose", "--timestep 1ms"),
     ("simulate four_bar --method pose", "--setting island=true"),
     ("simulate loop.xml --ctrl m=0.1", "--set crank=25mm"),

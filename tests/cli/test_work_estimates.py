@@ -19,7 +19,7 @@ from mechsim.numerics import resources
 TOO_LARGE = {
     "simulate rssr --turns 1e5": ["7.2e+06 instants", "instants at the most"],
     "simulate rssr --turns 1e5 --tolerance 1um": ["7.2e+06 instants", "fewer turns"],
-    "simulate rssr --every 1e-5deg": ["3.6e+07 instants", "records farther apart"],
+    "simulate rssr --samples 36000001": ["3.6e+07 instants", "records farther apart"],
     "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
     "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
     "dynamics inverse rssr --samples 10000000": ["10,000,000 instants", "both methods", "at the most"],

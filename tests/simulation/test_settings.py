@@ -1,32 +1,24 @@
 """Each setting declares its description, default, valid values, option and table row."""
 
+import re
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from mechsim.cli.command import command as declare
-from mechsim.cli.simulate import simulate
+from mechsim.cli import load_command
 from mechsim.errors import InputError
 from mechsim.simulation import Settings, settings
 
 FIELDS = fields(Settings)
 VALUES = {
-    "integrator": "Euler",
-    "steps-per-turn": "50",
-    "solref": "0.01,1",
-    "solimp": "0.9,0.99",
-    "compliance": "0.1",
+    "integrator=Euler": "Euler",
+    "steps_per_turn=50": 50,
+    "solref=0.01,1": (0.01, 1.0),
+    "solimp=0.9,0.99": (0.9, 0.99, 0.001, 0.5, 2.0),
+    "refsafe=true": True,
+    "iterations=7": 7,
 }
-
-
-def command(function) -> typer.Typer:
-    app = typer.Typer()
-    app.command()(function)
-    return app
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
@@ -46,43 +38,41 @@ def test_every_setting_rejects_invalid_values_in_one_line(item) -> None:
         assert str(wrong) in str(reported.value)
 
 
-def test_the_command_has_exactly_the_declared_options() -> None:
-    reported = CliRunner().invoke(command(simulate), ["--help"], terminal_width=200).output
+def test_every_setting_is_named_in_the_help() -> None:
+    parameters = {parameter.name: parameter for parameter in load_command("simulate").params}
+    named = set(re.findall(r"\w+", parameters["setting"].help))
     for item in FIELDS:
-        option = f"--{item.name.replace('_', '-')}"
-        assert (option in reported) == ("doc" in item.metadata)
-    assert {f"--{name}" for name in VALUES} <= set(reported.split())
+        assert (item.name in named) != (item.name in parameters)
 
 
-@pytest.mark.parametrize("name", VALUES)
-def test_only_options_on_the_command_line_reach_the_command(name) -> None:
-    computed = {}
-
-    @declare
-    def record(options: Annotated[dict[str, Any], Settings]) -> None:
-        computed.update(options)
-
-    result = CliRunner().invoke(command(record), [f"--{name}", VALUES[name]])
-    assert result.exit_code == 0
-    field = name.replace("-", "_")
-    assert set(computed) == {field}
-    assert getattr(Settings(**computed), field) != getattr(Settings(), field)
+@pytest.mark.parametrize("text", VALUES)
+def test_a_setting_is_read_from_text(text) -> None:
+    name, value = settings.setting_of(text)
+    assert (name, value) == (text.partition("=")[0], VALUES[text])
+    assert getattr(Settings(**{name: value}), name) != getattr(Settings(), name)
 
 
-def test_a_declared_setting_has_an_option_a_check_and_a_row() -> None:
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("noise=1", "there is no setting 'noise'; choose from integrator, "),
+        ("solimp=1", "setting solimp is '1', 1 numbers; give 2 to 5"),
+        ("solref=1,2,3", "setting solref is '1,2,3', 3 numbers; give 2"),
+        ("refsafe=yes", "setting refsafe is 'yes'; give true or false"),
+        ("iterations=many", "setting iterations"),
+    ],
+)
+def test_a_setting_that_is_none_is_rejected(text, message) -> None:
+    with pytest.raises(InputError) as reported:
+        settings.setting_of(text)
+    assert message in str(reported.value)
+
+
+def test_a_declared_setting_has_a_check_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):
-        noise: float = settings.number_setting(
-            1.0, "Noise.", doc="How loud.", row=("noise", "{:g} dB".format)
-        )
+        noise: float = settings.number_setting(1.0, "Noise.", row=("noise", "{:g} dB".format))
 
     assert More().rows() == Settings().rows() | {"noise": "1 dB"}
     with pytest.raises(InputError, match=r"noise is -2\.0; give a finite number above 0"):
         More(noise=-2.0)
-
-    @declare
-    def loud(options: Annotated[dict[str, Any], More]) -> None:
-        typer.echo(f"{More(**options).noise:g}")
-
-    assert "How loud." in CliRunner().invoke(command(loud), ["--help"]).output
-    assert CliRunner().invoke(command(loud), ["--noise", "3"]).output == "3\n"

@@ -87,14 +87,19 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
         ),
         "--tolerance": st.sampled_from(["1um", "1e-3", "0", "-1", "nan", "1deg", "1mm"]),
         "--timestep": st.sampled_from(["1ms", "0.1ms", "0", "1s", "-1", "nan", "1mm"]),
-        "--steps-per-turn": small,
-        "--integrator": st.sampled_from(["RK4", "Euler", "implicitfast", "discrete", "verlet", ""]),
-        "--solref": st.sampled_from(["0.02,1", "-1e4,-100", "0,0", "nan,1", "1", "a,b"]),
-        "--solimp": st.sampled_from(["0.9,0.95,0.001", "0,0", "2,2", "nan,1", "0.9,0.9,0,0,0"]),
+        "--setting": st.one_of(
+            small.map("steps_per_turn={}".format),
+            st.sampled_from(["RK4", "Euler", "implicitfast", "discrete", "verlet", ""]).map(
+                "integrator={}".format
+            ),
+            st.sampled_from(["0.02,1", "-1e4,-100", "0,0", "nan,1", "1", "a,b"]).map("solref={}".format),
+            st.sampled_from(["0.9,0.95,0.001", "0,0", "2,2", "nan,1", "0.9,0.9,0,0,0"]).map(
+                "solimp={}".format
+            ),
+        ),
         "--compliance": st.sampled_from(["1", "1e-8", "0", "nan", "1e300", "x"]),
         "--method": st.sampled_from(["step", "pose", "guess"]),
         "--profile": st.sampled_from(["crank.csv", "crank.npz", "no.csv", "."]),
-        "--every": quantities,
         "--scene": st.sampled_from(["motion", "dynamics", "picture", "pose", "other"]),
         "-o": outputs,
     },
@@ -150,13 +155,13 @@ VALID: dict[str, list[str]] = {
     "--turns": ["1", "0.3", "3"],
     "--tolerance": ["1um", "1e-3", "1mm", "1e-9"],
     "--timestep": ["1ms", "0.1ms"],
-    "--steps-per-turn": ["4", "17", "100", "1000"],
-    "--integrator": ["RK4", "Euler", "implicitfast", "implicit", "discrete"],
-    "--solref": ["0.02,1", "-1e4,-100"],
-    "--solimp": ["0.9,0.95,0.001", "0.5,0.6"],
+    "--setting": [
+        *(f"steps_per_turn={count}" for count in (4, 17, 100, 1000)),
+        *(f"integrator={name}" for name in ("RK4", "Euler", "implicitfast", "implicit", "discrete")),
+        *("solref=0.02,1", "solref=-1e4,-100", "solimp=0.9,0.95,0.001", "solimp=0.5,0.6"),
+    ],
     "--compliance": ["1", "1e-8", "1e-2", "1e3"],
     "--method": ["step", "pose"],
-    "--every": ["5deg", "0.1", "77deg"],
     "--kind": ["motion", "curve", "space", "transmission"],
     "--motor": ["constant:1", "line:2,600rpm", "dc:12,1,0.05"],
     "--flywheel": ["0", "1e-3", "1e3"],

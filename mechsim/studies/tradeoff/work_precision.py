@@ -13,7 +13,7 @@ from mechsim.files import atomic_path
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
-from mechsim.simulation.settings import RARE, Settings
+from mechsim.simulation.settings import OWN_OPTIONS, Settings
 from mechsim.studies.tradeoff.methods import DEFAULTS, Build, SteppingMethod
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
@@ -287,12 +287,10 @@ def _plain(value: Any) -> Any:
 
 def _option(name: str, value: Any) -> str:
     """Return a setting as an option of the command line."""
-    if name in RARE:
-        return f"--setting {name}={str(value).lower() if isinstance(value, bool) else value}"
-    name = name.replace("_", "-")
-    if isinstance(value, tuple):
-        return f"--{name}={_numbers(value, ',')}"
-    return f"--{name} {value!r}" if isinstance(value, float) else f"--{name} {value}"
+    if name in OWN_OPTIONS:
+        return f"--{name.replace('_', '-')} {value!r}"
+    text = _numbers(value, ",") if isinstance(value, tuple) else value
+    return f"--setting {name}={str(text).lower() if isinstance(value, bool) else text}"
 
 
 def _numbers(values: Sequence[float], separator: str) -> str:
