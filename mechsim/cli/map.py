@@ -6,22 +6,10 @@ from typing import Annotated, NotRequired, TypedDict
 import numpy as np
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import (
-    FixBase,
-    Key,
-    Loops,
-    Model,
-    Sets,
-    Start,
-    changed_parameters,
-    joint_ranges,
-    output_file,
-    requested_start,
-    writable,
-)
+from mechsim.cli.options import joint_ranges, output_file, writable
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.cli.progress import progress
+from mechsim.cli.sample import ClosedModelOptions, closed_model
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
 from mechsim.studies.robots.joint_map import (
@@ -30,8 +18,6 @@ from mechsim.studies.robots.joint_map import (
     compare_with_loop_equations,
     joint_map,
 )
-from mechsim.studies.robots.mujoco_models import notes_on
-from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 
 
@@ -58,7 +44,7 @@ class MapJson(TypedDict):
 
 @command
 def map_joints(
-    model: Model,
+    source: ClosedModelOptions,
     *,
     inputs: str = option(
         MISSING,
@@ -74,16 +60,6 @@ def map_joints(
     ),
     points: int = option(21, "Grid points along each input."),
     degree: int | None = option(None, "Also fit polynomials of this total degree to the outputs."),
-    sets: Sets = None,
-    loops: Loops = None,
-    key: Key = None,
-    start: Start = None,
-    fix_base: FixBase = False,
-    lock_others: bool = option(
-        False,
-        "State no note on joints that neither inputs nor loops determine: they stay where they start.",
-        name="--lock-others",
-    ),
     output: Annotated[str, output_file("Map to write: .npz.")],
 ) -> Result[MapJson]:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
@@ -95,23 +71,13 @@ def map_joints(
     mechsim map four_bar --from crank=20deg:80deg --to rocker -o map.npz --json
     """
     path = writable(output, ".npz")
-    changed, source, initial = changed_parameters(sets), with_loops(model, loops), requested_start(start)
     ranges = joint_ranges("--from", inputs)
-    notes.extend(notes_on(source, changed, key, initial))
+    model, options = closed_model(source)
     with progress("map", None) as report:
         table = joint_map(
-            source,
-            ranges,
-            outputs.split(","),
-            points=points,
-            degree=degree,
-            set=changed,
-            progress=report,
-            key=key,
-            start=initial,
-            fix_base=fix_base,
+            model, ranges, outputs.split(","), points=points, degree=degree, progress=report, **options
         )
-    comparison = compare_with_loop_equations(table, source, changed, key, initial, fix_base)
+    comparison = compare_with_loop_equations(table, model, **options)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]
     data: MapJson = {
@@ -134,7 +100,9 @@ def map_joints(
             name: {"position": float(position), "torque": float(torque)}
             for name, (position, torque) in zip(table.outputs, errors, strict=True)
         }
-    return Result(data, lambda: _print(table, comparison, lock_others), comparison.passed, files=(output,))
+    return Result(
+        data, lambda: _print(table, comparison, source.lock_others), comparison.passed, files=(output,)
+    )
 
 
 def _print(table: JointMap, comparison: MapComparison, lock_others: bool) -> None:

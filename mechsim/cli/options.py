@@ -156,21 +156,6 @@ Loops = Annotated[
     str | None, typer.Option("--loops", metavar="FILE", help="Loop closures of a URDF file, in YAML.")
 ]
 
-Key = Annotated[
-    str | None, typer.Option("--key", metavar="NAME", help="Keyframe of an MJCF file to start from.")
-]
-
-FixBase = Annotated[
-    bool, typer.Option("--fix-base", help="Floating bases, and other free bodies, stay where they start.")
-]
-
-Start = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--start", metavar="JOINT=VALUE", help="Start in the assembly nearest to this value of a joint."
-    ),
-]
-
 ChangePointOption = Annotated[
     str | None,
     typer.Option(
@@ -308,14 +293,6 @@ def load_parametric(
     if moving:
         require_motion(solver)
     return parametric
-
-
-def requested_start(start: list[str] | None) -> dict[str, str]:
-    """Return the joints of `--start`, as text."""
-    read = pair_of("--start knee=-30deg")
-    values = [(name, value or "") for name, value in map(read, start or ())]
-    require_distinct("--start", values)
-    return dict(values)
 
 
 def changed_parameters(sets: list[str] | None) -> dict[str, str]:

@@ -1,31 +1,31 @@
 """Command `mechsim sample`: random closed configurations of a MuJoCo model."""
 
 from dataclasses import MISSING
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import (
-    FixBase,
-    Key,
-    Loops,
-    Model,
-    Sets,
-    Start,
-    changed_parameters,
-    output_file,
-    requested_start,
-    writable,
-)
+from mechsim.cli.options import ModelOptions, changed_parameters, output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
 from mechsim.studies.robots.mujoco_models import notes_on
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
+
+# options of commands that solve configurations of a MuJoCo model
+ClosedModelOptions = Annotated[ModelOptions, Without("lock", "drive", "track", "duration")]
+
+
+def closed_model(source: ModelOptions) -> tuple[Any, dict[str, Any]]:
+    """Return a model with its loop closures, and how its paths start; note what of it is not read."""
+    model, start = with_loops(source.model, source.loops), source.as_arguments()["start"]
+    options = {"set": changed_parameters(source.sets), "key": source.key, "start": start}
+    notes.extend(notes_on(model, **options))
+    return model, options | {"fix_base": source.fix_base}
 
 
 class SampleJson(TypedDict):
@@ -38,21 +38,11 @@ class SampleJson(TypedDict):
 
 @command
 def sample(
-    model: Model,
+    source: ClosedModelOptions,
     *,
     n: int = option(MISSING, "Number of states.", name="-n"),
     output: Annotated[str, output_file("States to write: .npz.")],
     seed: int = option(0, "Seed of the random numbers."),
-    sets: Sets = None,
-    loops: Loops = None,
-    key: Key = None,
-    start: Start = None,
-    fix_base: FixBase = False,
-    lock_others: bool = option(
-        False,
-        "Joints without actuators that the loops do not determine stay where they start.",
-        name="--lock-others",
-    ),
 ) -> Result[SampleJson]:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
 
@@ -61,19 +51,10 @@ def sample(
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
     path = writable(output, ".npz")
-    source, changed, initial = with_loops(model, loops), changed_parameters(sets), requested_start(start)
-    notes.extend(notes_on(source, changed, key, initial))
+    model, options = closed_model(source)
     with progress("sample", None) as report:
         states = closed_configurations.sample(
-            source,
-            n,
-            seed,
-            set=changed,
-            progress=report,
-            key=key,
-            start=initial,
-            fix_base=fix_base,
-            lock_others=lock_others,
+            model, n, seed, progress=report, lock_others=source.lock_others, **options
         )
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
