@@ -23,7 +23,7 @@ ClosedModelOptions = Annotated[ModelOptions, Without("lock", "drive", "track", "
 def closed_model(source: ModelOptions) -> tuple[Any, dict[str, Any]]:
     """Return a model with its loop closures, and how its paths start; note what of it is not read."""
     model, start = with_loops(source.model, source.loops), source.as_arguments()["start"]
-    options = {"set": changed_parameters(source.sets), "key": source.key, "start": start}
+    options: dict[str, Any] = {"set": changed_parameters(source.sets), "key": source.key, "start": start}
     notes.extend(notes_on(model, **options))
     return model, options | {"fix_base": source.fix_base}
 

@@ -292,8 +292,8 @@ def worst_first(agreement: Agreement) -> list[TwoCurves]:
 def _curves(agreement: Agreement, i: int) -> TwoCurves:
     candidate, instants = agreement.candidates[i], agreement.evaluation.instants
     noise = agreement.noise[i] if agreement.noise else None
-    parts = agreement.attribution.get("quantities", {}).get(candidate.quantity.name, {})
-    shares = {name: float(parts[name]) for name in COMPONENTS if name in parts}
+    by_component = agreement.attribution.get("quantities", {}).get(candidate.quantity.name, {})
+    shares = {name: float(by_component[name]) for name in COMPONENTS if name in by_component}
     if max(shares.values(), default=0.0) > ONE_SHARE * sum(shares.values()):
         shares = {}
     return TwoCurves(

@@ -325,7 +325,7 @@ def setting_of(text: str) -> tuple[str, Any]:
         if not least <= len(numbers) <= most:
             expected = str(least) if least == most else f"{least} to {most}"
             raise InputError(f"{label} is {value!r}, {len(numbers)} numbers; give {expected}, with commas")
-        return name, numbers + (default or ())[len(numbers) :]
+        return name, numbers + (default if isinstance(default, tuple) else ())[len(numbers) :]
     number = float(parse(value, "1", label))
     return name, int(number) if number.is_integer() else number
 
