@@ -259,16 +259,16 @@ def test_free_joints_of_loops_are_drawn_unless_they_are_fixed() -> None:
 
 def test_loops_without_a_common_joint_are_rejected_one_by_one() -> None:
     # each loop alone accepts a half or a quarter of the draws: the rocker's limits exclude the others
-    model = parallelograms(8)
-    model.eq_active0[8:] = 0
+    model = parallelograms(5)
+    model.eq_active0[5:] = 0
     model.jnt_limited[2::3], model.jnt_range[2::3] = 1, (0.0, 1.5)
     model.jnt_limited[0::3], model.jnt_range[0::3] = 1, (-1.5, 1.5)
-    states = ms.sample(model, 100)
-    # drawn together, less than 0.5 to the power of 8 would be accepted
+    states = ms.sample(model, 60)
+    # drawn together, less than 0.5 to the power of 5 would be accepted
     assert states.accepted > 0.2
     assert states.residual.max() < 1e-12
     assert states.qpos[:, 2::3].min() >= 0.0
-    assert np.abs(np.corrcoef(states.qpos[:, 0::3].T) - np.eye(8)).max() < 0.5
+    assert np.abs(np.corrcoef(states.qpos[:, 0::3].T) - np.eye(5)).max() < 0.5
 
 
 def test_other_joints_can_be_locked() -> None:

@@ -14,7 +14,7 @@ from itertools import combinations, product
 import numpy as np
 
 from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
-from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.kinematics import Coordinates, joined
 from mechsim.analytic.loops.mobility import (
     CLOSED,
     DIMENSION_TOLERANCE,
@@ -100,8 +100,10 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
             `MAX_CORRECTION`.
     """
     loops, guess = _loops_and_guess(mechanism)
-    nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE) if loops.rows else []
-    if not _inconsistent(loops, nearly, ANGLE_TOLERANCE):
+    if not loops.rows:
+        return Corrected(mechanism)
+    nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
+    if not _inconsistent(loops, joined(nearly), ANGLE_TOLERANCE):
         return Corrected(mechanism)
     change, cause, error = _rotations_to_usual_angles(mechanism)
     exact, closing = with_moved_sides(mechanism, change), {cut.joint.name for cut in loops.cuts}
@@ -155,20 +157,20 @@ def _offsets(
         joints: the joints whose sides may change; None for all of inconsistent loops.
     """
     loops, guess = _loops_and_guess(mechanism)
-    if not loops.rows or not _inconsistent(
-        loops, poses := generic_poses(loops, guess, PROBES, tolerance, tolerance), tolerance
-    ):
+    if not loops.rows:
+        return None
+    poses = generic_poses(loops, guess, PROBES, tolerance, tolerance)
+    if not _inconsistent(loops, joined(poses), tolerance):
         return None
     poses += generic_poses(loops, poses[-1], POSES - PROBES, tolerance, tolerance)
     limits, change = np.repeat([most, MAX_CORRECTION], 3), np.zeros((len(mechanism.joints), 2, 6))
     concerned = _affected_joints(loops, poses, tolerance) if joints is None else joints
-    jacobians = _jacobians(mechanism, loops, poses, concerned) * limits
+    q = joined(poses)
+    jacobians = _jacobians(mechanism, loops, q, concerned) * limits
     for cutoff in CUTOFFS:
-        dependent = [null_spaces(loops.linearise(q)[1][..., 0], tolerance, tolerance)[0] for q in poses]
-        violations = [
-            combination.T @ loops.linearise(q)[0][:, 0]
-            for combination, q in zip(dependent, poses, strict=True)
-        ]
+        residual, jacobian, _ = loops.linearise(q)
+        dependent = [null_spaces(jacobian[..., k], tolerance, tolerance)[0] for k in range(len(q))]
+        violations = [combination.T @ residual[:, k] for k, combination in enumerate(dependent)]
         blocks = [np.tensordot(combination.T, jacobians[:, k], 1) for k, combination in enumerate(dependent)]
         matrix = np.concatenate(blocks).reshape(-1, change.size)
         correction = np.linalg.lstsq(matrix, -np.concatenate(violations), rcond=cutoff)[0]
@@ -177,8 +179,8 @@ def _offsets(
             return None
         trial = with_moved_sides(mechanism, change)
         loops = _loops_and_guess(trial)[0]
-        poses = [nearest_consistent(loops, q, tolerance, tolerance) for q in poses]
-        if not _inconsistent(loops, poses, tolerance):
+        q = nearest_consistent(loops, q, tolerance, tolerance)
+        if not _inconsistent(loops, q, tolerance):
             return change
     return None
 
@@ -272,15 +274,12 @@ def _least_gap(mechanism: Mechanism) -> str:
     return ""
 
 
-def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float) -> bool:
+def _inconsistent(loops: TreeLoops, q: Coordinates, tolerance: float) -> bool:
     """Whether rounding decides: equations are nearly redundant, or violated where others are satisfied."""
-    for q in poses:
-        residual, jacobian, _ = loops.linearise(q)
-        values = np.linalg.svd(jacobian[..., 0], compute_uv=False)
-        violation = float(np.abs(residual).max(initial=0.0))
-        if violation > ROUNDING or (significant(values) & ~significant(values, tolerance, tolerance)).any():
-            return True
-    return False
+    residual, jacobian, _ = loops.linearise(q)
+    values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
+    nearly_redundant = significant(values) & ~significant(values, tolerance, tolerance)
+    return bool((np.abs(residual) > ROUNDING).any() or nearly_redundant.any())
 
 
 def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float) -> set[str]:
@@ -315,13 +314,8 @@ def _columns(branch: TreeJoint) -> range:
     return range(branch.first, branch.first + branch.kind.dof)
 
 
-def _jacobians(
-    mechanism: Mechanism, loops: TreeLoops, poses: Sequence[Coordinates], concerned: set[str]
-) -> Array:
+def _jacobians(mechanism: Mechanism, loops: TreeLoops, q: Coordinates, concerned: set[str]) -> Array:
     """Return derivatives of residuals by shifts and rotations of joint sides, (rows, poses, joints, 2, 6)."""
-    q = Coordinates(
-        np.concatenate([pose.values for pose in poses], 1), np.concatenate([pose.turns for pose in poses], -1)
-    )
     residual = loops.linearise(q)[0]
     jacobian = np.zeros((*residual.shape, len(mechanism.joints), 2, 6))
     for index in np.ndindex(jacobian.shape[2:]):
