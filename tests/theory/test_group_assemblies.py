@@ -161,7 +161,7 @@ def test_a_spatial_mechanism_is_rejected():
 
 
 def test_a_trace_with_groups_states_at_how_many_angles_it_is_complete():
-    trace = ms.trace("jansen", starts=0)
+    trace = ms.trace("watt_six_bar", starts=0)
     assert trace.complete_at == 12
     # without random starts the other curves come from the groups
-    assert len(trace.curves) == len(ms.trace("jansen", starts=300).curves)
+    assert len(trace.curves) == len(ms.trace("watt_six_bar", starts=100).curves)

@@ -4,13 +4,11 @@ Printed: crank 6, coupler 25, arm 33, arm angle 323 deg, frame 35.4, frame angle
 CD/DE = 1/3. Not printed, inferred: follower 13.3 mm and axis_y 30.49 mm (swing of about 60 deg, symmetric
 about the middle of the stroke), axis_z 12.0 mm (distance of C from the plane), and the assembly.
 
-Run `python validation/papers/looper_table.py [--out DIR]` for the table, and Figs 3-7 as pictures.
+Run: python validation/papers/looper_table.py
 """
 
-import argparse
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,83 +112,17 @@ def figure_4(looper: ClosedForm) -> dict[str, Array]:
     }
 
 
-def figure_5(looper: ClosedForm) -> dict[str, Array]:
-    """X, Y and Z of the spatial C in [mm] over the crank angle in [rad]."""
-    c = 1e3 * looper.positions(_angles())["C"]
-    return {"angle": _angles(), "x": c[:, 0], "y": c[:, 1], "z": c[:, 2]}
-
-
-def figure_6(looper: ClosedForm) -> dict[str, Array]:
-    """X and Y of the planar C in [mm] over the crank angle in [rad]."""
-    planar = 1e3 * looper.planar_point(_angles())
-    return {"angle": _angles(), "x": planar[:, 0], "y": planar[:, 1]}
-
-
-def figure_7(looper: ClosedForm) -> dict[str, Array]:
-    """Differences of X and Y between the planar and the spatial C in [mm] over the crank angle in [rad]."""
-    difference = 1e3 * (looper.planar_point(_angles()) - looper.positions(_angles())["C"])
-    return {"angle": _angles(), "x": difference[:, 0], "y": difference[:, 1]}
-
-
 def _angles() -> Array:
     return np.linspace(0.0, 2.0 * np.pi, 721)
 
 
-def plot(out: Path, looper: ClosedForm) -> list[Path]:
-    """Write Figs 3-7 as pictures into a folder."""
-    from matplotlib.figure import Figure
-
-    out.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
-    path_of_e, path_of_c = figure_3(looper), figure_4(looper)
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    left_axes, middle_axes, right_axes = figure.subplots(1, 3)
-    left_axes.plot(path_of_e["x"], path_of_e["y"])
-    left_axes.set(title="Fig. 3: path of E", xlabel="x, mm", ylabel="y, mm", aspect="equal")
-    degrees = np.rad2deg(path_of_c["angle"])
-    on_line = (degrees >= STRAIGHT[0]) & (degrees <= STRAIGHT[1])
-    for axes, mask, title in (
-        (middle_axes, np.ones_like(on_line), "Fig. 4a: path of C"),
-        (right_axes, on_line, "Fig. 4b: its straight part"),
-    ):
-        for kind in ("space", "plane"):
-            axes.plot(
-                path_of_c[f"{kind} x"][mask],
-                path_of_c[f"{kind} y"][mask],
-                label={"space": "in space", "plane": "in the plane"}[kind],
-            )
-        axes.set(title=title, xlabel="x, mm", ylabel="y, mm")
-        axes.legend()
-    written.append(out / "looper_paths.svg")
-    figure.savefig(written[-1])
-
-    figure = Figure(figsize=(12, 4), layout="constrained")
-    titles = ("Fig. 5: C in space", "Fig. 6: C in the plane", "Fig. 7: plane less space")
-    data = (figure_5(looper), figure_6(looper), figure_7(looper))
-    for axes, title, columns in zip(figure.subplots(1, 3), titles, data, strict=True):
-        for name in "xyz":
-            if name in columns:
-                axes.plot(np.rad2deg(columns["angle"]), columns[name], label=name)
-        axes.set(title=title, xlabel="crank angle, deg", ylabel="mm")
-        axes.legend()
-    written.append(out / "looper_coordinates.svg")
-    figure.savefig(written[-1])
-    return written
-
-
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, help="folder for the pictures")
-    options = parser.parse_args()
     rows = table()
     print(f"{'quantity':30} {'unit':4} {'printed':>9} {'expected':>9} {'mechsim':>9}")
     for row in rows:
         note = "" if row.passed else f"  FAILED, tolerance {row.tolerance}"
         values = f"{row.printed:>9} {row.expected:9.4f} {row.computed:9.4f}"
         print(f"{row.quantity:30} {row.unit:4} {values}{note}")
-    if options.out:
-        for path in plot(options.out, catalog.make("looper")):
-            print(path, file=sys.stderr)
     return 0 if all(row.passed for row in rows) else 1
 
 

@@ -1,6 +1,6 @@
 """Closed forms up to 1e-12 rad from a dead centre, compared with the published form.
 
-    python validation/robustness/closed_form_at_dead_centres.py --out DIR
+    python validation/robustness/closed_form_at_dead_centres.py
 
 Problem: a four-bar, slider-crank, RSSR and RRSRR with swinging cranks, 1e-1 to 1e-12 rad inside their dead
 centres. Reference: the same intersection of circle and sphere in 50 digits (mpmath), at the crank angle as a
@@ -11,7 +11,6 @@ cosine, then Dvorzhak (2016), eqs (10)-(21). It is accurate at a dead centre, bu
 divides by zero (../papers/published_form.py).
 """
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -184,31 +183,7 @@ def distance(position: Array, point: list[mp.mpf]) -> float:
         return float(mp.sqrt(sum((mp.mpf(float(a)) - b) ** 2 for a, b in zip(position, point, strict=True))))
 
 
-def draw(path: Path, current: dict[str, tuple[Array, Array]], published: dict[str, Array]) -> None:
-    """Plot errors over the distance, and condition x eps as thin lines."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
-    for i, (name, (error, condition)) in enumerate(current.items()):
-        ax.loglog(DISTANCES, np.maximum(error, 1e-18), "o", ms=4, mfc="none", color=f"C{i}", label=name)
-        ax.loglog(DISTANCES, EPS * condition, lw=0.8, color=f"C{i}")
-    for (name, error), marker in zip(published.items(), "x+", strict=True):
-        ax.loglog(DISTANCES, error, f"{marker}--", lw=0.8, color="#b00020", label=f"{name}, published form")
-    ax.set(xlabel="distance to the dead centre [rad]", ylabel="error / longest link; lines: condition x eps")
-    ax.invert_xaxis()
-    ax.legend()
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-
-
-def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(description="Closed forms near dead centres against 50 digits.")
-    parser.add_argument("--out", type=Path, required=True, help="directory of the plot")
-    out: Path = parser.parse_args(arguments).out
-    out.mkdir(parents=True, exist_ok=True)
+def main() -> int:
     linkages = LINKAGES | {"rssr, V3x = 0": (dead_centre_at_zero_v3x(), "P3")}
     current, published = {}, {}
     for name, (linkage, point) in linkages.items():
@@ -228,9 +203,8 @@ def main(arguments: list[str]) -> int:
         print(f"  {name}: {largest:.2g}")
         if name in published:
             print(f"  {name}, published: {(published[name] / current[name][1]).max() / EPS:.2g}")
-    draw(out / "closed_form_at_dead_centres.png", current, published)
     return 0 if max(units.values()) <= MAX_UNITS else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -1,0 +1,69 @@
+"""Every study can be imported; those that need no other files run in a quick form, or as they are."""
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "validation"
+SCRIPTS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.py"))
+# packages that only the extras [peers] and [engines] install
+OPTIONAL = {"exudyn", "pinocchio", "pydrake", "pylinkage", "skrobot", "warp", "mujoco_warp"}
+QUICK = (
+    "certify/all_mechanisms.py",
+    "choices/compliance.py",
+    "choices/constraint_settings.py",
+    "choices/crank_actuation.py",
+    "choices/matrices.py",
+    "choices/tolerance_study.py --count 1",
+    "choices/torque_tolerance.py --count 1",
+    "choices/tuned_scenes.py --only four_bar --cases 1",
+    "papers/looper_table.py",
+    "papers/triad.py 20",
+    "published/dry_friction.py",
+    "published/forward_dynamics.py 1",
+    "published/natural_frequencies.py",
+    "published/vibrations.py",
+    "robustness/assembly_detector.py --runs 4",
+    "robustness/diagnosis.py --cases 2",
+    "robustness/free_run_drift.py four_bar",
+    "robustness/inputs.py --only 13mm!",
+    "robustness/power_balance.py four_bar",
+    "robustness/random_toml_mechanisms.py --count 2",
+    "robustness/torque_scale.py four_bar",
+    "sensitivity/fifty_digits.py four_bar",
+    "sensitivity/fit_coverage.py 3 four_bar",
+    "sensitivity/noisy_tables.py 4 2",
+    "sensitivity/tolerance_speed.py four_bar",
+    "speed/closed_form_speed.py",
+    "speed/loop_speed.py",
+    "speed/pose_speed.py",
+    "speed/step_overhead.py",
+    "speed/stepped_sweep_speed.py 100 1",
+    "speed/sweep_speed.py 0.0001",
+)
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_every_script_can_be_imported(script, monkeypatch):
+    path = FOLDER / script
+    monkeypatch.syspath_prepend(str(path.parent))
+    try:
+        runpy.run_path(str(path), run_name="imported")
+    except ModuleNotFoundError as error:
+        assert str(error.name).split(".")[0] in OPTIONAL
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", QUICK)
+def test_a_study_runs_in_its_quick_form(words, tmp_path):
+    script, *arguments = words.split()
+    result = subprocess.run(
+        [sys.executable, FOLDER / script, *arguments], cwd=tmp_path, capture_output=True, text=True
+    )
+    # 1: a limit of time is exceeded, or too few cases are named; an error has a traceback
+    assert result.returncode in (0, 1), result.stderr
+    assert "Traceback" not in result.stderr, result.stderr
+    assert result.stdout.strip()
