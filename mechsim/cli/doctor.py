@@ -8,6 +8,7 @@ from typing import TypedDict
 from mechsim.cli.command import Result, command
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import MissingToolError, install_command
+from mechsim.numerics import c_library
 
 # extra of mechsim -> the libraries that its commands import
 EXTRAS = {
@@ -16,6 +17,10 @@ EXTRAS = {
     "sweep": ("dask", "distributed", "xarray", "zarr", "netCDF4", "pyarrow"),
     "robots": ("yaml",),
 }
+# cost of a missing compiler: integration of a released four-bar, validation/peers/released.py
+WITHOUT_COMPILER = (
+    "runs from an initial state integrate in numpy, some 50 times slower; `compile` writes text only"
+)
 
 
 class BackendJson(TypedDict):
@@ -30,11 +35,12 @@ class BackendJson(TypedDict):
 
 
 class DoctorJson(TypedDict):
-    """Versions by library, drawing back ends, the path of ffmpeg, and the command that installs the rest."""
+    """Versions by library, drawing back ends, paths of ffmpeg and C compiler, and the command for the rest."""
 
     versions: dict[str, str]
     opengl: list[BackendJson]
     ffmpeg: str | None
+    compiler: str | None
     remedy: str
 
 
@@ -60,6 +66,7 @@ def doctor() -> Result[DoctorJson]:
         ]
         print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
         print_text(f"ffmpeg: {data['ffmpeg'] or 'none'}")
+        print_text(f"C compiler: {data['compiler'] or f'none, so {WITHOUT_COMPILER}'}")
         for extra, libraries in EXTRAS.items():
             if missing(libraries):
                 print_text(f"not installed: {', '.join(missing(libraries))} ({extra})")
@@ -91,9 +98,15 @@ def examine() -> DoctorJson:
     except MissingToolError:
         ffmpeg = None
         remedies.append("pip install imageio-ffmpeg")
+    try:
+        compiler = c_library.compiler()
+    except MissingToolError:
+        compiler = None
+        remedies.append("apt-get install gcc")
     return {
         "versions": versions() | {"machine": platform.platform()},
         "opengl": backends,  # pyright: ignore[reportReturnType]
         "ffmpeg": ffmpeg,
+        "compiler": compiler,
         "remedy": " && ".join(remedies),
     }

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import files
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
 from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.dynamics.forward_dynamics import BUDGET
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Executed
 from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.dynamics_report import (
@@ -72,6 +72,8 @@ class ForwardRunJson(TypedDict):
     events: list[float]
     singular: list[float]
     steps: int
+    executed: Executed
+    note: str
     final: dict[str, float]
     quantities: dict[str, QuantityJson]
     passed: bool | None
@@ -214,6 +216,8 @@ def _result(
         "events": list(result.events),
         "singular": list(result.singular),
         "steps": result.steps,
+        "executed": result.executed,
+        "note": result.note,
         "final": _final(result),
         "quantities": dict(quantities),
         "passed": None if verdict is None else verdict.passed,
@@ -230,8 +234,9 @@ def _result(
         print_text(f"{name}: {result.outcome} at {number(result.time[-1])} s{turns}{end}")
         print_text(
             f"energy error {result.energy_error:.1e} (relative), work {number(result.work[-1])} J, lost "
-            f"{number(result.lost[-1])} J, {result.steps} steps"
+            f"{number(result.lost[-1])} J, {result.steps} steps in {result.executed}"
         )
+        print_text(result.note and f"not in C: {result.note}")
         print_text(_passages(result))
         _print_extents(model, result, quantities)
         print_comparison(verdict, tolerance, verbose=verbose)

@@ -57,5 +57,6 @@ def test_a_run_that_needs_a_thousand_budgets_ends_after_its_first_steps(rod, for
     run = ms.dynamics.run(rod, forces, duration=1.0)
     assert run.outcome == "work budget spent"
     assert "at this pace" in run.reason
-    assert run.steps < 1000
-    assert run.time[-1] < 1e-4
+    # C takes 17 states a step, and looks at the budget every 512 steps
+    assert run.steps < 2000
+    assert run.time[-1] < 2e-4

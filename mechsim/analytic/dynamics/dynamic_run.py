@@ -18,7 +18,14 @@ from mechsim.analytic.dynamics.equations_of_motion import (
     conditionings,
     equations_of_motion,
 )
-from mechsim.analytic.dynamics.forward_dynamics import BUDGET, UNTIL, Integration, Piece, Trajectory
+from mechsim.analytic.dynamics.forward_dynamics import (
+    BUDGET,
+    UNTIL,
+    Executed,
+    Integration,
+    Piece,
+    Trajectory,
+)
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
@@ -86,6 +93,8 @@ class DynamicRun:
         steps: number of integration steps.
         drift: largest magnitude of the summed energy corrections, in [J].
         singular: instants at which the drivers do not determine the motion, in [s].
+        executed: what evaluated the equations of motion, "C" or "numpy".
+        note: why it was not C; empty if it was.
     """
 
     motion: Motion
@@ -101,6 +110,8 @@ class DynamicRun:
     steps: int
     drift: float
     singular: tuple[float, ...] = ()
+    executed: Executed = "numpy"
+    note: str = ""
 
     __repr__ = short_repr
 
@@ -269,6 +280,8 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         segments=_segments(pieces),
         steps=trajectory.steps,
         drift=trajectory.drift,
+        executed=trajectory.executed,
+        note=trajectory.note,
     )
 
 

@@ -12,9 +12,20 @@ mechanical systems with algebraic constraints, SIAM Journal on Numerical Analysi
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from mechsim.analytic.dynamics.compiled_model import CompiledModel, NotCompiledError, compiled_model
+from mechsim.analytic.dynamics.compiled_motion import (
+    BLOCKED,
+    FAILED,
+    DenseSteps,
+    Settings,
+    Steps,
+    agreed_pivot,
+    integrated,
+)
 from mechsim.analytic.dynamics.contacts import (
     CLOSED_GAP,
     REST,
@@ -30,13 +41,15 @@ from mechsim.analytic.dynamics.initial_state import StateLayout
 from mechsim.analytic.dynamics.link_forces import kinetic_energy
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide, crossing
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, MissingToolError, OutputError
 from mechsim.model.finding import Outcome
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
 
+# what evaluates the equations of motion
+Executed = Literal["C", "numpy"]
 # kinetic energy relative to the largest below which rates are not scaled
 SLOW = 1e-2
 
@@ -50,23 +63,26 @@ class EnergyBalance:
         rates: initial rates in units, (count, 1).
 
     Attributes:
+        initial: energy at the start of the run, in [J].
+        correction: sum of the corrections, in [J].
+        largest: largest kinetic energy, in [J].
         drift: largest magnitude of the summed energy corrections, in [J].
     """
 
     def __init__(self, equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
         self.equations, self.drift = equations, 0.0
-        self._largest, potential = equations.energy(equations.kinematics(q, rates))
-        self._initial, self._correction = self._largest + potential, 0.0
+        self.largest, potential = equations.energy(equations.kinematics(q, rates))
+        self.initial, self.correction = self.largest + potential, 0.0
 
     def balanced(self, q: Coordinates, rates: Array, gained: float) -> Array:
         """Return rates scaled to the initial energy plus the energy gained, in [J]."""
         kinetic, potential = self.equations.energy(self.equations.kinematics(q, rates))
-        self._largest = max(self._largest, kinetic)
-        target = self._initial + gained - potential
-        if kinetic < SLOW * self._largest or not 0.5 * kinetic < target < 2.0 * kinetic:
+        self.largest = max(self.largest, kinetic)
+        target = self.initial + gained - potential
+        if kinetic < SLOW * self.largest or not 0.5 * kinetic < target < 2.0 * kinetic:
             return rates
-        self._correction += target - kinetic
-        self.drift = max(self.drift, abs(self._correction))
+        self.correction += target - kinetic
+        self.drift = max(self.drift, abs(self.correction))
         return rates * np.sqrt(target / kinetic)
 
 
@@ -85,8 +101,12 @@ LEAST_STEPS = 20
 # towards the start, where a stop may be hit again right after an impact
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
 
-# difference of the instants of simultaneous events, relative to the step: rounding
-SIMULTANEOUS = 1e-9
+# the same within each step in C, which is a tenth as long: one instant per variation of the dense output
+WITHIN = 4
+# numbers of steps that C takes before events are searched: few at first, since those beyond an event are lost
+FEW_STEPS, MANY_STEPS = 8, 512
+# difference of the instants of simultaneous events, relative to the longest interval of the search: rounding
+SIMULTANEOUS = 1e-10
 
 # smallest singular value of the constraint Jacobian, relative to that at the start, below which explicit
 # steps are rejected: accelerations lose significance near a singular configuration
@@ -111,7 +131,7 @@ class Piece:
 
     first: float
     last: float
-    solution: StepSolution
+    solution: StepSolution | DenseSteps
     mode: ContactMode
     contacts: list[int]
 
@@ -121,7 +141,7 @@ class Trajectory:
     """The solution of a run.
 
     Attributes:
-        pieces: integration steps with dense output, in order.
+        pieces: integration steps with dense output, in order; many steps in one piece if C took them.
         end: time of the end in [s].
         outcome: "done", "stopped" (permanently at rest), "diverged", "dead centre", "failed" (a joint beyond
             its stop), "too stiff" or "work budget spent".
@@ -130,6 +150,8 @@ class Trajectory:
         events: instants of impacts and of changes between sticking and sliding, in [s].
         event: name of the event that ended the run; empty for another end.
         drift: largest magnitude of the summed energy corrections, in [J].
+        executed: what evaluated the equations of motion.
+        note: why it was not C.
     """
 
     pieces: tuple[Piece, ...]
@@ -140,6 +162,8 @@ class Trajectory:
     events: tuple[float, ...]
     event: str
     drift: float
+    executed: Executed = "numpy"
+    note: str = ""
 
 
 class Integration:
@@ -180,6 +204,11 @@ class Integration:
         self.steps = 0
         self.regular = self.nearest = SINGULAR * self.right.conditioning(self.state)
         self.implicit, self.duration = False, np.inf
+        self.compiled: CompiledModel | None = None
+        self.pivot = 1.0
+        # whether numpy passes a configuration that is too close to a singular one for the C code
+        self.passing, self.note = False, ""
+        self.executed: Executed = "numpy"
         self.ends: dict[str, EventFunction] = {}
         self.event = ""
         self.balance = EnergyBalance(equations, q, rates)
@@ -208,8 +237,15 @@ class Integration:
             decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
             self.implicit = decay * self.duration > MAX_DECAYS
             ended = self._too_stiff(decay) if rest is None else None
+            if rest is None and ended is None:
+                self._compile()
             while ended is None and self.time < duration:
-                ended = self._smooth_motion(self._solver(duration))
+                held = None if self.compiled is None or self.passing else self._held()
+                ended = (
+                    self._smooth_motion(self._solver(duration))
+                    if self.compiled is None or held is None
+                    else self._motion_in_c(self.compiled, held, duration)
+                )
             outcome, reason = ended or rest or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
@@ -220,7 +256,92 @@ class Integration:
             self.pieces.append(Piece(self.time, self.time, constant, self.right.mode, []))
         pieces, events = tuple(self.pieces), tuple(self.events)
         drift = self.balance.drift
-        return Trajectory(pieces, self.time, outcome, reason, self.steps, events, self.event, drift)
+        return Trajectory(
+            pieces,
+            self.time,
+            outcome,
+            reason,
+            self.steps,
+            events,
+            self.event,
+            drift,
+            self.executed,
+            self.note,
+        )
+
+    def _compile(self) -> None:
+        """Let C integrate the motion, unless it does not contain the model, or there is no compiler."""
+        if self.implicit:
+            self.note = "the motion is stiff, and its implicit method runs in numpy"
+            return
+        try:
+            self.compiled = compiled_model(self.equations)
+            self.pivot = agreed_pivot(self.compiled, self.right, self.state)
+        except NotCompiledError as error:
+            self.compiled, self.note = None, f"the C code does not contain {error}"
+        except (MissingToolError, OutputError) as error:
+            self.note = str(error)
+
+    def _held(self) -> list[int] | None:
+        """Return the coordinates that stops and sticking frictions hold; None if a friction is not one."""
+        held, index_of = self.contacts.indices(self.right.mode), self.equations.loops.tree.index_of
+        for i in self.right.mode.stuck:
+            joint, k = self.equations.frictions[i].joint, self.equations.frictions[i].coordinate
+            if not (k < len(joint.coordinates) and joint.coordinates[k] in index_of):
+                return None
+            held.append(index_of[joint.coordinates[k]])
+        return held
+
+    def _motion_in_c(
+        self, model: CompiledModel, held: Sequence[int], duration: float
+    ) -> tuple[Outcome, str] | None:
+        """Step in C as `_smooth_motion`, until an event, the end of the run, or where numpy must continue.
+
+        `held` are the coordinates that stops and sticking frictions hold.
+        """
+        self.executed, self.passing = "C", True
+        nearest, rank = SINGULAR * self.pivot * self.nearest / self.regular, self.equations.rank
+        settings = Settings(
+            self.tolerance, self._scale(), np.inf, rank, nearest, self.right.mode.sliding, held, True
+        )
+        eventful = bool(self.ends or self.contacts.stops or self.equations.frictions)
+        room, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
+        while self.time < duration:
+            balance = (self.balance.correction, self.balance.largest, self.balance.drift, self.fastest)
+            steps = integrated(
+                model, settings, self.time, self.state, duration, room, self.balance.initial, balance, length
+            )
+            self.right.evaluations += steps.evaluations
+            if steps.solution is not None:
+                kind = self._accept_steps(steps, steps.solution)
+                self.progress(f"{self.time:.4g} s", min(1.0, self.time / self.duration))
+                if ended := self._beyond_stop() or self._budget_spent():
+                    return ended
+                if kind is not None:
+                    self.passing = False
+                    return self._after_event(kind)
+            if steps.status in (BLOCKED, FAILED):
+                return None
+            length, room = steps.length, min(2 * room, MANY_STEPS)
+        return None
+
+    def _accept_steps(self, steps: Steps, solution: DenseSteps) -> str | None:
+        """Accept steps in C up to their end or their first event; return the kind of the event."""
+        event, mode = self._first_event(solution, self.time, steps.time), self.right.mode
+        last, count = (steps.time if event is None else event[0]), len(steps.balances)
+        self.pieces.append(Piece(self.time, last, solution, mode, self.contacts.indices(mode)))
+        self.time, self.state = last, steps.state
+        if event is not None:
+            count = max(int(np.searchsorted(solution.starts, last)) - 1, 0)
+        self.steps += count
+        if count:
+            self.balance.correction, self.balance.largest, self.balance.drift, self.fastest = (
+                float(value) for value in steps.balances[count - 1]
+            )
+        if event is None:
+            return None
+        self._project(solution(last))
+        return event[1]
 
     def _solver(self, duration: float) -> GaussCollocation:
         """Return the integrator of smooth motion."""
@@ -259,6 +380,9 @@ class Integration:
                 return self._after_event(kind)
             if self.nearest < self.regular and self.right.conditioning(self.state) > CLOSE * self.regular:
                 self.nearest = self.regular
+            if self.passing and self.right.conditioning(self.state) > CLOSE * self.regular:
+                self.passing = False
+                return None
             solver.y = self.state.copy()
         return None
 
@@ -271,14 +395,17 @@ class Integration:
         last = after if event is None else event[0]
         self.pieces.append(Piece(self.time, last, solution, mode, self.contacts.indices(mode)))
         self.time = last
-        state = state if event is None else solution(last)
-        state = self.right.nearest_on_loops(np.array([last]), state[None])[0]
+        self._project(state if event is None else solution(last))
+        return None if event is None else event[1]
+
+    def _project(self, state: Array) -> None:
+        """Take a state at the present time, projected onto the loops and the balance of energy."""
+        state = self.right.nearest_on_loops(np.array([self.time]), state[None])[0]
         q, rates, work, lost = self.layout.unpack(state)
         if not (self.implicit or self.equations.prescribed):
             rates = self.balance.balanced(q, rates, work - lost)
         self.fastest = max(self.fastest, float(np.abs(rates).max(initial=0.0)))
         self.state = self.layout.replaced(state[None], q, rates)[0]
-        return None if event is None else event[1]
 
     def _after_event(self, kind: str) -> tuple[Outcome, str] | None:
         """Change rates and mode at an event; return the outcome if the run ends."""
@@ -346,7 +473,7 @@ class Integration:
     def _conditioning_before(self) -> float:
         """Return the smallest singular value of the loop constraints at the start of the last piece."""
         piece = self.pieces[-1]
-        return self.right.conditioning(piece.solution(piece.first))
+        return self.right.conditioning(piece.solution(piece.solution.start))
 
     def _cross(self, duration: float) -> tuple[Outcome, str] | None:
         """Cross a singular configuration; if the path only passes near one, permit steps closer to it.
@@ -354,7 +481,9 @@ class Integration:
         Return the outcome if the run ends during the crossing; a duration in [s] limits it.
         """
         piece, conditioning = self.pieces[-1], self.right.conditioning(self.state)
-        approach = (piece.last - piece.first) * conditioning / (self._conditioning_before() - conditioning)
+        approach = (
+            (piece.last - piece.solution.start) * conditioning / (self._conditioning_before() - conditioning)
+        )
         solution = crossing(self.right, self.time, self.state, approach, piece.solution.beyond)
         if solution is None:
             self.nearest *= NEARER
@@ -378,22 +507,25 @@ class Integration:
             scale[-2:] = float(np.trace(self.equations.mass(kinematics)[0])) * rate**2
         return scale
 
-    def _first_event(self, dense: StepSolution, before: float, after: float) -> tuple[float, str] | None:
-        """Return the instant and kind of the first event within a step."""
+    def _first_event(
+        self, dense: StepSolution | DenseSteps, before: float, after: float
+    ) -> tuple[float, str] | None:
+        """Return the instant and kind of the first event between two instants."""
+        times = search_instants(dense, before, after)
         functions = [*self.ends.items()]
         functions += [(MODE, function) for function in self.contacts.end_functions(self.right.mode)]
 
         def states_at(times: Array) -> Kinematics:
             return self.right.kinematics(dense(times))
 
-        event, hit = first_event(functions, states_at, before, after), self._first_hit(dense, before, after)
-        if hit is None or (event is not None and event[0] <= hit + SIMULTANEOUS * (after - before)):
+        event, hit = first_event(functions, states_at, times), self._first_hit(dense, times)
+        if hit is None or (event is not None and event[0] <= hit + _simultaneous(times)):
             return event
         return hit, MODE
 
-    def _first_hit(self, dense: StepSolution, before: float, after: float) -> float | None:
-        """Return the first instant within a step at which a joint hits a stop."""
-        times, rates = before + (after - before) * INSTANTS, slice(self.layout.positions, None)
+    def _first_hit(self, dense: StepSolution | DenseSteps, times: Array) -> float | None:
+        """Return the first instant at which a joint hits a stop, searched at instants (n,) in [s]."""
+        rates = slice(self.layout.positions, None)
         hits = [
             closing_instant(
                 lambda instants, i=i: self.contacts.gaps(dense(instants).T)[i],
@@ -440,20 +572,35 @@ def _holding(mode: ContactMode) -> str:
     return "friction holds" if mode.stuck else "stops hold"
 
 
+def search_instants(solution: StepSolution | DenseSteps, before: float, after: float) -> Array:
+    """Return the instants between two instants in [s] at which events of a solution are searched, (n,)."""
+    if isinstance(solution, StepSolution):
+        return before + (after - before) * INSTANTS
+    knots = solution.knots
+    inner = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(1, WITHIN + 1) / WITHIN
+    early = knots[0] + (knots[1] - knots[0]) * INSTANTS[: int(np.searchsorted(INSTANTS, 1.0 / WITHIN))]
+    return np.clip(np.concatenate([early, inner.ravel()]), before, after)
+
+
+def _simultaneous(times: Array) -> float:
+    """Return the difference in [s] of simultaneous events that are searched between instants."""
+    return SIMULTANEOUS * float(np.diff(times).max())
+
+
 def first_event(
     functions: Sequence[tuple[str, EventFunction]],
     states_at: Callable[[Array], Kinematics],
-    before: float,
-    after: float,
+    times: Array,
 ) -> tuple[float, str] | None:
-    """Return the instant in [s] and kind of the first event between two instants; None without an event.
+    """Return the instant in [s] and kind of the first event; None without an event.
+
+    It is searched between instants (n,) in [s].
 
     Functions of kind `UNTIL` may cross zero in both directions, others only downwards. Of simultaneous events
     the first of the functions counts.
     """
     if not functions:
         return None
-    times = before + (after - before) * INSTANTS
     states, first = states_at(times), None
     for kind, function in functions:
         low, high = (values := function(states, times))[:-1], values[1:]
@@ -468,6 +615,6 @@ def first_event(
             float(times[k]),
             float(times[k + 1]),
         )
-        if first is None or instant < first[0] - SIMULTANEOUS * (after - before):
+        if first is None or instant < first[0] - _simultaneous(times):
             first = (instant, kind)
     return first

@@ -94,7 +94,7 @@ def friction_directions(frictions: Sequence[DryFriction], unit: UnitMotion, jaco
     directions = np.zeros((len(frictions), n, columns))
     for row, friction in zip(directions, frictions, strict=True):
         unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
-        unit_forces += [np.zeros(n)] * len(friction.joint.coordinates)
+        unit_forces += [np.zeros(n)] * (len(friction.joint.coordinates) - len(unit_forces))
         stack = np.zeros_like(unit.twist)
         add_joint_forces(unit, stack, friction.joint, unit_forces)
         row[:] = generalised_forces(unit, jacobians, stack)

@@ -1,0 +1,593 @@
+/* The equations of motion of mechsim.analytic.dynamics for one state; the mechanism is data.
+
+   All wrenches and twists are at the ground's origin, linear before angular. Coordinates are in units: the
+   characteristic length for displacements, 1 rad for angles.
+   Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 (recursive Newton-Euler), 6
+   (composite rigid bodies) and 8 (loops). */
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* a tree joint; -1 is the ground, `before` the tree joint of the parent. Angles follow slides */
+typedef struct {
+    int parent, child, before, forward, slides, turns, ball, first;
+    double parent_frame[9], parent_point[3], child_frame[9], child_point[3];
+    /* successive rotations: factors of 1, cosine and sine of the angles, from parent to child */
+    double rotation[2][27];
+} Branch;
+
+/* a coordinate: axis of the child's motion on a link, and the link with which it moves; `centred` if it
+   passes through a point that moves with the other side. `column` is its place among the free ones, or -1 */
+typedef struct {
+    int link, carrier, slide, centred, centre_link, column;
+    double axis[3], centre[3], unit;
+} Coordinate;
+
+typedef struct {
+    int link;
+    double point[3], frame[9];
+} Side;
+
+/* a joint that closes a loop: scalar products (column of a, column of b or -1 for a length) and targets */
+typedef struct {
+    Side a, b;
+    int rows, first_column, columns, of_a[6], of_b[6];
+    double unit[6], target[6];
+} Cut;
+
+/* coordinate that moves the sides of a cut differently, and the sign of side b's motion relative to a's */
+typedef struct {
+    int coordinate;
+    double sign;
+} Moved;
+
+/* (left q - left_zero - p(right q - right_zero)) / unit - offset = 0; weights lie in `weights` */
+typedef struct {
+    double left_zero, right_zero, coefficients[5], unit, offset;
+} Coupling;
+
+typedef struct {
+    double mass, centre[3], moments[9];
+} Inertia;
+
+typedef struct {
+    int link_a, link_b;
+    double a[3], b[3], stiffness, rest, damping;
+} Spring;
+
+/* spring, viscous and Coulomb friction along one coordinate of a joint in tree or loop */
+typedef struct {
+    Side a, b;
+    int motion, column, friction, hinge;
+    double stiffness, rest, viscous, coulomb;
+} Resistance;
+enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
+
+/* constant force on a point of a link, and constant moment on the link */
+typedef struct {
+    int link;
+    double point[3], force[3], moment[3];
+} Load;
+
+typedef struct {
+    int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
+    const Branch *branches;
+    const Coordinate *coordinates;
+    const Cut *cut;
+    const Moved *moved;
+    const Coupling *coupling;
+    const double *weights;
+    const Inertia *inertias;
+    const Spring *spring;
+    const Resistance *resistance;
+    const Load *load;
+    double gravity[3], flywheel, torque, torque_slope;
+} Model;
+
+/* one state and what follows from it */
+typedef struct {
+    double *q, *turns, *position, *rotation, *unit_twist, *twist, *bias, *force, *inertia;
+    double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
+    int *order;
+    double potential, kinetic, power_in, power_lost, smallest;
+    int rank;
+} Work;
+
+static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross(const double *a, const double *b, double *c) {
+    double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0], c[0] = x, c[1] = y;
+}
+
+static void add_cross(const double *a, const double *b, double *c) {
+    double product[3];
+    cross(a, b, product);
+    for (int i = 0; i < 3; i++) c[i] += product[i];
+}
+
+static void rotate(const double *r, const double *v, double *out) {
+    double x = dot(r, v), y = dot(r + 3, v), z = dot(r + 6, v);
+    out[0] = x, out[1] = y, out[2] = z;
+}
+
+static void multiply(const double *a, const double *b, int transposed_b, double *out) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            const double *column = transposed_b ? b + 3 * j : b + j;
+            int step = transposed_b ? 1 : 3;
+            out[3 * i + j] = a[3 * i] * column[0] + a[3 * i + 1] * column[step] + a[3 * i + 2] * column[2 * step];
+        }
+}
+
+static double inner(int n, const double *a, const double *b) {
+    double sum = 0.0;
+    for (int i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+static void add_scaled(int n, double factor, const double *a, double *out) {
+    for (int i = 0; i < n; i++) out[i] += factor * a[i];
+}
+
+/* point of a link in the ground frame, and its velocity if that is wanted */
+static void locate(const Work *w, int link, const double *local, double *point, double *velocity) {
+    if (link < 0) {
+        memcpy(point, local, 3 * sizeof(double));
+        if (velocity) memset(velocity, 0, 3 * sizeof(double));
+        return;
+    }
+    rotate(w->rotation + 9 * link, local, point);
+    for (int i = 0; i < 3; i++) point[i] += w->position[3 * link + i];
+    if (!velocity) return;
+    memcpy(velocity, w->twist + 6 * link, 3 * sizeof(double));
+    add_cross(w->twist + 6 * link + 3, point, velocity);
+}
+
+static void column_of(const Work *w, const Side *side, int column, double *out) {
+    double local[3] = {side->frame[column], side->frame[3 + column], side->frame[6 + column]};
+    if (side->link < 0) memcpy(out, local, sizeof local);
+    else rotate(w->rotation + 9 * side->link, local, out);
+}
+
+static const double STILL[6];
+
+#define REVOLUTION 6.283185307179586
+
+static const double *spin_of(const Work *w, int link) { return link < 0 ? STILL : w->twist + 6 * link + 3; }
+
+static void relative_rotation(const Work *w, const Branch *b, const double *turn, double *out) {
+    double rotation[2][9];
+    int angles = b->ball ? 0 : b->turns, first = b->first + b->slides;
+    for (int i = 0; i < angles; i++) {
+        double angle = w->q[b->forward ? first + i : first + angles - 1 - i], c = cos(angle), s = sin(angle);
+        const double *f = b->rotation[i];
+        for (int k = 0; k < 9; k++) rotation[i][k] = f[3 * k] + f[3 * k + 1] * c + f[3 * k + 2] * s;
+    }
+    if (angles == 1) memcpy(out, rotation[0], sizeof rotation[0]);
+    else if (angles == 2) multiply(rotation[0], rotation[1], 0, out);
+    else if (!b->ball) multiply(b->parent_frame, b->child_frame, 1, out);
+    else {
+        multiply(b->parent_frame, turn, !b->forward, rotation[0]);
+        multiply(rotation[0], b->child_frame, 1, out);
+    }
+}
+
+static void set_rotation(const double *quaternion, double *r) {
+    double length = sqrt(quaternion[0] * quaternion[0] + dot(quaternion + 1, quaternion + 1));
+    double w = quaternion[0] / length, x = quaternion[1] / length, y = quaternion[2] / length;
+    double z = quaternion[3] / length;
+    r[0] = 1.0 - 2.0 * (y * y + z * z), r[1] = 2.0 * (x * y - w * z), r[2] = 2.0 * (x * z + w * y);
+    r[3] = 2.0 * (x * y + w * z), r[4] = 1.0 - 2.0 * (x * x + z * z), r[5] = 2.0 * (y * z - w * x);
+    r[6] = 2.0 * (x * z - w * y), r[7] = 2.0 * (y * z + w * x), r[8] = 1.0 - 2.0 * (x * x + y * y);
+}
+
+/* poses of the links and unit twists of the coordinates in units */
+static void set_poses(const Model *m, Work *w, const double *state) {
+    for (int k = 0; k < m->count; k++) w->q[k] = state[k] * m->coordinates[k].unit;
+    for (int i = 0; i < m->balls; i++) set_rotation(state + m->count + 4 * i, w->turns + 9 * i);
+    const double *turn = w->turns;
+    for (int i = 0; i < m->links; i++) {
+        const Branch *b = m->branches + i;
+        double *rotation = w->rotation + 9 * b->child, *position = w->position + 3 * b->child;
+        double relative[9], arm[3], slid[3] = {0.0}, back[3];
+        const double *origin = b->parent < 0 ? STILL : w->position + 3 * b->parent;
+        relative_rotation(w, b, turn, relative);
+        turn += 9 * b->ball;
+        if (b->parent < 0) {
+            memcpy(arm, b->parent_point, sizeof arm);
+            memcpy(rotation, relative, sizeof relative);
+        } else {
+            rotate(w->rotation + 9 * b->parent, b->parent_point, arm);
+            multiply(w->rotation + 9 * b->parent, relative, 0, rotation);
+        }
+        for (int k = b->first; k < b->first + b->slides + b->turns; k++) {
+            const Coordinate *c = m->coordinates + k;
+            double *unit = w->unit_twist + 6 * k, axis[3], centre[3];
+            if (c->link < 0) memcpy(axis, c->axis, sizeof axis);
+            else rotate(w->rotation + 9 * c->link, c->axis, axis);
+            for (int j = 0; j < 3; j++) {
+                centre[j] = origin[j] + arm[j] + (b->forward ? slid[j] : 0.0);
+                unit[j] = c->slide ? axis[j] * c->unit : 0.0, unit[3 + j] = c->slide ? 0.0 : axis[j];
+            }
+            if (c->slide) add_scaled(3, w->q[k], axis, slid);
+            else cross(centre, axis, unit);
+        }
+        rotate(rotation, b->child_point, back);
+        for (int j = 0; j < 3; j++) position[j] = origin[j] + (arm[j] - back[j] + slid[j]);
+    }
+}
+
+/* twists of the links, and their accelerations at constant rates of the coordinates */
+static void set_velocities(const Model *m, Work *w, const double *rates) {
+    for (int i = 0; i < m->links; i++) {
+        const Branch *b = m->branches + i;
+        double *twist = w->twist + 6 * b->child, *bias = w->bias + 6 * b->child;
+        memcpy(twist, b->parent < 0 ? STILL : w->twist + 6 * b->parent, 6 * sizeof(double));
+        memcpy(bias, b->parent < 0 ? STILL : w->bias + 6 * b->parent, 6 * sizeof(double));
+        for (int k = b->first; k < b->first + b->slides + b->turns; k++)
+            add_scaled(6, rates[k], w->unit_twist + 6 * k, twist);
+        for (int k = b->first; k < b->first + b->slides + b->turns; k++) {
+            const Coordinate *c = m->coordinates + k;
+            const double *s = w->unit_twist + 6 * k;
+            const double *moving = c->carrier < 0 ? STILL : w->twist + 6 * c->carrier;
+            double change[6] = {0.0};
+            cross(moving + 3, s + 3, change + 3);
+            if (c->centred) {
+                double centre[3], velocity[3];
+                locate(w, c->centre_link, c->centre, centre, velocity);
+                cross(velocity, s + 3, change);
+                add_cross(centre, change + 3, change);
+            } else {
+                cross(moving + 3, s, change);
+                add_cross(moving, s + 3, change);
+            }
+            add_scaled(6, rates[k], change, bias);
+        }
+    }
+}
+
+/* residual, Jacobian by the free coordinates, and velocity-product term of a row */
+static void set_cut_row(const Model *m, Work *w, const Cut *cut, int i, int row, int moving) {
+    double u[3], v[3], a[3], b[3], wrench[6], va[3], vb[3];
+    column_of(w, &cut->a, cut->of_a[i], u);
+    locate(w, cut->a.link, cut->a.point, a, va);
+    locate(w, cut->b.link, cut->b.point, b, vb);
+    int length = cut->of_b[i] < 0;
+    if (length) memcpy(v, b, sizeof v);
+    else column_of(w, &cut->b, cut->of_b[i], v);
+    for (int j = 0; j < 3; j++) wrench[j] = length ? u[j] * cut->unit[i] : 0.0;
+    cross(v, u, wrench + 3);
+    for (int j = 3; j < 6; j++) wrench[j] *= cut->unit[i];
+    double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+    w->residual[row] = dot(u, length ? gap : v) * cut->unit[i] - cut->target[i];
+    double *out = w->rows + row * m->free;
+    memset(out, 0, m->free * sizeof(double));
+    for (int c = cut->first_column; c < cut->first_column + cut->columns; c++) {
+        const Moved *moved = m->moved + c;
+        int column = m->coordinates[moved->coordinate].column;
+        if (column >= 0) out[column] = moved->sign * inner(6, wrench, w->unit_twist + 6 * moved->coordinate);
+    }
+    if (!moving) return;
+    const double *ta = cut->a.link < 0 ? STILL : w->twist + 6 * cut->a.link, *wa = ta + 3;
+    const double *tb = cut->b.link < 0 ? STILL : w->twist + 6 * cut->b.link, *wb = tb + 3;
+    const double *da = cut->a.link < 0 ? STILL : w->bias + 6 * cut->a.link;
+    const double *db = cut->b.link < 0 ? STILL : w->bias + 6 * cut->b.link;
+    if (length) {
+        /* acceleration of b's point on b relative to that on a, without Coriolis' term */
+        double relative[3], velocity[3], on_a[3] = {ta[0], ta[1], ta[2]};
+        add_cross(wa, b, on_a);
+        for (int j = 0; j < 3; j++) relative[j] = db[j] - da[j], velocity[j] = vb[j] - on_a[j];
+        add_cross(db + 3, b, relative);
+        add_cross(wb, vb, relative);
+        add_cross(b, da + 3, relative);
+        add_cross(on_a, wa, relative);
+        double coriolis[3];
+        cross(wa, velocity, coriolis);
+        w->gamma[row] = (dot(u, relative) - 2.0 * dot(u, coriolis)) * cut->unit[i];
+        return;
+    }
+    double spin[3], second[3], across[3], turning_u[3], turning_v[3], changing[3];
+    for (int j = 0; j < 3; j++) spin[j] = wb[j] - wa[j], second[j] = db[3 + j] - da[3 + j];
+    cross(v, u, across);
+    cross(wb, v, turning_v);
+    cross(wa, u, turning_u);
+    cross(turning_v, u, changing);
+    add_cross(v, turning_u, changing);
+    w->gamma[row] = dot(across, second) + dot(changing, spin);
+}
+
+static void set_coupling_row(const Model *m, Work *w, int i, int row, const double *rates) {
+    const Coupling *c = m->coupling + i;
+    const double *left = m->weights + 2 * i * m->count, *right = left + m->count, *p = c->coefficients;
+    double x = inner(m->count, right, w->q) - c->right_zero, rate = 0.0;
+    double value = p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4])));
+    double first = p[1] + x * (2.0 * p[2] + x * (3.0 * p[3] + x * 4.0 * p[4]));
+    double second = 2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4]);
+    w->residual[row] = (inner(m->count, left, w->q) - c->left_zero - value) / c->unit - c->offset;
+    for (int k = 0; k < m->count; k++) {
+        const Coordinate *to = m->coordinates + k;
+        rate += rates ? right[k] * rates[k] * to->unit : 0.0;
+        if (to->column >= 0)
+            w->rows[row * m->free + to->column] = (left[k] - right[k] * first) / c->unit * to->unit;
+    }
+    w->gamma[row] = -second * rate * rate / c->unit;
+}
+
+/* rows of the loops, then those of coordinates at rest; without rates, no velocity-product terms */
+static int set_rows(const Model *m, Work *w, const double *rates, int resting, const int *at_rest) {
+    int row = 0;
+    for (int c = 0; c < m->cuts; c++)
+        for (int i = 0; i < m->cut[c].rows; i++) set_cut_row(m, w, m->cut + c, i, row++, rates != NULL);
+    for (int i = 0; i < m->couplings; i++) set_coupling_row(m, w, i, row++, rates);
+    for (int i = 0; i < resting; i++, row++) {
+        memset(w->rows + row * m->free, 0, m->free * sizeof(double));
+        w->rows[row * m->free + m->coordinates[at_rest[i]].column] = 1.0;
+        w->gamma[row] = w->residual[row] = 0.0;
+    }
+    return row;
+}
+
+static void add_force(const Work *w, int link, const double *point, double size, const double *direction) {
+    if (link < 0) return;
+    double force[3] = {size * direction[0], size * direction[1], size * direction[2]};
+    add_scaled(3, 1.0, force, w->force + 6 * link);
+    add_cross(point, force, w->force + 6 * link + 3);
+}
+
+static void add_couple(const Work *w, const Resistance *r, double size, const double *direction) {
+    if (r->b.link >= 0) add_scaled(3, size, direction, w->force + 6 * r->b.link + 3);
+    if (r->a.link >= 0) add_scaled(3, -size, direction, w->force + 6 * r->a.link + 3);
+}
+
+/* spatial inertias (mass, first moment, inertia matrix) and wrenches of weight and inertia at constant rates */
+static void set_bodies(const Model *m, Work *w) {
+    w->potential = w->kinetic = 0.0;
+    for (int i = 0; i < m->links; i++) {
+        const Inertia *body = m->inertias + i;
+        double *inertia = w->inertia + 13 * i, *force = w->force + 6 * i, centre[3], half[9];
+        locate(w, i, body->centre, centre, NULL);
+        inertia[0] = body->mass;
+        for (int j = 0; j < 3; j++) inertia[1 + j] = body->mass * centre[j];
+        multiply(w->rotation + 9 * i, body->moments, 0, half);
+        multiply(half, w->rotation + 9 * i, 1, inertia + 4);
+        double square = dot(centre, centre);
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++)
+                inertia[4 + 3 * j + k] += body->mass * ((j == k) * square - centre[j] * centre[k]);
+        const double *twist = w->twist + 6 * i, *bias = w->bias + 6 * i, *h = inertia + 1;
+        double momentum[6], change[6];
+        for (int j = 0; j < 3; j++) momentum[j] = body->mass * twist[j], change[j] = body->mass * bias[j];
+        add_cross(twist + 3, h, momentum);
+        add_cross(bias + 3, h, change);
+        rotate(inertia + 4, twist + 3, momentum + 3);
+        rotate(inertia + 4, bias + 3, change + 3);
+        add_cross(h, twist, momentum + 3);
+        add_cross(h, bias, change + 3);
+        w->kinetic += 0.5 * inner(6, momentum, twist);
+        add_cross(twist + 3, momentum, change);
+        add_cross(twist + 3, momentum + 3, change + 3);
+        add_cross(twist, momentum, change + 3);
+        for (int j = 0; j < 6; j++) force[j] = -change[j];
+        w->potential -= body->mass * dot(centre, m->gravity);
+        add_force(w, i, centre, body->mass, m->gravity);
+    }
+}
+
+static void add_spring(const Spring *spring, Work *w) {
+    double a[3], b[3], va[3], vb[3], line[3], rate = 0.0;
+    locate(w, spring->link_a, spring->a, a, va);
+    locate(w, spring->link_b, spring->b, b, vb);
+    for (int i = 0; i < 3; i++) line[i] = b[i] - a[i];
+    double length = sqrt(dot(line, line)), stretch = length - spring->rest;
+    for (int i = 0; i < 3; i++) line[i] /= length > 0.0 ? length : 1.0, rate += line[i] * (vb[i] - va[i]);
+    double tension = spring->stiffness * stretch + spring->damping * rate;
+    add_force(w, spring->link_a, a, tension, line);
+    add_force(w, spring->link_b, b, -tension, line);
+    w->potential += 0.5 * spring->stiffness * stretch * stretch;
+    w->power_lost += spring->damping * rate * rate;
+}
+
+/* direction of the couple that does the work of one coordinate, and its rate */
+static double turning(const Work *w, const Resistance *r, double *direction) {
+    const double *wa = spin_of(w, r->a.link), *wb = spin_of(w, r->b.link);
+    double spin[3] = {wb[0] - wa[0], wb[1] - wa[1], wb[2] - wa[2]}, first[3], second[3];
+    column_of(w, &r->a, 2, first);
+    if (r->motion == TURN) {
+        memcpy(direction, first, sizeof first);
+        return dot(first, spin);
+    }
+    if (r->motion == BALL) {
+        double rate = sqrt(dot(spin, spin));
+        for (int i = 0; i < 3; i++) direction[i] = spin[i] / (rate != 0.0 ? rate : 1.0);
+        return rate;
+    }
+    column_of(w, &r->b, 2, second);
+    const double *own = r->motion == FIRST_AXIS ? first : second, *other = own == first ? second : first;
+    double c = dot(first, second), square = 1.0 - c * c;
+    for (int i = 0; i < 3; i++) direction[i] = (own[i] - c * other[i]) / square;
+    return dot(direction, spin);
+}
+
+static double hinge_angle(const Work *w, const Resistance *r) {
+    double x[3], y[3], reference[3];
+    column_of(w, &r->a, 0, x);
+    column_of(w, &r->a, 1, y);
+    column_of(w, &r->b, 0, reference);
+    return atan2(dot(y, reference), dot(x, reference));
+}
+
+static void add_resistance(const Resistance *r, const double *sliding, Work *w) {
+    double axis[3], a[3], b[3], va[3], vb[3], rate, value = 0.0, direction = r->friction < 0 ? 0.0 : sliding[r->friction];
+    if (r->motion == SLIDE) {
+        locate(w, r->a.link, r->a.point, a, va);
+        locate(w, r->b.link, r->b.point, b, vb);
+        column_of(w, &r->a, r->column, axis);
+        double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, carried[3];
+        cross(spin_of(w, r->a.link), gap, carried);
+        for (int i = 0; i < 3; i++) carried[i] += va[i];
+        rate = dot(axis, vb) - dot(axis, carried), value = dot(axis, gap);
+    } else {
+        rate = turning(w, r, axis);
+        if (r->hinge && r->stiffness != 0.0) value = hinge_angle(w, r);
+    }
+    double stretch = r->stiffness != 0.0 ? value - r->rest : 0.0;
+    if (r->hinge) stretch -= REVOLUTION * rint(stretch / (REVOLUTION));
+    double lost = r->viscous * rate + r->coulomb * direction, effort = -lost - r->stiffness * stretch;
+    w->potential += 0.5 * r->stiffness * stretch * stretch;
+    w->power_lost += lost * rate;
+    if (r->motion != SLIDE) {
+        add_couple(w, r, effort, axis);
+        return;
+    }
+    add_force(w, r->b.link, b, effort, axis);
+    add_force(w, r->a.link, b, -effort, axis);
+}
+
+/* all forces; energies and powers */
+static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding) {
+    w->power_in = w->power_lost = 0.0;
+    set_bodies(m, w);
+    for (int i = 0; i < m->springs; i++) add_spring(m->spring + i, w);
+    for (int i = 0; i < m->resistances; i++) add_resistance(m->resistance + i, sliding, w);
+    for (int i = 0; i < m->loads; i++) {
+        const Load *load = m->load + i;
+        double point[3], velocity[3];
+        locate(w, load->link, load->point, point, velocity);
+        add_force(w, load->link, point, 1.0, load->force);
+        add_scaled(3, 1.0, load->moment, w->force + 6 * load->link + 3);
+        w->power_in += dot(load->force, velocity) + dot(load->moment, spin_of(w, load->link));
+    }
+    if (m->crank >= 0) {
+        double rate = rates[m->crank];
+        w->power_in += (m->torque + m->torque_slope * rate) * rate;
+        w->kinetic += 0.5 * m->flywheel * rate * rate;
+    }
+}
+
+/* mass matrix by composite rigid bodies, and generalised forces, from the leaves to the ground */
+static void set_equations(const Model *m, Work *w, const double *rates) {
+    memset(w->mass, 0, m->free * m->free * sizeof(double));
+    for (int i = m->links - 1; i >= 0; i--) {
+        const Branch *b = m->branches + i;
+        double *inertia = w->inertia + 13 * b->child, *force = w->force + 6 * b->child;
+        for (int k = b->first; k < b->first + b->slides + b->turns; k++) {
+            int column = m->coordinates[k].column;
+            if (column < 0) continue;
+            const double *s = w->unit_twist + 6 * k;
+            double momentum[6] = {inertia[0] * s[0], inertia[0] * s[1], inertia[0] * s[2]};
+            add_cross(s + 3, inertia + 1, momentum);
+            rotate(inertia + 4, s + 3, momentum + 3);
+            add_cross(inertia + 1, s, momentum + 3);
+            w->effort[column] = inner(6, s, force);
+            int last = b->first + b->slides + b->turns;
+            for (const Branch *p = b; p;) {
+                for (int j = p->first; j < last; j++) {
+                    int other = m->coordinates[j].column;
+                    if (other < 0) continue;
+                    double value = inner(6, momentum, w->unit_twist + 6 * j);
+                    w->mass[column * m->free + other] = w->mass[other * m->free + column] = value;
+                }
+                p = p->before < 0 ? NULL : m->branches + p->before;
+                if (p) last = p->first + p->slides + p->turns;
+            }
+        }
+        if (b->parent < 0) continue;
+        add_scaled(13, 1.0, inertia, w->inertia + 13 * b->parent);
+        add_scaled(6, 1.0, force, w->force + 6 * b->parent);
+    }
+    if (m->crank < 0) return;
+    int column = m->coordinates[m->crank].column;
+    w->mass[column * (m->free + 1)] += m->flywheel;
+    w->effort[column] += m->torque + m->torque_slope * rates[m->crank];
+}
+
+/* singular values below this fraction of the largest, and below this number, are zero: as numerics.rank */
+#define RANK_TOLERANCE 1e-9
+#define FLOOR 1e-13
+
+/* L H' of independent rows with row pivoting: reflectors H, triangle L, rank, smallest pivot */
+static void factor(int count, int n, Work *w) {
+    double largest = 0.0;
+    w->rank = 0, w->smallest = 1.0;
+    for (int i = 0; i < count; i++) w->order[i] = i;
+    for (int k = 0; k < count && k < n; k++) {
+        double norm = 0.0;
+        int best = k;
+        for (int i = k; i < count; i++) {
+            const double *row = w->rows + w->order[i] * n + k;
+            double square = inner(n - k, row, row);
+            if (square > norm) norm = square, best = i;
+        }
+        norm = sqrt(norm);
+        if (!(norm > fmax(RANK_TOLERANCE * largest, FLOOR))) return;
+        if (!k) largest = norm;
+        int chosen = w->order[best];
+        w->order[best] = w->order[k], w->order[k] = chosen;
+        double *row = w->rows + chosen * n, *v = w->reflectors + k * n;
+        double pivot = row[k] > 0.0 ? -norm : norm, scale = 1.0 / sqrt(norm * (norm + fabs(row[k])));
+        for (int j = k; j < n; j++) v[j] = (row[j] - (j == k) * pivot) * scale;
+        memcpy(w->triangle + k * n, row, k * sizeof(double));
+        w->triangle[k * n + k] = pivot;
+        w->smallest = norm, w->rank = k + 1;
+        for (int i = k + 1; i < count; i++) {
+            double *other = w->rows + w->order[i] * n;
+            add_scaled(n - k, -inner(n - k, other + k, v + k), v + k, other + k);
+        }
+    }
+}
+
+/* x <- H x with the reflectors */
+static void reflect(int n, const Work *w, double *x) {
+    for (int k = w->rank - 1; k >= 0; k--) {
+        const double *v = w->reflectors + k * n;
+        add_scaled(n - k, -inner(n - k, x + k, v + k), v + k, x + k);
+    }
+}
+
+/* least-norm solution of the independent rows for right sides */
+static void least_norm(int n, const Work *w, double sign, const double *right, double *x) {
+    memset(x, 0, n * sizeof(double));
+    for (int k = 0; k < w->rank; k++)
+        x[k] = (sign * right[w->order[k]] - inner(k, w->triangle + k * n, x)) / w->triangle[k * n + k];
+    reflect(n, w, x);
+}
+
+/* Cholesky solution in place; 0 if the matrix is not positive definite */
+static int solve_positive(int n, double *a, double *x) {
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            double value = a[i * n + j] - inner(j, a + i * n, a + j * n);
+            if (i == j && !(value > 0.0)) return 0;
+            a[i * n + j] = i == j ? sqrt(value) : value / a[j * n + j];
+        }
+    for (int i = 0; i < n; i++) x[i] = (x[i] - inner(i, a + i * n, x)) / a[i * n + i];
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = i + 1; j < n; j++) x[i] -= a[j * n + i] * x[j];
+        x[i] /= a[i * n + i];
+    }
+    return 1;
+}
+
+/* accelerations of the free coordinates, M a = Q + J' lambda with J a + gamma = 0, in `vector` */
+static int accelerate(const Model *m, Work *w, int rows) {
+    int n = m->free;
+    factor(rows, n, w);
+    least_norm(n, w, -1.0, w->gamma, w->vector);
+    int free = n - w->rank;
+    double *moved = w->basis + n * n, *right = moved + n;
+    for (int i = 0; i < n; i++) w->effort[i] -= inner(n, w->mass + i * n, w->vector);
+    for (int i = 0; i < free; i++) {
+        double *along = w->basis + i * n;
+        memset(along, 0, n * sizeof(double));
+        along[w->rank + i] = 1.0;
+        reflect(n, w, along);
+        for (int j = 0; j < n; j++) moved[j] = inner(n, w->mass + j * n, along);
+        for (int j = 0; j <= i; j++) w->reduced[i * free + j] = inner(n, moved, w->basis + j * n);
+        right[i] = inner(n, along, w->effort);
+    }
+    if (!solve_positive(free, w->reduced, right)) return 0;
+    for (int i = 0; i < free; i++) add_scaled(n, right[i], w->basis + i * n, w->vector);
+    return 1;
+}

@@ -1,0 +1,319 @@
+
+/* Integration of the equations by Dormand and Prince's method of order 8, with error control, dense output of
+   order 7, and projection of each state onto the loops.
+
+   Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), sections
+   II.5, II.6 and II.10. A state holds coordinates in units, quaternions of ball joints, rates, work and loss. */
+
+/* coefficients of DOP853 by E. Hairer; stages 13 to 15 are those of the dense output */
+static const double STAGES[16][15] = {
+    {0},
+    {0.05260015195876773},
+    {0.0197250569845379, 0.0591751709536137},
+    {0.02958758547680685, 0, 0.08876275643042054},
+    {0.2413651341592667, 0, -0.8845494793282861, 0.924834003261792},
+    {0.037037037037037035, 0, 0, 0.17082860872947386, 0.12546768756682242},
+    {0.037109375, 0, 0, 0.17025221101954405, 0.06021653898045596, -0.017578125},
+    {0.03709200011850479, 0, 0, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402,
+     0.008273789163814023},
+    {0.6241109587160757, 0, 0, -3.3608926294469414, -0.868219346841726, 27.59209969944671,
+     20.154067550477894, -43.48988418106996},
+    {0.47766253643826434, 0, 0, -2.4881146199716677, -0.590290826836843, 21.230051448181193,
+     15.279233632882423, -33.28821096898486, -0.020331201708508627},
+    {-0.9371424300859873, 0, 0, 5.186372428844064, 1.0914373489967295, -8.149787010746927,
+     -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196},
+    {2.273310147516538, 0, 0, -10.53449546673725, -2.0008720582248625, -17.9589318631188,
+     27.94888452941996, -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636},
+    {0.054293734116568765, 0, 0, 0, 0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+     0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259},
+    {0.056167502283047954, 0, 0, 0, 0, 0, 0.25350021021662483, -0.2462390374708025, -0.12419142326381637,
+     0.15329179827876568, 0.00820105229563469, 0.007567897660545699, -0.008298},
+    {0.03183464816350214, 0, 0, 0, 0, 0.028300909672366776, 0.053541988307438566, -0.05492374857139099, 0,
+     0, -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456, 0.1413124436746325},
+    {-0.42889630158379194, 0, 0, 0, 0, -4.697621415361164, 7.683421196062599, 4.06898981839711,
+     0.3567271874552811, 0, 0, 0, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987}};
+static const double NODES[16] = {
+0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726,
+     0.3333333333333333, 0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0,
+     0.1, 0.2, 0.7777777777777778};
+static const double ERRORS[2][12] = {
+    {-0.18980075407240762, 0, 0, 0, 0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+     -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082},
+    {0.01312004499419488, 0, 0, 0, 0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
+     -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294}};
+static const double DENSE[4][16] = {
+    {-8.428938276109013, 0, 0, 0, 0, 0.5667149535193777, -3.0689499459498917, 2.38466765651207,
+     2.117034582445028, -0.871391583777973, 2.2404374302607883, 0.6315787787694688, -0.08899033645133331,
+     18.148505520854727, -9.194632392478356, -4.436036387594894},
+    {10.427508642579134, 0, 0, 0, 0, 242.28349177525817, 165.20045171727028, -374.5467547226902,
+     -22.113666853125306, 7.733432668472264, -30.674084731089398, -9.332130526430229, 15.697238121770845,
+     -31.139403219565178, -9.35292435884448, 35.81684148639408},
+    {19.985053242002433, 0, 0, 0, 0, -387.0373087493518, -189.17813819516758, 527.8081592054236,
+     -11.57390253995963, 6.8812326946963, -1.0006050966910838, 0.7777137798053443, -2.778205752353508,
+     -60.19669523126412, 84.32040550667716, 11.99229113618279},
+    {-25.69393346270375, 0, 0, 0, 0, -154.18974869023643, -231.5293791760455, 357.6391179106141,
+     93.40532418362432, -37.45832313645163, 104.0996495089623, 29.8402934266605, -43.53345659001114,
+     96.32455395918828, -39.17726167561544, -149.72683625798564}};
+
+enum { FINISHED, FULL, SINGULAR, FAILED };
+/* numbers of a step: its start, duration, and EnergyBalance and fastest rate at its end */
+#define STEP 6
+/* next step: fraction of the longest one, smallest and largest ratio; first change of the state */
+#define SAFETY 0.9
+#define LEAST 0.2
+#define LARGEST 8.0
+#define FIRST_CHANGE 0.01
+/* shortest step, relative to the spacing of doubles at its time */
+#define SPACINGS 10.0
+/* residual of closed loops that is rounding, and the largest that counts as closed */
+#define ROUNDING 1e-15
+#define CLOSED 1e-12
+#define ITERATIONS 10
+/* kinetic energy relative to the largest below which rates are not scaled */
+#define SLOW 1e-2
+
+typedef struct {
+    double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
+    int rank, balanced, resting, room, steps, evaluations, status;
+    const int *at_rest;
+    const double *sliding, *scale;
+    /* state; numbers of each step (STEP); start state and seven coefficients of each step */
+    double *state, *step, *dense;
+} Run;
+
+static int positions(const Model *m) { return m->count + 4 * m->balls; }
+
+static int size_of(const Model *m) { return positions(m) + m->count + 2; }
+
+static Work *workspace(const Model *m, int resting) {
+    int n = m->free, k = m->count, rows = m->rows + resting;
+    struct { size_t offset, count; } parts[] = {
+        {offsetof(Work, q), k}, {offsetof(Work, turns), 9 * m->balls}, {offsetof(Work, position), 3 * m->links},
+        {offsetof(Work, rotation), 9 * m->links}, {offsetof(Work, unit_twist), 6 * k},
+        {offsetof(Work, twist), 6 * m->links}, {offsetof(Work, bias), 6 * m->links},
+        {offsetof(Work, force), 6 * m->links}, {offsetof(Work, inertia), 13 * m->links},
+        {offsetof(Work, rows), rows * n}, {offsetof(Work, residual), rows}, {offsetof(Work, gamma), rows},
+        {offsetof(Work, mass), n * n}, {offsetof(Work, effort), n}, {offsetof(Work, reflectors), n * n},
+        {offsetof(Work, triangle), n * n}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
+        {offsetof(Work, reduced), n * n}};
+    size_t total = 0, count = sizeof parts / sizeof *parts;
+    for (size_t i = 0; i < count; i++) total += parts[i].count;
+    char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + rows * sizeof(int));
+    if (!memory) return NULL;
+    double *next = (double *)(memory + sizeof(Work));
+    for (size_t i = 0; i < count; i++) {
+        *(double **)(memory + parts[i].offset) = next;
+        next += parts[i].count;
+    }
+    ((Work *)memory)->order = (int *)next;
+    return (Work *)memory;
+}
+
+/* derivative of a state; FINISHED if it is defined */
+static int derive(const Model *m, Work *w, Run *run, const double *state, double *out) {
+    const double *rates = state + positions(m);
+    run->evaluations++;
+    set_poses(m, w, state);
+    set_velocities(m, w, rates);
+    int rows = set_rows(m, w, rates, run->resting, run->at_rest);
+    set_forces(m, w, rates, run->sliding);
+    set_equations(m, w, rates);
+    if (!accelerate(m, w, rows)) return FAILED;
+    if (!run->resting && (w->rank < run->rank || w->smallest < run->nearest)) return SINGULAR;
+    memcpy(out, rates, m->count * sizeof(double));
+    double *turning = out + m->count, *acceleration = out + positions(m);
+    const double *q = state + m->count;
+    for (int i = 0; i < m->links; i++) {
+        const Branch *b = m->branches + i;
+        if (!b->ball) continue;
+        const double *spin = rates + b->first + b->slides;
+        memset(out + b->first + b->slides, 0, 3 * sizeof(double));
+        turning[0] = -0.5 * dot(spin, q + 1);
+        cross(spin, q + 1, turning + 1);
+        for (int j = 0; j < 3; j++) turning[1 + j] = 0.5 * (turning[1 + j] + q[0] * spin[j]);
+        turning += 4, q += 4;
+    }
+    for (int k = 0; k < m->count; k++) {
+        int column = m->coordinates[k].column;
+        acceleration[k] = column < 0 ? 0.0 : w->vector[column];
+    }
+    acceleration[m->count] = w->power_in, acceleration[m->count + 1] = w->power_lost;
+    return FINISHED;
+}
+
+/* displaces a state by a step of the free coordinates in units */
+static void displace(const Model *m, const double *step, double *state) {
+    double *q = state + m->count;
+    for (int k = 0; k < m->count; k++)
+        if (m->coordinates[k].column >= 0) state[k] += step[m->coordinates[k].column];
+    for (int i = 0; i < m->links; i++) {
+        const Branch *b = m->branches + i;
+        if (!b->ball) continue;
+        int first = b->first + b->slides, column = m->coordinates[first].column;
+        memset(state + first, 0, 3 * sizeof(double));
+        const double *turn = column < 0 ? STILL : step + column;
+        double angle = sqrt(dot(turn, turn)), c = cos(0.5 * angle), old[4];
+        double s = angle > 1e-8 ? sin(0.5 * angle) / angle : 0.5;
+        memcpy(old, q, sizeof old);
+        q[0] = c * old[0] - s * dot(turn, old + 1);
+        cross(turn, old + 1, q + 1);
+        for (int j = 0; j < 3; j++) q[1 + j] = s * q[1 + j] + c * old[1 + j] + s * old[0] * turn[j];
+        double length = sqrt(q[0] * q[0] + dot(q + 1, q + 1));
+        for (int j = 0; j < 4; j++) q[j] /= length;
+        q += 4;
+    }
+}
+
+/* moves a state to the nearest configuration with closed loops, and its rates to the nearest consistent ones */
+static int project(const Model *m, Work *w, Run *run, double *state) {
+    double *rates = state + positions(m), worst = 0.0;
+    for (int i = 0;; i++) {
+        double before = worst;
+        set_poses(m, w, state);
+        int rows = set_rows(m, w, NULL, 0, NULL);
+        worst = 0.0;
+        for (int k = 0; k < rows; k++) worst = fmax(worst, fabs(w->residual[k]));
+        if (!(worst > ROUNDING) || i == ITERATIONS || (i && worst > 0.5 * before)) break;
+        factor(rows, m->free, w);
+        least_norm(m->free, w, -1.0, w->residual, w->vector);
+        displace(m, w->vector, state);
+    }
+    if (!(worst <= CLOSED)) return FAILED;
+    int rows = set_rows(m, w, NULL, run->resting, run->at_rest);
+    for (int k = 0; k < m->count; k++)
+        if (m->coordinates[k].column >= 0) w->effort[m->coordinates[k].column] = rates[k];
+    for (int k = 0; k < rows; k++) w->gamma[k] = inner(m->free, w->rows + k * m->free, w->effort);
+    factor(rows, m->free, w);
+    least_norm(m->free, w, -1.0, w->gamma, w->vector);
+    for (int k = 0; k < m->count; k++)
+        if (m->coordinates[k].column >= 0) rates[k] += w->vector[m->coordinates[k].column];
+    return FINISHED;
+}
+
+/* scales the rates of a state to its energy, as EnergyBalance of forward_dynamics.py */
+static void balance(const Model *m, Work *w, Run *run, double *state) {
+    double *rates = state + positions(m), gained = rates[m->count] - rates[m->count + 1];
+    if (run->balanced) {
+        set_velocities(m, w, rates);
+        set_forces(m, w, rates, run->sliding);
+        double target = run->energy + gained - w->potential;
+        run->largest = fmax(run->largest, w->kinetic);
+        if (w->kinetic >= SLOW * run->largest && 0.5 * w->kinetic < target && target < 2.0 * w->kinetic) {
+            double factor = sqrt(target / w->kinetic);
+            run->correction += target - w->kinetic;
+            run->drift = fmax(run->drift, fabs(run->correction));
+            for (int k = 0; k < m->count; k++) rates[k] *= factor;
+        }
+    }
+    for (int k = 0; k < m->count; k++) run->fastest = fmax(run->fastest, fabs(rates[k]));
+}
+
+/* state at a stage after a step of `length` */
+static void stage(int size, int number, double length, const double *state, const double *slopes, double *out) {
+    memcpy(out, state, size * sizeof(double));
+    for (int j = 0; j < number && j < 15; j++)
+        if (STAGES[number][j] != 0.0) add_scaled(size, length * STAGES[number][j], slopes + j * size, out);
+}
+
+/* error of a step relative to the tolerance, from the slopes of its stages */
+static double step_error(const Run *run, int size, const double *after, const double *slopes, double length) {
+    double fifth = 0.0, third = 0.0;
+    for (int i = 0; i < size - 2; i++) {
+        double errors[2] = {0.0};
+        for (int k = 0; k < 2; k++)
+            for (int j = 0; j < 12; j++) errors[k] += ERRORS[k][j] * slopes[j * size + i];
+        double scale = run->tolerance * (run->scale[i] + fmax(fabs(run->state[i]), fabs(after[i])));
+        third += errors[0] * errors[0] / (scale * scale);
+        fifth += errors[1] * errors[1] / (scale * scale);
+    }
+    return fifth > 0.0 ? length * fifth / sqrt((fifth + 0.01 * third) * (size - 2)) : third;
+}
+
+/* start state and coefficients of the dense output: see `DenseSteps` of compiled_motion.py */
+static void set_dense(int size, double length, const double *state, const double *after, const double *slopes,
+                      double *out) {
+    for (int i = 0; i < size; i++) {
+        double change = after[i] - state[i], first = length * slopes[i], last = length * slopes[12 * size + i];
+        out[i] = state[i], out[size + i] = change, out[2 * size + i] = first - change;
+        out[3 * size + i] = 2.0 * change - first - last;
+        for (int k = 0; k < 4; k++) {
+            double sum = 0.0;
+            for (int j = 0; j < 16; j++) sum += DENSE[k][j] * slopes[j * size + i];
+            out[(4 + k) * size + i] = length * sum;
+        }
+    }
+}
+
+/* one accepted step; slopes[0] is the derivative at its start */
+static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *after, double *trial) {
+    int size = size_of(m), status = FINISHED;
+    for (int rejected = 0;; rejected = 1) {
+        double remaining = run->end - run->time, length = fmin(run->length, run->longest);
+        length = length > 0.99 * remaining ? remaining : fmin(length, 0.5 * remaining);
+        if (!(length > SPACINGS * 2.3e-16 * fabs(run->time))) return status ? status : FAILED;
+        status = FINISHED;
+        for (int s = 1; s < 12 && status == FINISHED; s++) {
+            stage(size, s, length, run->state, slopes, trial);
+            status = derive(m, w, run, trial, slopes + s * size);
+        }
+        if (status == SINGULAR) return status;
+        double error = NAN;
+        if (status == FINISHED) {
+            stage(size, 12, length, run->state, slopes, after);
+            error = step_error(run, size, after, slopes, length);
+        }
+        double ratio = error < INFINITY ? SAFETY * pow(fmax(error, 1e-30), -0.125) : LEAST;
+        run->length = length * fmin(fmax(ratio, LEAST), rejected ? 1.0 : LARGEST);
+        if (!(error <= 1.0)) {
+            run->length = fmin(run->length, 0.9 * length);
+            continue;
+        }
+        double *numbers = run->step + run->steps * STEP, *dense = run->dense + (size_t)run->steps * 8 * size;
+        memcpy(trial, after, size * sizeof(double));
+        if (project(m, w, run, trial)) return FAILED;
+        balance(m, w, run, trial);
+        if ((status = derive(m, w, run, trial, slopes + 12 * size))) return status;
+        for (int s = 13; s < 16; s++) {
+            stage(size, s, length, run->state, slopes, dense);
+            if ((status = derive(m, w, run, dense, slopes + s * size))) return status;
+        }
+        set_dense(size, length, run->state, after, slopes, dense);
+        numbers[0] = run->time, numbers[1] = length;
+        numbers[2] = run->correction, numbers[3] = run->largest, numbers[4] = run->drift;
+        numbers[5] = run->fastest;
+        run->time = length == remaining ? run->end : run->time + length;
+        memcpy(run->state, trial, size * sizeof(double));
+        memcpy(slopes, slopes + 12 * size, size * sizeof(double));
+        return FINISHED;
+    }
+}
+
+/* integrates until the end, or until there is no room for more steps, or no step is possible */
+int integrate(const Model *m, Run *run) {
+    int size = size_of(m);
+    Work *w = workspace(m, run->resting);
+    double *slopes = malloc((size_t)size * 18 * sizeof(double));
+    run->steps = run->evaluations = 0, run->status = FAILED;
+    if (w && slopes) run->status = derive(m, w, run, run->state, slopes);
+    if (run->status == FINISHED && !(run->length > 0.0)) {
+        double change = 0.0;
+        for (int i = 0; i < size; i++) change = fmax(change, fabs(slopes[i]) / run->scale[i]);
+        run->length = change > 0.0 ? FIRST_CHANGE / change : run->end - run->time;
+    }
+    while (run->status == FINISHED && run->time < run->end) {
+        run->status = run->steps == run->room ? FULL : take_step(m, w, run, slopes, slopes + 16 * size, slopes + 17 * size);
+        run->steps += run->status == FINISHED;
+    }
+    free(slopes);
+    free(w);
+    return run->status;
+}
+
+/* derivative of one state, and its energies; sets rank and smallest pivot of the loops */
+int evaluate(const Model *m, Run *run, double *derivative, double *energies) {
+    Work *w = workspace(m, run->resting);
+    int status = w ? derive(m, w, run, run->state, derivative) : FAILED;
+    if (w) energies[0] = w->kinetic, energies[1] = w->potential, run->rank = w->rank, run->nearest = w->smallest;
+    free(w);
+    return status;
+}

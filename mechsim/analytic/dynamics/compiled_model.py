@@ -1,0 +1,474 @@
+"""A dynamic model as data of the C code in `c/`, which evaluates and integrates its equations of motion.
+
+The C code states the equations of `EquationsOfMotion` for one state; tests compare both for every element.
+A model with an element that is not listed here has no such data.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
+from mechsim.analytic.loops.constraints import Cut
+from mechsim.errors import MechsimError, MissingToolError, OutputError
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Coupling, End, Joint
+from mechsim.model.links import GROUND, Inertia, Vector
+from mechsim.model.load_profile import LoadProfile
+from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.c_library import loaded_library
+
+# names of the attributes of forces and couplings that the C code contains; another one must have its default
+KNOWN: dict[type, set[str]] = {
+    Forces: {
+        "gravity",
+        "friction",
+        "springs",
+        "joint_springs",
+        "loads",
+        "couples",
+        "crank_torque",
+        "flywheel",
+        "motor",
+    },
+    Friction: {"joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn"},
+    Spring: {"a", "b", "stiffness", "rest", "damping"},
+    JointSpring: {"joint", "stiffness", "rest"},
+    Load: {"location", "force"},
+    Couple: {"link", "moment"},
+    LoadProfile: {"over", "value", "width"},
+    Coupling: {"name", "left", "right", "coefficients", "zeros", "turns", "pressure_angle"},
+    ConstantTorque: {"value"},
+    TorqueSpeedLine: {"stall", "no_load"},
+    DCMotor: {"voltage", "resistance", "constant"},
+    Geared: {"motor", "ratio"},
+}
+JOINT_KINDS = {
+    "revolute",
+    "prismatic",
+    "cylindrical",
+    "screw",
+    "universal",
+    "spherical",
+    "planar",
+    "fixed",
+    "floating",
+}
+# largest number of free coordinates: the dense factorisation of more takes longer than that of numpy
+MOST = 60
+
+_INT, _REAL = "i4", "f8"
+SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
+BRANCH = np.dtype(
+    [
+        *(
+            (name, _INT)
+            for name in ("parent", "child", "before", "forward", "slides", "turns", "ball", "first")
+        ),
+        ("parent_frame", _REAL, 9),
+        ("parent_point", _REAL, 3),
+        ("child_frame", _REAL, 9),
+        ("child_point", _REAL, 3),
+        ("rotation", _REAL, (2, 27)),
+    ],
+    align=True,
+)
+COORDINATE = np.dtype(
+    [
+        *((name, _INT) for name in ("link", "carrier", "slide", "centred", "centre_link", "column")),
+        ("axis", _REAL, 3),
+        ("centre", _REAL, 3),
+        ("unit", _REAL),
+    ],
+    align=True,
+)
+CUT = np.dtype(
+    [
+        ("a", SIDE),
+        ("b", SIDE),
+        *((name, _INT) for name in ("rows", "first_column", "columns")),
+        ("of_a", _INT, 6),
+        ("of_b", _INT, 6),
+        ("unit", _REAL, 6),
+        ("target", _REAL, 6),
+    ],
+    align=True,
+)
+MOVED = np.dtype([("coordinate", _INT), ("sign", _REAL)], align=True)
+COUPLING = np.dtype(
+    [
+        ("left_zero", _REAL),
+        ("right_zero", _REAL),
+        ("coefficients", _REAL, 5),
+        ("unit", _REAL),
+        ("offset", _REAL),
+    ],
+    align=True,
+)
+INERTIA = np.dtype([("mass", _REAL), ("centre", _REAL, 3), ("moments", _REAL, 9)], align=True)
+SPRING = np.dtype(
+    [
+        ("link_a", _INT),
+        ("link_b", _INT),
+        ("a", _REAL, 3),
+        ("b", _REAL, 3),
+        *((name, _REAL) for name in ("stiffness", "rest", "damping")),
+    ],
+    align=True,
+)
+RESISTANCE = np.dtype(
+    [
+        ("a", SIDE),
+        ("b", SIDE),
+        *((name, _INT) for name in ("motion", "column", "friction", "hinge")),
+        *((name, _REAL) for name in ("stiffness", "rest", "viscous", "coulomb")),
+    ],
+    align=True,
+)
+SLIDE, TURN, BALL, FIRST_AXIS = range(4)
+LOAD = np.dtype([("link", _INT), ("point", _REAL, 3), ("force", _REAL, 3), ("moment", _REAL, 3)], align=True)
+COUNTS = (
+    *("links", "count", "free", "balls", "cuts", "couplings"),
+    *("rows", "springs", "resistances", "loads", "crank"),
+)
+TABLES = (
+    *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
+    *("inertias", "spring", "resistance", "load"),
+)
+
+
+class ModelData(ctypes.Structure):
+    """`Model` of `c/equations.c`."""
+
+    _fields_ = [
+        *((name, ctypes.c_int) for name in COUNTS),
+        *((name, ctypes.c_void_p) for name in TABLES),
+        ("gravity", ctypes.c_double * 3),
+        *((name, ctypes.c_double) for name in ("flywheel", "torque", "torque_slope")),
+    ]
+
+
+class NotCompiledError(MechsimError):
+    """A model that the C code does not contain; the message names the element."""
+
+
+@dataclass(frozen=True)
+class CompiledModel:
+    """A dynamic model for the C code.
+
+    Attributes:
+        data: the structure that the C code reads.
+        tables: arrays to which it points.
+        library: the compiled code.
+    """
+
+    data: ModelData
+    tables: dict[str, np.ndarray[Any, Any]]
+    library: ctypes.CDLL
+
+
+@cache
+def _loaded() -> ctypes.CDLL | MechsimError:
+    """Return the compiled C code, or the reason why there is none; a compiler that fails is tried once."""
+    folder = Path(__file__).parent / "c"
+    texts = ((folder / name).read_text(encoding="utf-8") for name in ("equations.c", "integration.c"))
+    try:
+        return loaded_library("forward_dynamics", "".join(texts))
+    except (MissingToolError, OutputError) as error:
+        return error
+
+
+def library() -> ctypes.CDLL:
+    """Return the compiled C code.
+
+    Raises:
+        MissingToolError: if there is no C compiler.
+        OutputError: if the cache is not writable.
+    """
+    result = _loaded()
+    if isinstance(result, MechsimError):
+        raise result
+    return result
+
+
+def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
+    """Return the equations of motion of a model for the C code.
+
+    Raises:
+        NotCompiledError: if the C code does not contain an element of the model.
+        MissingToolError: if there is no C compiler.
+        OutputError: if the cache is not writable.
+    """
+    _require_known(equations)
+    forces, loops, free = equations.model.forces, equations.loops, equations.free
+    torque, slope = _crank_torque(equations)
+    moved = [_moved(cut) for cut in loops.cuts]
+    tables = {
+        "branches": _branches(equations),
+        "coordinates": _coordinates(equations),
+        "cut": _cuts(loops.cuts),
+        "moved": np.concatenate([np.empty(0, MOVED), *moved]),
+        "coupling": _couplings(equations),
+        "weights": np.array([[row.left_weights, row.right_weights] for row in loops.couplings], dtype=float),
+        "inertias": _inertias(equations),
+        "spring": _springs(equations),
+        "resistance": _resistances(equations),
+        "load": _loads(equations),
+    }
+    numbers = (
+        len(tables["branches"]),
+        loops.tree.count,
+        len(free),
+        len(loops.tree.balls),
+        len(loops.cuts),
+        len(loops.couplings),
+        loops.rows,
+        *(len(tables[name]) for name in ("spring", "resistance", "load")),
+        -1 if equations.crank is None else equations.crank,
+    )
+    data = ModelData(
+        **dict(zip(COUNTS, numbers, strict=True)),
+        **{name: table.ctypes.data for name, table in tables.items()},
+        gravity=(ctypes.c_double * 3)(*forces.gravity),
+        flywheel=forces.flywheel,
+        torque=torque,
+        torque_slope=slope,
+    )
+    return CompiledModel(data, tables, library())
+
+
+def _require_known(equations: EquationsOfMotion) -> None:
+    """Raise NotCompiledError if the C code does not contain an element of the model."""
+    forces, loops = equations.model.forces, equations.loops
+    for joint in (*loops.tree.mechanism.joints, *equations.model.mechanism.joints):
+        if joint.kind not in JOINT_KINDS:
+            raise NotCompiledError(f"the {joint.kind} joint {joint.name!r}")
+    rows = sum(cut.rows for cut in loops.cuts) + len(loops.couplings)
+    if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
+        raise NotCompiledError("its loop equations")
+    for element in (forces, *loops.tree.mechanism.laws):
+        _require_known_fields(element)
+    if equations.prescribed:
+        raise NotCompiledError("prescribed motion")
+    for profile in forces.load_profiles:
+        if profile.over is not None:
+            raise NotCompiledError(f"a load over {profile.over}")
+    if len(equations.free) > MOST:
+        raise NotCompiledError(f"its {len(equations.free)} coordinates, more than {MOST}")
+
+
+def _require_known_fields(element: Any) -> None:
+    known = KNOWN.get(type(element))
+    if known is None:
+        raise NotCompiledError(f"{type(element).__name__.lower()} {getattr(element, 'name', '')}".strip())
+    for field in fields(element):
+        value = getattr(element, field.name)
+        if field.name not in known and not _is_empty(value, field.default):
+            raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
+        for part in value if isinstance(value, tuple) else (value,):
+            if is_dataclass(part):
+                _require_known_fields(part)
+
+
+def _is_empty(value: Any, default: Any) -> bool:
+    return value is default or value is None or (isinstance(value, tuple) and not value) or value == default
+
+
+def _crank_torque(equations: EquationsOfMotion) -> tuple[float, float]:
+    """Return load and motor torque on the crank at rest in [N m], and its derivative by the speed."""
+    forces = equations.model.forces
+    if equations.crank is None:
+        return 0.0, 0.0
+    load = 0.0 if forces.crank_torque is None else float(forces.crank_torque.evaluate(np.zeros(1))[0])
+    torques = forces.motor_torque(np.zeros(1))
+    return load + float(torques[0]), 0.0 if forces.motor is None else float(forces.motor.derivative)
+
+
+def _filled(dtype: np.dtype[Any], rows: Sequence[dict[str, Any]]) -> np.ndarray[Any, Any]:
+    """Return a table of records."""
+    table = np.zeros(len(rows), dtype)
+    for record, row in zip(table, rows, strict=True):
+        for name, value in row.items():
+            record[name] = value
+    return table
+
+
+def _branches(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    tree, rows, number = equations.loops.tree, list[dict[str, Any]](), dict[int, int]()
+    for i, branch in enumerate(tree.branches):
+        sides, rotation = tree.constants[branch.child], np.zeros((2, 27))
+        for factors, other in zip(rotation, tree.rotations[branch.child], strict=False):
+            factors[:] = other.ravel()
+        number[branch.child] = i
+        row = {
+            "parent": branch.parent,
+            "child": branch.child,
+            "before": number.get(branch.parent, -1),
+            "forward": branch.forward,
+            "slides": len(branch.kind.slides),
+            "turns": len(branch.kind.turns),
+            "ball": branch.kind.ball,
+            "first": branch.first,
+            "parent_frame": sides.parent_frame.ravel(),
+            "parent_point": sides.parent_point,
+            "child_frame": sides.child_frame.ravel(),
+            "child_point": sides.child_point,
+            "rotation": rotation,
+        }
+        rows.append(row)
+    return _filled(BRANCH, rows)
+
+
+def _coordinates(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    tree, rows = equations.loops.tree, list[dict[str, Any]]()
+    column = np.full(tree.count, -1)
+    column[equations.free] = np.arange(len(equations.free))
+    for branch in tree.branches:
+        sides, kind = tree.constants[branch.child], branch.kind
+        link_a, link_b = (branch.parent, branch.child) if branch.forward else (branch.child, branch.parent)
+        axes = zip((*kind.slides, *kind.turns), tree.axes[branch.child], strict=True)
+        for k, (name, (link, axis)) in enumerate(axes, branch.first):
+            slide = k < branch.first_angle
+            in_a = slide or kind.ball or (kind.crossed and name == "a")
+            row = {
+                "link": link,
+                "carrier": link_a if in_a else link_b,
+                "slide": slide,
+                "centred": not slide and bool(kind.slides) and kind.ball,
+                "centre_link": link_b,
+                "column": column[k],
+                "axis": axis,
+                "centre": sides.child_point if branch.forward else sides.parent_point,
+                "unit": tree.units[k],
+            }
+            rows.append(row)
+    return _filled(COORDINATE, rows)
+
+
+def _side(link: int, end: End) -> tuple[int, Vector, Array]:
+    return link, end.point, end.frame.ravel()
+
+
+def _moved(cut: Cut) -> np.ndarray[Any, Any]:
+    rows = [{"coordinate": k, "sign": np.sign(gain)} for k, gain in zip(cut.columns, cut.gains, strict=True)]
+    return _filled(MOVED, rows)
+
+
+def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
+    rows, first = list[dict[str, Any]](), 0
+    for cut in cuts:
+        of_a, of_b, units, targets = cut.products
+        count, lengths = cut.rows, len(cut.lengths)
+        row = {
+            "a": _side(cut.sides[0], cut.joint.a),
+            "b": _side(cut.sides[1], cut.joint.b),
+            "rows": count,
+            "first_column": first,
+            "columns": len(cut.columns),
+            "of_a": np.append(of_a, np.zeros(6 - count)),
+            "of_b": np.concatenate([np.full(lengths, -1), of_b, np.zeros(6 - count)]),
+            "unit": np.append(units, np.zeros(6 - count)),
+            "target": np.append(targets, np.zeros(6 - count)),
+        }
+        first += len(cut.columns)
+        rows.append(row)
+    return _filled(CUT, rows)
+
+
+def _couplings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    loops = equations.loops
+    rows = [
+        {
+            "left_zero": row.coupling.zeros[0],
+            "right_zero": row.coupling.zeros[1],
+            "coefficients": np.append(
+                row.coupling.coefficients, np.zeros(5 - len(row.coupling.coefficients))
+            ),
+            "unit": row.unit,
+            "offset": offset / row.unit,
+        }
+        for row, offset in zip(loops.couplings, loops.turn_offsets, strict=True)
+    ]
+    return _filled(COUPLING, rows)
+
+
+def _inertias(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    tree, table = equations.loops.tree, np.zeros(len(equations.loops.tree.branches), INERTIA)
+    for link in equations.model.mechanism.links:
+        inertia: Inertia | None = link.inertia
+        if inertia is not None:
+            moments = np.ravel(inertia.moments)
+            table[tree.index[link.name]] = inertia.mass, inertia.centre, moments
+    return table
+
+
+def _index(equations: EquationsOfMotion, link: str) -> int:
+    return -1 if link == GROUND else equations.loops.tree.index[link]
+
+
+def _point(equations: EquationsOfMotion, location: Location) -> tuple[int, Vector]:
+    link, point = located(equations.model.mechanism, location)
+    return _index(equations, link), point
+
+
+def _springs(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    rows: list[dict[str, Any]] = []
+    for spring in equations.model.forces.springs:
+        (link_a, a), (link_b, b) = (_point(equations, end) for end in (spring.a, spring.b))
+        constants = {name: getattr(spring, name) for name in ("stiffness", "rest", "damping")}
+        rows.append({"link_a": link_a, "link_b": link_b, "a": a, "b": b, **constants})
+    return _filled(SPRING, rows)
+
+
+def _sides_of(equations: EquationsOfMotion, joint: Joint) -> dict[str, Any]:
+    return {name: _side(_index(equations, end.link), end) for name, end in (("a", joint.a), ("b", joint.b))}
+
+
+def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    mechanism, forces, rows = equations.model.mechanism, equations.model.forces, list[dict[str, Any]]()
+    numbers = {
+        (friction.joint.name, friction.coordinate): k for k, friction in enumerate(equations.frictions)
+    }
+    if len(numbers) != len(equations.frictions):
+        raise NotCompiledError("several frictions in one joint")
+    for friction in forces.friction:
+        joint = mechanism.joint(friction.joint)
+        slides = KINDS[joint.kind].slides
+        for i, (viscous, coulomb) in enumerate(friction.sizes(KINDS[joint.kind])):
+            kind = KINDS[joint.kind]
+            turning = BALL if kind.ball else FIRST_AXIS + i if kind.crossed else TURN
+            row = {
+                **_sides_of(equations, joint),
+                "motion": SLIDE if i < len(slides) else turning,
+                "column": COLUMN[slides[i]] if i < len(slides) else 2,
+                "friction": numbers[joint.name, i] if coulomb else -1,
+                "viscous": viscous,
+                "coulomb": coulomb,
+            }
+            rows.append(row)
+    for spring in forces.joint_springs:
+        joint = mechanism.joint(spring.joint)
+        hinge = KINDS[joint.kind].hinge
+        row = {"motion": TURN if hinge else SLIDE, "column": 2, "friction": -1, "hinge": hinge}
+        rows.append(
+            {**_sides_of(equations, joint), **row, "stiffness": spring.stiffness, "rest": spring.rest}
+        )
+    return _filled(RESISTANCE, rows)
+
+
+def _loads(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    rows: list[dict[str, Any]] = []
+    for load in equations.model.forces.loads:
+        link, point = _point(equations, load.location)
+        rows.append({"link": link, "point": point, "force": load.force.evaluate(np.zeros(1))[0]})
+    for couple in equations.model.forces.couples:
+        moment = couple.moment.evaluate(np.zeros(1))[0]
+        rows.append({"link": _index(equations, couple.link), "moment": moment})
+    return _filled(LOAD, rows)

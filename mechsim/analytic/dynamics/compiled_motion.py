@@ -1,0 +1,243 @@
+"""Runs of forward dynamics by the C code: smooth motion in one contact mode, with dense output."""
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.dynamics.compiled_model import CompiledModel, NotCompiledError
+from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
+from mechsim.analytic.dynamics.initial_state import projected
+from mechsim.analytic.dynamics.right_hand_side import RightHandSide
+from mechsim.numerics.arrays import Array
+
+FINISHED, FULL, BLOCKED, FAILED = range(4)
+# largest relative difference of the derivatives by C and by numpy: rounding near a singular configuration
+AGREED = 1e-7
+# numbers of a step in C, of which the last four belong to the balance of energy
+STEP = 6
+_REALS = (
+    *("time", "end", "tolerance", "length", "longest", "nearest", "fastest"),
+    *("energy", "correction", "largest", "drift"),
+)
+_INTS = ("rank", "balanced", "resting", "room", "steps", "evaluations", "status")
+_POINTERS = ("at_rest", "sliding", "scale", "state", "step", "dense")
+
+
+class RunData(ctypes.Structure):
+    """`Run` of `c/integration.c`."""
+
+    _fields_ = [
+        *((name, ctypes.c_double) for name in _REALS),
+        *((name, ctypes.c_int) for name in _INTS),
+        *((name, ctypes.c_void_p) for name in _POINTERS),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class DenseSteps:
+    """The solution of successive steps, by polynomials of degree 7.
+
+    y = y0 + x (F0 + (1 - x) (F1 + x (F2 + ...))) with x from 0 to 1 in the step (Hairer, Norsett, Wanner I,
+    section II.10).
+
+    Attributes:
+        starts: starts of the steps in [s], (m,).
+        durations: durations of the steps in [s], (m,).
+        coefficients: y0 and F0 to F6 of each step, (m, 8, size).
+    """
+
+    starts: Array
+    durations: Array
+    coefficients: Array
+
+    @property
+    def start(self) -> float:
+        """Start of the last step in [s]."""
+        return float(self.starts[-1])
+
+    @property
+    def knots(self) -> Array:
+        """Ends of the steps in [s], (m + 1,)."""
+        return np.append(self.starts, self.starts[-1] + self.durations[-1])
+
+    def __call__(self, time: float | Array) -> Array:
+        """Return the state (size,) at a time in [s], or the states (n, size) at n times."""
+        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        k = np.clip(np.searchsorted(self.starts, times, side="right") - 1, 0, None)
+        states = self._evaluated(k, times, 7)
+        return states if np.ndim(time) else states[0]
+
+    def beyond(self, times: Array) -> Array:
+        """Return states (n, size) at times (n,) in [s] after the last step, by Hermite's cubic."""
+        return self._evaluated(np.full(len(times), len(self.starts) - 1), times, 3)
+
+    def _evaluated(self, k: Any, times: Array, degree: int) -> Array:
+        x = ((times - self.starts[k]) / self.durations[k])[:, None]
+        chosen, result = self.coefficients[k], np.zeros((len(times), self.coefficients.shape[2]))
+        for i in range(degree, 0, -1):
+            result = (result + chosen[:, i]) * (x if i % 2 else 1.0 - x)
+        return chosen[:, 0] + result
+
+
+@dataclass(slots=True)
+class Settings:
+    """What a call of the C code keeps: tolerance, scale and longest step, and singular configurations.
+
+    Attributes:
+        tolerance: relative error of a step.
+        scale: scale of the state's components, (size,).
+        longest: longest step in [s].
+        rank: rank of the loop constraints.
+        nearest: smallest pivot of the loop constraints at which the C code continues.
+        sliding: direction of each Coulomb friction, (frictions,).
+        at_rest: indices of the coordinates that friction or stops hold.
+        balanced: whether rates are scaled to the energy.
+    """
+
+    tolerance: float
+    scale: Array
+    longest: float
+    rank: int
+    nearest: float
+    sliding: Array
+    at_rest: Sequence[int]
+    balanced: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Steps that the C code took.
+
+    Attributes:
+        solution: their solution; None without a step.
+        status: FINISHED, FULL (no room for more steps), BLOCKED (the next one is too close to a singular
+            configuration) or FAILED (no step is possible).
+        time: end in [s].
+        state: state at the end, on the loops, (size,).
+        balances: correction, largest kinetic energy, drift and fastest rate after each step, (m, 4).
+        length: proposed duration of the next step in [s].
+        evaluations: number of states evaluated.
+    """
+
+    solution: DenseSteps | None
+    status: int
+    time: float
+    state: Array
+    balances: Array
+    length: float
+    evaluations: int
+
+
+def integrated(
+    model: CompiledModel,
+    settings: Settings,
+    time: float,
+    state: Array,
+    end: float,
+    room: int,
+    energy: float,
+    balance: Sequence[float],
+    length: float = 0.0,
+) -> Steps:
+    """Return the steps from a state to an end in [s], at most `room` of them.
+
+    Args:
+        model: the model.
+        settings: what remains the same.
+        time: start in [s].
+        state: state at the start, (size,).
+        end: latest end in [s].
+        room: largest number of steps.
+        energy: kinetic and potential energy of the run's start in [J].
+        balance: correction, largest kinetic energy, drift and fastest rate before.
+        length: duration of the first step in [s]; 0 selects one.
+    """
+    size, state = len(state), state.copy()
+    numbers, dense = np.empty((room, STEP)), np.empty((room, 8, size))
+    scale, sliding, at_rest = _arrays(settings)
+    correction, largest, drift, fastest = balance
+    run = RunData(
+        time=time,
+        end=end,
+        tolerance=settings.tolerance,
+        length=length,
+        longest=settings.longest,
+        nearest=settings.nearest,
+        fastest=fastest,
+        energy=energy,
+        correction=correction,
+        largest=largest,
+        drift=drift,
+        rank=settings.rank,
+        balanced=settings.balanced,
+        resting=len(at_rest),
+        room=room,
+        at_rest=at_rest.ctypes.data,
+        sliding=sliding.ctypes.data,
+        scale=scale.ctypes.data,
+        state=state.ctypes.data,
+        step=numbers.ctypes.data,
+        dense=dense.ctypes.data,
+    )
+    model.library.integrate(ctypes.byref(model.data), ctypes.byref(run))
+    m = run.steps
+    solution = DenseSteps(numbers[:m, 0], numbers[:m, 1], dense[:m]) if m else None
+    return Steps(solution, run.status, run.time, state, numbers[:m, 2:], run.length, run.evaluations)
+
+
+def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array) -> float:
+    """Return the smallest pivot of the loop constraints at a state.
+
+    C and numpy are compared there, at rates that move every coordinate: an element that C lacks would
+    otherwise go unnoticed in the result.
+
+    Raises:
+        NotCompiledError: if they disagree.
+    """
+    equations, layout = right.equations, right.layout
+    q, rates, work, lost = layout.unpack(state)
+    fastest = max(1.0, float(np.abs(rates).max()))
+    moving = rates.copy()
+    moving[equations.free, 0] += fastest * np.cos(1.0 + np.arange(len(equations.free)))
+    moving = projected(equations, q, moving, np.zeros(1))[1]
+    there = layout.pack(q, moving, work, lost)
+    settings = Settings(0.0, np.ones(len(state)), 0.0, 0, 0.0, np.zeros(len(equations.frictions)), (), False)
+    result, _, pivot = derivative(model, settings, there)
+    sliding = Contacts(equations).accelerate(
+        equations.kinematics(q, moving), np.zeros(1), ContactMode(settings.sliding)
+    )
+    expected = layout.derivatives(there[None], equations.kinematics(q, moving), sliding)[0]
+    if not np.abs(result - expected).max() <= AGREED * np.abs(expected).max():
+        raise NotCompiledError("an element that changes the accelerations at the start")
+    return pivot
+
+
+def derivative(model: CompiledModel, settings: Settings, state: Array) -> tuple[Array, int, float]:
+    """Return the derivative of a state, (size,), the rank of its constraints and their smallest pivot."""
+    result, energies, state = np.full(len(state), np.nan), np.zeros(2), state.copy()
+    scale, sliding, at_rest = _arrays(settings)
+    run = RunData(
+        resting=len(at_rest),
+        at_rest=at_rest.ctypes.data,
+        sliding=sliding.ctypes.data,
+        scale=scale.ctypes.data,
+        state=state.ctypes.data,
+    )
+    model.library.evaluate(
+        ctypes.byref(model.data),
+        ctypes.byref(run),
+        ctypes.c_void_p(result.ctypes.data),
+        ctypes.c_void_p(energies.ctypes.data),
+    )
+    return result, run.rank, run.nearest
+
+
+def _arrays(settings: Settings) -> tuple[Array, Array, Any]:
+    return (
+        np.ascontiguousarray(settings.scale, dtype=np.float64),
+        np.ascontiguousarray(settings.sliding, dtype=np.float64),
+        np.array(settings.at_rest, dtype=np.int32),
+    )

@@ -1,0 +1,197 @@
+"""The equations of motion in C against those in numpy, and runs without a usable compiler."""
+
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics import compiled_model as in_c
+from mechsim.analytic.dynamics.compiled_motion import Settings, derivative
+from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
+from mechsim.analytic.dynamics.equations_of_motion import equations_of_motion
+from mechsim.analytic.dynamics.initial_state import StateLayout, projected
+from mechsim.analytic.dynamics.right_hand_side import RightHandSide
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.load_profile import constant, harmonics
+from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
+from mechsim.numerics import c_library
+
+GALLERY = sorted((Path(ms.__file__).parents[1] / "models" / "gallery").glob("*.toml"))
+MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
+FREE_BODY = """<mujoco><worldbody><body name="plate" pos="0 0 1"><freejoint name="free"/>
+<inertial pos="0.1 -0.05 0.02" mass="2" diaginertia="0.02 0.03 0.04"/>
+<body name="arm" pos="0.2 0 0"><joint name="elbow" axis="0 1 0"/>
+<inertial pos="0.1 0 0" mass="0.5" diaginertia="0.001 0.002 0.003"/></body></body></worldbody></mujoco>"""
+
+
+def every_force(mechanism):
+    """Return forces of every kind in every place of a mechanism where they may act."""
+    kinds = {joint.name: KINDS[joint.kind] for joint in mechanism.joints}
+    frictions = [
+        Friction(name, 0.3, 0.2, *((0.1, 0.4) if kind.mixed else ()))
+        for name, kind in kinds.items()
+        if kind.dof not in (0, 6)
+    ]
+    joint_springs = [JointSpring(name, 3.0, 0.2) for name, kind in kinds.items() if kind.single]
+    moving = [name for name in mechanism.points if located(mechanism, name)[0] != "ground"]
+    springs = [Spring(name, ("ground", (0.3, -0.2, 0.4)), 50.0, 0.1, 2.0) for name in moving[:3]]
+    loads = [Load(name, constant([1.0, -2.0, 3.0])) for name in moving[:2]]
+    couples = [Couple(link.name, constant([0.1, 0.2, -0.3])) for link in mechanism.links]
+    crank = mechanism.has_crank and mechanism.crank.a.link == "ground"
+    return Forces(
+        gravity=(0.5, -9.81, 1.0),
+        friction=tuple(frictions),
+        springs=tuple(springs),
+        joint_springs=tuple(joint_springs),
+        loads=tuple(loads),
+        couples=tuple(couples),
+        crank_torque=constant(0.7) if crank else None,
+        flywheel=0.02 if crank else 0.0,
+        motor=TorqueSpeedLine(2.0, 30.0) if crank else None,
+    )
+
+
+def both(model, seed, forces=None):
+    """Return the derivatives of a state by numpy and by C."""
+    source = ms.load(model, still=True)
+    acting = every_force(source.mechanism) if forces is None else forces
+    equations = equations_of_motion(ms.dynamics.dynamic_model(source, acting))
+    layout, random = StateLayout(equations), np.random.default_rng(seed)
+    rates = np.zeros((equations.loops.tree.count, 1))
+    rates[equations.free] = random.normal(size=(len(equations.free), 1))
+    q = equations.loops.displaced(equations.start, 0.02 * rates)
+    q, rates = projected(equations, q, rates, np.zeros(1))
+    state = layout.pack(q, rates, 0.0, 0.0)
+    sliding = np.sign(random.normal(size=len(equations.frictions)))
+    right = RightHandSide(equations, Contacts(equations), layout, ContactMode(sliding))
+    settings = Settings(1e-9, np.ones(len(state)), np.inf, 0, 0.0, sliding, (), True)
+    result, rank, _ = derivative(in_c.compiled_model(equations), settings, state)
+    assert rank == equations.rank
+    return right.derivatives(np.zeros(1), state[None])[0], result
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: Path(model).stem)
+def test_every_force_is_the_same_in_c_and_in_numpy(model):
+    for seed in range(3):
+        expected, result = both(model, seed)
+        # rrsrr has a link that turns almost without inertia, which multiplies rounding
+        assert np.abs(result - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "motor", [ConstantTorque(2.0), DCMotor(12.0, 0.8, 0.05), Geared(DCMotor(12.0, 0.8, 0.05), -3.0)]
+)
+def test_every_motor_is_the_same_in_c_and_in_numpy(motor):
+    expected, result = both("four_bar", 1, Forces(motor=motor))
+    np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+    without, _ = both("four_bar", 1, Forces())
+    assert np.abs(result - without).max() > 1e-3
+
+
+def test_a_free_body_is_the_same_in_c_and_in_numpy(tmp_path):
+    (tmp_path / "plate.xml").write_text(FREE_BODY)
+    expected, result = both(tmp_path / "plate.xml", 2)
+    np.testing.assert_allclose(result, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def run_of(forces=None, **options):
+    return ms.dynamics.run("four_bar", forces, duration=0.3, samples=20, **options)
+
+
+@pytest.fixture
+def fresh_library(monkeypatch, tmp_path):
+    """An empty cache, and nothing loaded yet."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    in_c._loaded.cache_clear()
+    yield tmp_path
+    in_c._loaded.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("forces", "note"),
+    [
+        (Forces(controllers=(Controller("crank", "0.01*sin(crank.q)"),)), "controllers of forces"),
+        (Forces(crank_torque=harmonics([0.1, 0.2], over="time")), "a load over time"),
+    ],
+)
+def test_what_c_does_not_contain_runs_in_numpy_and_says_so(forces, note):
+    run = run_of(forces)
+    assert run.executed == "numpy"
+    assert note in run.note
+
+
+def test_an_element_of_an_unknown_class_is_not_ignored(monkeypatch):
+    known = {**in_c.KNOWN}
+    del known[Spring]
+    monkeypatch.setattr(in_c, "KNOWN", known)
+    spring = Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0)
+    assert run_of(Forces(springs=(spring,))).executed == "numpy"
+    assert run_of(Forces()).executed == "C"
+
+
+def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
+    monkeypatch.setattr(in_c, "_springs", lambda _: np.zeros(0, in_c.SPRING))
+    run = run_of(Forces(springs=(Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0),)))
+    assert run.executed == "numpy"
+    assert "changes the accelerations" in run.note
+
+
+def positions(run):
+    return np.stack([run.motion.points[name].position for name in "AB"])
+
+
+def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
+    fast = run_of()
+    monkeypatch.setattr(in_c, "JOINT_KINDS", set())
+    slow = run_of()
+    assert (fast.executed, fast.note, slow.executed) == ("C", "", "numpy")
+    # both integrate with a relative error of 3e-13 a step
+    assert np.abs(positions(fast) - positions(slow)).max() <= 1e-12
+    assert fast.energy_error <= 1e-11
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_the_error_follows_the_tolerance(tolerance):
+    exact, run = run_of(tolerance=1e-13), run_of(tolerance=tolerance)
+    error = np.abs(positions(run) - positions(exact)).max()
+    assert 1e-4 * tolerance <= error <= 10.0 * tolerance
+
+
+def test_without_a_compiler_the_run_is_in_numpy(fresh_library, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    run = run_of()
+    assert run.outcome == "done"
+    assert (run.executed, run.note.startswith("CC=no-such-compiler is not found")) == ("numpy", True)
+
+
+def test_a_compiler_that_does_not_end_is_given_up_once(fresh_library, monkeypatch):
+    compiler = fresh_library / "cc"
+    compiler.write_text("#!/bin/sh\nexec sleep 60\n")
+    compiler.chmod(compiler.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setattr(c_library, "LONGEST", 0.5)
+    for _ in range(2):
+        run = run_of()
+        assert (run.executed, "does not end within 0.5 s" in run.note) == ("numpy", True)
+    assert not [*(fresh_library / "mechsim").rglob("*.so")]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_a_cache_that_cannot_be_written_leaves_numpy(fresh_library):
+    fresh_library.chmod(0o500)
+    run = run_of()
+    fresh_library.chmod(0o700)
+    assert (run.executed, "cannot keep compiled code" in run.note) == ("numpy", True)
+
+
+def test_a_damaged_library_is_compiled_again(fresh_library):
+    assert run_of().executed == "C"
+    (path,) = (fresh_library / "mechsim").rglob("*.so")
+    path.unlink()
+    path.write_bytes(b"\x7fELF damaged")
+    in_c._loaded.cache_clear()
+    assert run_of().executed == "C"
