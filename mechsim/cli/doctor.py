@@ -35,7 +35,7 @@ class BackendJson(TypedDict):
 
 
 class DoctorJson(TypedDict):
-    """Versions by library, drawing back ends, paths of ffmpeg and C compiler, and the command for the rest."""
+    """Versions by library, drawing back ends, paths of ffmpeg and compiler, and the command for the rest."""
 
     versions: dict[str, str]
     opengl: list[BackendJson]

@@ -15,7 +15,7 @@ from mechsim.errors import MissingToolError, OutputError
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
 # longest time of a compiler in [s]; the largest generated solvers take a few seconds
-LONGEST = 30.0
+TIME_LIMIT = 30.0
 
 
 def compiler() -> str:
@@ -54,8 +54,8 @@ def shared_library(name: str, text: str) -> Path:
     """
     command = compiler()
     status = os.stat(os.path.realpath(command))
-    parts = text, command, str(status.st_mtime_ns), str(status.st_size), platform.machine(), *FLAGS
-    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    inputs = text, command, str(status.st_mtime_ns), str(status.st_size), platform.machine(), *FLAGS
+    key = hashlib.sha256("\0".join(inputs).encode()).hexdigest()[:24]
     path = cache_folder() / f"{name[:60]}-{key}.so"
     try:
         intact = _digest(path) == path.with_suffix(".sha256").read_text(encoding="ascii")
@@ -97,11 +97,11 @@ def compile_library(command: str, text: str, path: Path) -> None:
 def _run_compiler(command: str, arguments: list[str]) -> None:
     try:
         result = subprocess.run(
-            [command, *arguments], capture_output=True, text=True, check=False, timeout=LONGEST
+            [command, *arguments], capture_output=True, text=True, check=False, timeout=TIME_LIMIT
         )
         first = next(iter(result.stderr.strip().splitlines()), "no message") if result.returncode else ""
     except subprocess.TimeoutExpired:
-        first = f"it does not end within {LONGEST:g} s"
+        first = f"it does not end within {TIME_LIMIT:g} s"
     if first:
         raise MissingToolError(f"the C compiler {command} fails: {first}; set CC to one that compiles C99")
 

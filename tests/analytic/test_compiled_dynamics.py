@@ -9,7 +9,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.dynamics import compiled_model as in_c
-from mechsim.analytic.dynamics.compiled_motion import Settings, derivative
+from mechsim.analytic.dynamics.compiled_motion import StepSettings, derivative
 from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.equations_of_motion import equations_of_motion
 from mechsim.analytic.dynamics.initial_state import StateLayout, projected
@@ -68,7 +68,7 @@ def both(model, seed, forces=None):
     state = layout.pack(q, rates, 0.0, 0.0)
     sliding = np.sign(random.normal(size=len(equations.frictions)))
     right = RightHandSide(equations, Contacts(equations), layout, ContactMode(sliding))
-    settings = Settings(1e-9, np.ones(len(state)), np.inf, 0, 0.0, sliding, (), True)
+    settings = StepSettings(1e-9, np.ones(len(state)), np.inf, 0, 0.0, sliding, (), True)
     result, rank, _ = derivative(in_c.compiled_model(equations), settings, state)
     assert rank == equations.rank
     return right.derivatives(np.zeros(1), state[None])[0], result
@@ -106,9 +106,9 @@ def run_of(forces=None, **options):
 def fresh_library(monkeypatch, tmp_path):
     """An empty cache, and nothing loaded yet."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    in_c._loaded.cache_clear()
+    in_c.library_or_error.cache_clear()
     yield tmp_path
-    in_c._loaded.cache_clear()
+    in_c.library_or_error.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -118,23 +118,23 @@ def fresh_library(monkeypatch, tmp_path):
         (Forces(crank_torque=harmonics([0.1, 0.2], over="time")), "a load over time"),
     ],
 )
-def test_what_c_does_not_contain_runs_in_numpy_and_says_so(forces, note):
+def test_what_c_does_not_contain_runs_in_numpy_with_a_note(forces, note):
     run = run_of(forces)
     assert run.executed == "numpy"
     assert note in run.note
 
 
 def test_an_element_of_an_unknown_class_is_not_ignored(monkeypatch):
-    known = {**in_c.KNOWN}
-    del known[Spring]
-    monkeypatch.setattr(in_c, "KNOWN", known)
+    supported = {**in_c.SUPPORTED}
+    del supported[Spring]
+    monkeypatch.setattr(in_c, "SUPPORTED", supported)
     spring = Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0)
     assert run_of(Forces(springs=(spring,))).executed == "numpy"
     assert run_of(Forces()).executed == "C"
 
 
 def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
-    monkeypatch.setattr(in_c, "_springs", lambda _: np.zeros(0, in_c.SPRING))
+    monkeypatch.setattr(in_c, "spring_table", lambda _: np.zeros(0, in_c.SPRING))
     run = run_of(Forces(springs=(Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0),)))
     assert run.executed == "numpy"
     assert "changes the accelerations" in run.note
@@ -173,7 +173,7 @@ def test_a_compiler_that_does_not_end_is_given_up_once(fresh_library, monkeypatc
     compiler.write_text("#!/bin/sh\nexec sleep 60\n")
     compiler.chmod(compiler.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("CC", str(compiler))
-    monkeypatch.setattr(c_library, "LONGEST", 0.5)
+    monkeypatch.setattr(c_library, "TIME_LIMIT", 0.5)
     for _ in range(2):
         run = run_of()
         assert (run.executed, "does not end within 0.5 s" in run.note) == ("numpy", True)
@@ -193,5 +193,5 @@ def test_a_damaged_library_is_compiled_again(fresh_library):
     (path,) = (fresh_library / "mechsim").rglob("*.so")
     path.unlink()
     path.write_bytes(b"\x7fELF damaged")
-    in_c._loaded.cache_clear()
+    in_c.library_or_error.cache_clear()
     assert run_of().executed == "C"

@@ -26,7 +26,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 
 # names of the attributes of forces and couplings that the C code contains; another one must have its default
-KNOWN: dict[type, set[str]] = {
+SUPPORTED: dict[type, set[str]] = {
     Forces: {
         "gravity",
         "friction",
@@ -62,7 +62,7 @@ JOINT_KINDS = {
     "floating",
 }
 # largest number of free coordinates: the dense factorisation of more takes longer than that of numpy
-MOST = 60
+MAX_COORDINATES = 60
 
 _INT, _REAL = "i4", "f8"
 SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
@@ -132,7 +132,7 @@ RESISTANCE = np.dtype(
     ],
     align=True,
 )
-SLIDE, TURN, BALL, FIRST_AXIS = range(4)
+SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
 LOAD = np.dtype([("link", _INT), ("point", _REAL, 3), ("force", _REAL, 3), ("moment", _REAL, 3)], align=True)
 COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
@@ -175,7 +175,7 @@ class CompiledModel:
 
 
 @cache
-def _loaded() -> ctypes.CDLL | MechsimError:
+def library_or_error() -> ctypes.CDLL | MechsimError:
     """Return the compiled C code, or the reason why there is none; a compiler that fails is tried once."""
     folder = Path(__file__).parent / "c"
     texts = ((folder / name).read_text(encoding="utf-8") for name in ("equations.c", "integration.c"))
@@ -192,7 +192,7 @@ def library() -> ctypes.CDLL:
         MissingToolError: if there is no C compiler.
         OutputError: if the cache is not writable.
     """
-    result = _loaded()
+    result = library_or_error()
     if isinstance(result, MechsimError):
         raise result
     return result
@@ -206,9 +206,9 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         MissingToolError: if there is no C compiler.
         OutputError: if the cache is not writable.
     """
-    _require_known(equations)
+    _require_supported(equations)
     forces, loops, free = equations.model.forces, equations.loops, equations.free
-    torque, slope = _crank_torque(equations)
+    torque, derivative = _crank_torque(equations)
     moved = [_moved(cut) for cut in loops.cuts]
     tables = {
         "branches": _branches(equations),
@@ -218,7 +218,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "coupling": _couplings(equations),
         "weights": np.array([[row.left_weights, row.right_weights] for row in loops.couplings], dtype=float),
         "inertias": _inertias(equations),
-        "spring": _springs(equations),
+        "spring": spring_table(equations),
         "resistance": _resistances(equations),
         "load": _loads(equations),
     }
@@ -239,12 +239,12 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         gravity=(ctypes.c_double * 3)(*forces.gravity),
         flywheel=forces.flywheel,
         torque=torque,
-        torque_slope=slope,
+        torque_slope=derivative,
     )
     return CompiledModel(data, tables, library())
 
 
-def _require_known(equations: EquationsOfMotion) -> None:
+def _require_supported(equations: EquationsOfMotion) -> None:
     """Raise NotCompiledError if the C code does not contain an element of the model."""
     forces, loops = equations.model.forces, equations.loops
     for joint in (*loops.tree.mechanism.joints, *equations.model.mechanism.joints):
@@ -254,27 +254,27 @@ def _require_known(equations: EquationsOfMotion) -> None:
     if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
         raise NotCompiledError("its loop equations")
     for element in (forces, *loops.tree.mechanism.laws):
-        _require_known_fields(element)
+        _require_supported_fields(element)
     if equations.prescribed:
         raise NotCompiledError("prescribed motion")
     for profile in forces.load_profiles:
         if profile.over is not None:
             raise NotCompiledError(f"a load over {profile.over}")
-    if len(equations.free) > MOST:
-        raise NotCompiledError(f"its {len(equations.free)} coordinates, more than {MOST}")
+    if len(equations.free) > MAX_COORDINATES:
+        raise NotCompiledError(f"its {len(equations.free)} coordinates, more than {MAX_COORDINATES}")
 
 
-def _require_known_fields(element: Any) -> None:
-    known = KNOWN.get(type(element))
-    if known is None:
+def _require_supported_fields(element: Any) -> None:
+    supported = SUPPORTED.get(type(element))
+    if supported is None:
         raise NotCompiledError(f"{type(element).__name__.lower()} {getattr(element, 'name', '')}".strip())
     for field in fields(element):
         value = getattr(element, field.name)
-        if field.name not in known and not _is_empty(value, field.default):
+        if field.name not in supported and not _is_empty(value, field.default):
             raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
-        for part in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(part):
-                _require_known_fields(part)
+        for inner in value if isinstance(value, tuple) else (value,):
+            if is_dataclass(inner):
+                _require_supported_fields(inner)
 
 
 def _is_empty(value: Any, default: Any) -> bool:
@@ -418,7 +418,7 @@ def _point(equations: EquationsOfMotion, location: Location) -> tuple[int, Vecto
     return _index(equations, link), point
 
 
-def _springs(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.springs:
         (link_a, a), (link_b, b) = (_point(equations, end) for end in (spring.a, spring.b))
@@ -443,7 +443,7 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
         slides = KINDS[joint.kind].slides
         for i, (viscous, coulomb) in enumerate(friction.sizes(KINDS[joint.kind])):
             kind = KINDS[joint.kind]
-            turning = BALL if kind.ball else FIRST_AXIS + i if kind.crossed else TURN
+            turning = BALL if kind.ball else FIRST_AXIS + i if kind.crossed else ROTATION
             row = {
                 **_sides_of(equations, joint),
                 "motion": SLIDE if i < len(slides) else turning,
@@ -456,7 +456,7 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     for spring in forces.joint_springs:
         joint = mechanism.joint(spring.joint)
         hinge = KINDS[joint.kind].hinge
-        row = {"motion": TURN if hinge else SLIDE, "column": 2, "friction": -1, "hinge": hinge}
+        row = {"motion": ROTATION if hinge else SLIDE, "column": 2, "friction": -1, "hinge": hinge}
         rows.append(
             {**_sides_of(equations, joint), **row, "stiffness": spring.stiffness, "rest": spring.rest}
         )

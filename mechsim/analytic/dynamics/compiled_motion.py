@@ -22,7 +22,7 @@ _REALS = (
     *("time", "end", "tolerance", "length", "longest", "nearest", "fastest"),
     *("energy", "correction", "largest", "drift"),
 )
-_INTS = ("rank", "balanced", "resting", "room", "steps", "evaluations", "status")
+_INTS = ("rank", "balanced", "resting", "max_steps", "steps", "evaluations", "status")
 _POINTERS = ("at_rest", "sliding", "scale", "state", "step", "dense")
 
 
@@ -83,7 +83,7 @@ class DenseSteps:
 
 
 @dataclass(slots=True)
-class Settings:
+class StepSettings:
     """What a call of the C code keeps: tolerance, scale and longest step, and singular configurations.
 
     Attributes:
@@ -108,12 +108,12 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True)
-class Steps:
-    """Steps that the C code took.
+class StepsInC:
+    """StepsInC that the C code took.
 
     Attributes:
         solution: their solution; None without a step.
-        status: FINISHED, FULL (no room for more steps), BLOCKED (the next one is too close to a singular
+        status: FINISHED, FULL (no space for more steps), BLOCKED (the next one is too close to a singular
             configuration) or FAILED (no step is possible).
         time: end in [s].
         state: state at the end, on the loops, (size,).
@@ -133,16 +133,16 @@ class Steps:
 
 def integrated(
     model: CompiledModel,
-    settings: Settings,
+    settings: StepSettings,
     time: float,
     state: Array,
     end: float,
-    room: int,
+    max_steps: int,
     energy: float,
     balance: Sequence[float],
     length: float = 0.0,
-) -> Steps:
-    """Return the steps from a state to an end in [s], at most `room` of them.
+) -> StepsInC:
+    """Return the steps from a state to an end in [s], at most `max_steps` of them.
 
     Args:
         model: the model.
@@ -150,13 +150,13 @@ def integrated(
         time: start in [s].
         state: state at the start, (size,).
         end: latest end in [s].
-        room: largest number of steps.
+        max_steps: largest number of steps.
         energy: kinetic and potential energy of the run's start in [J].
         balance: correction, largest kinetic energy, drift and fastest rate before.
         length: duration of the first step in [s]; 0 selects one.
     """
-    size, state = len(state), state.copy()
-    numbers, dense = np.empty((room, STEP)), np.empty((room, 8, size))
+    state = state.copy()
+    numbers, dense = np.empty((max_steps, STEP)), np.empty((max_steps, 8, len(state)))
     scale, sliding, at_rest = _arrays(settings)
     correction, largest, drift, fastest = balance
     run = RunData(
@@ -174,7 +174,7 @@ def integrated(
         rank=settings.rank,
         balanced=settings.balanced,
         resting=len(at_rest),
-        room=room,
+        max_steps=max_steps,
         at_rest=at_rest.ctypes.data,
         sliding=sliding.ctypes.data,
         scale=scale.ctypes.data,
@@ -185,13 +185,13 @@ def integrated(
     model.library.integrate(ctypes.byref(model.data), ctypes.byref(run))
     m = run.steps
     solution = DenseSteps(numbers[:m, 0], numbers[:m, 1], dense[:m]) if m else None
-    return Steps(solution, run.status, run.time, state, numbers[:m, 2:], run.length, run.evaluations)
+    return StepsInC(solution, run.status, run.time, state, numbers[:m, 2:], run.length, run.evaluations)
 
 
 def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array) -> float:
     """Return the smallest pivot of the loop constraints at a state.
 
-    C and numpy are compared there, at rates that move every coordinate: an element that C lacks would
+    C and numpy are compared at rates that move every coordinate: an element that C lacks would
     otherwise go unnoticed in the result.
 
     Raises:
@@ -203,19 +203,21 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array) -> fl
     moving = rates.copy()
     moving[equations.free, 0] += fastest * np.cos(1.0 + np.arange(len(equations.free)))
     moving = projected(equations, q, moving, np.zeros(1))[1]
-    there = layout.pack(q, moving, work, lost)
-    settings = Settings(0.0, np.ones(len(state)), 0.0, 0, 0.0, np.zeros(len(equations.frictions)), (), False)
-    result, _, pivot = derivative(model, settings, there)
+    sample = layout.pack(q, moving, work, lost)
+    settings = StepSettings(
+        0.0, np.ones(len(state)), 0.0, 0, 0.0, np.zeros(len(equations.frictions)), (), False
+    )
+    result, _, pivot = derivative(model, settings, sample)
     sliding = Contacts(equations).accelerate(
         equations.kinematics(q, moving), np.zeros(1), ContactMode(settings.sliding)
     )
-    expected = layout.derivatives(there[None], equations.kinematics(q, moving), sliding)[0]
+    expected = layout.derivatives(sample[None], equations.kinematics(q, moving), sliding)[0]
     if not np.abs(result - expected).max() <= AGREED * np.abs(expected).max():
         raise NotCompiledError("an element that changes the accelerations at the start")
     return pivot
 
 
-def derivative(model: CompiledModel, settings: Settings, state: Array) -> tuple[Array, int, float]:
+def derivative(model: CompiledModel, settings: StepSettings, state: Array) -> tuple[Array, int, float]:
     """Return the derivative of a state, (size,), the rank of its constraints and their smallest pivot."""
     result, energies, state = np.full(len(state), np.nan), np.zeros(2), state.copy()
     scale, sliding, at_rest = _arrays(settings)
@@ -235,7 +237,7 @@ def derivative(model: CompiledModel, settings: Settings, state: Array) -> tuple[
     return result, run.rank, run.nearest
 
 
-def _arrays(settings: Settings) -> tuple[Array, Array, Any]:
+def _arrays(settings: StepSettings) -> tuple[Array, Array, Any]:
     return (
         np.ascontiguousarray(settings.scale, dtype=np.float64),
         np.ascontiguousarray(settings.sliding, dtype=np.float64),

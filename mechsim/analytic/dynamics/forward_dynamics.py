@@ -21,8 +21,8 @@ from mechsim.analytic.dynamics.compiled_motion import (
     BLOCKED,
     FAILED,
     DenseSteps,
-    Settings,
-    Steps,
+    StepSettings,
+    StepsInC,
     agreed_pivot,
     integrated,
 )
@@ -240,11 +240,11 @@ class Integration:
             if rest is None and ended is None:
                 self._compile()
             while ended is None and self.time < duration:
-                held = None if self.compiled is None or self.passing else self._held()
+                locked = None if self.compiled is None or self.passing else self._locked()
                 ended = (
                     self._smooth_motion(self._solver(duration))
-                    if self.compiled is None or held is None
-                    else self._motion_in_c(self.compiled, held, duration)
+                    if self.compiled is None or locked is None
+                    else self._motion_in_c(self.compiled, locked, duration)
                 )
             outcome, reason = ended or rest or (outcome, reason)
         except AssemblyError as error:
@@ -282,34 +282,42 @@ class Integration:
         except (MissingToolError, OutputError) as error:
             self.note = str(error)
 
-    def _held(self) -> list[int] | None:
+    def _locked(self) -> list[int] | None:
         """Return the coordinates that stops and sticking frictions hold; None if a friction is not one."""
-        held, index_of = self.contacts.indices(self.right.mode), self.equations.loops.tree.index_of
+        locked, index_of = self.contacts.indices(self.right.mode), self.equations.loops.tree.index_of
         for i in self.right.mode.stuck:
             joint, k = self.equations.frictions[i].joint, self.equations.frictions[i].coordinate
             if not (k < len(joint.coordinates) and joint.coordinates[k] in index_of):
                 return None
-            held.append(index_of[joint.coordinates[k]])
-        return held
+            locked.append(index_of[joint.coordinates[k]])
+        return locked
 
     def _motion_in_c(
-        self, model: CompiledModel, held: Sequence[int], duration: float
+        self, model: CompiledModel, locked: Sequence[int], duration: float
     ) -> tuple[Outcome, str] | None:
         """Step in C as `_smooth_motion`, until an event, the end of the run, or where numpy must continue.
 
-        `held` are the coordinates that stops and sticking frictions hold.
+        `locked` are the coordinates that stops and sticking frictions hold.
         """
         self.executed, self.passing = "C", True
         nearest, rank = SINGULAR * self.pivot * self.nearest / self.regular, self.equations.rank
-        settings = Settings(
-            self.tolerance, self._scale(), np.inf, rank, nearest, self.right.mode.sliding, held, True
+        settings = StepSettings(
+            self.tolerance, self._scale(), np.inf, rank, nearest, self.right.mode.sliding, locked, True
         )
         eventful = bool(self.ends or self.contacts.stops or self.equations.frictions)
-        room, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
+        max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
         while self.time < duration:
             balance = (self.balance.correction, self.balance.largest, self.balance.drift, self.fastest)
             steps = integrated(
-                model, settings, self.time, self.state, duration, room, self.balance.initial, balance, length
+                model,
+                settings,
+                self.time,
+                self.state,
+                duration,
+                max_steps,
+                self.balance.initial,
+                balance,
+                length,
             )
             self.right.evaluations += steps.evaluations
             if steps.solution is not None:
@@ -322,10 +330,10 @@ class Integration:
                     return self._after_event(kind)
             if steps.status in (BLOCKED, FAILED):
                 return None
-            length, room = steps.length, min(2 * room, MANY_STEPS)
+            length, max_steps = steps.length, min(2 * max_steps, MANY_STEPS)
         return None
 
-    def _accept_steps(self, steps: Steps, solution: DenseSteps) -> str | None:
+    def _accept_steps(self, steps: StepsInC, solution: DenseSteps) -> str | None:
         """Accept steps in C up to their end or their first event; return the kind of the event."""
         event, mode = self._first_event(solution, self.time, steps.time), self.right.mode
         last, count = (steps.time if event is None else event[0]), len(steps.balances)

@@ -32,10 +32,6 @@ static const double STAGES[16][15] = {
      0, -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456, 0.1413124436746325},
     {-0.42889630158379194, 0, 0, 0, 0, -4.697621415361164, 7.683421196062599, 4.06898981839711,
      0.3567271874552811, 0, 0, 0, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987}};
-static const double NODES[16] = {
-0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726,
-     0.3333333333333333, 0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0,
-     0.1, 0.2, 0.7777777777777778};
 static const double ERRORS[2][12] = {
     {-0.18980075407240762, 0, 0, 0, 0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
      -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082},
@@ -74,7 +70,7 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 
 typedef struct {
     double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
-    int rank, balanced, resting, room, steps, evaluations, status;
+    int rank, balanced, resting, max_steps, steps, evaluations, status;
     const int *at_rest;
     const double *sliding, *scale;
     /* state; numbers of each step (STEP); start state and seven coefficients of each step */
@@ -288,7 +284,7 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
     }
 }
 
-/* integrates until the end, or until there is no room for more steps, or no step is possible */
+/* integrates until the end, or until there is no space for more steps, or no step is possible */
 int integrate(const Model *m, Run *run) {
     int size = size_of(m);
     Work *w = workspace(m, run->resting);
@@ -301,7 +297,8 @@ int integrate(const Model *m, Run *run) {
         run->length = change > 0.0 ? FIRST_CHANGE / change : run->end - run->time;
     }
     while (run->status == FINISHED && run->time < run->end) {
-        run->status = run->steps == run->room ? FULL : take_step(m, w, run, slopes, slopes + 16 * size, slopes + 17 * size);
+        double *after = slopes + 16 * size, *trial = after + size;
+        run->status = run->steps == run->max_steps ? FULL : take_step(m, w, run, slopes, after, trial);
         run->steps += run->status == FINISHED;
     }
     free(slopes);
