@@ -19,7 +19,7 @@ from mechsim.errors import MechsimError, MissingToolError, OutputError
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Coupling, End, Joint
-from mechsim.model.links import GROUND, Inertia, Vector
+from mechsim.model.links import GROUND, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
 from mechsim.numerics.arrays import Array
@@ -400,12 +400,9 @@ def _couplings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
 
 
 def _inertias(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
-    tree, table = equations.loops.tree, np.zeros(len(equations.loops.tree.branches), INERTIA)
-    for link in equations.model.mechanism.links:
-        inertia: Inertia | None = link.inertia
-        if inertia is not None:
-            moments = np.ravel(inertia.moments)
-            table[tree.index[link.name]] = inertia.mass, inertia.centre, moments
+    table = np.zeros(len(equations.loops.tree.branches), INERTIA)
+    table["mass"][equations.links], table["centre"][equations.links], moments = equations.inertias
+    table["moments"][equations.links] = moments.reshape(-1, 9)
     return table
 
 
@@ -419,6 +416,7 @@ def _point(equations: EquationsOfMotion, location: Location) -> tuple[int, Vecto
 
 
 def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    """Return the springs between points as data of the C code."""
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.springs:
         (link_a, a), (link_b, b) = (_point(equations, end) for end in (spring.a, spring.b))

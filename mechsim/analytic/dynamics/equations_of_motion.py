@@ -163,7 +163,7 @@ class EquationsOfMotion:
         return tuple(frictions)
 
     @cached_property
-    def _inertias(self) -> tuple[Array, Array, Array]:
+    def inertias(self) -> tuple[Array, Array, Array]:
         """Masses (L,), centres (L, 3) and inertia matrices (L, 3, 3) in the links' frames."""
         inertias = [link.inertia for link in self.model.mechanism.links if link.inertia is not None]
         return (
@@ -200,7 +200,7 @@ class EquationsOfMotion:
             contacts: indices of the coordinates with a stop in contact.
         """
         unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
-        inertia = spatial_inertias(unit, *self._inertias)
+        inertia = spatial_inertias(unit, *self.inertias)
         mass = self._mass(jacobians, inertia)
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
@@ -260,7 +260,7 @@ class EquationsOfMotion:
 
     def mass(self, state: Kinematics) -> Array:
         """Return the mass matrix of the free coordinates in units, (n, free, free)."""
-        inertia = spatial_inertias(self._unit_motion(state), *self._inertias)
+        inertia = spatial_inertias(self._unit_motion(state), *self.inertias)
         return self._mass(self._link_jacobians(state), inertia)
 
     def energy(self, state: Kinematics) -> tuple[float, float]:
