@@ -146,7 +146,7 @@ def positions(run):
 
 def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
     fast = run_of()
-    monkeypatch.setattr(in_c, "JOINT_KINDS", set())
+    monkeypatch.setattr(in_c, "SUPPORTED", {})
     slow = run_of()
     assert (fast.executed, fast.note, slow.executed) == ("C", "", "numpy")
     # both integrate with a relative error of 3e-13 a step

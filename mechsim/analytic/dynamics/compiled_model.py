@@ -17,7 +17,7 @@ from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.analytic.loops.constraints import Cut
 from mechsim.errors import MechsimError, MissingToolError, OutputError
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
-from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joint_kinds import COLUMN, KINDS, Kind
 from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import GROUND, Vector
 from mechsim.model.load_profile import LoadProfile
@@ -45,21 +45,13 @@ SUPPORTED: dict[type, set[str]] = {
     Couple: {"link", "moment"},
     LoadProfile: {"over", "value", "width"},
     Coupling: {"name", "left", "right", "coefficients", "zeros", "turns", "pressure_angle"},
+    Joint: {"name", "kind", "a", "b", "cross_angle", "lead", "without_reference"},
+    End: {"link", "point", "axis", "reference", "has_reference"},
+    Kind: {"slides", "turns", "helical"},
     ConstantTorque: {"value"},
     TorqueSpeedLine: {"stall", "no_load"},
     DCMotor: {"voltage", "resistance", "constant"},
     Geared: {"motor", "ratio"},
-}
-JOINT_KINDS = {
-    "revolute",
-    "prismatic",
-    "cylindrical",
-    "screw",
-    "universal",
-    "spherical",
-    "planar",
-    "fixed",
-    "floating",
 }
 # largest number of free coordinates: the dense factorisation of more takes longer than that of numpy
 MAX_COORDINATES = 60
@@ -248,8 +240,8 @@ def _require_supported(equations: EquationsOfMotion) -> None:
     """Raise NotCompiledError if the C code does not contain an element of the model."""
     forces, loops = equations.model.forces, equations.loops
     for joint in (*loops.tree.mechanism.joints, *equations.model.mechanism.joints):
-        if joint.kind not in JOINT_KINDS:
-            raise NotCompiledError(f"the {joint.kind} joint {joint.name!r}")
+        _require_supported_fields(joint)
+        _require_supported_fields(KINDS[joint.kind])
     rows = sum(cut.rows for cut in loops.cuts) + len(loops.couplings)
     if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
         raise NotCompiledError("its loop equations")

@@ -36,7 +36,7 @@ def with_determined_motion(
     mass, null = equations.mass(state)[0], null_spaces(state.jacobian[0])[1]
     values, vectors = np.linalg.eigh(null @ mass @ null.T)
     empty = values <= NO_INERTIA * np.trace(mass)
-    if len(values) and not empty.any():
+    if not empty.any() and (len(values) or equations.prescribed):
         return equations, rates
     directions = null.T @ vectors[:, empty]
     require_idle(equations, state, directions)
