@@ -200,6 +200,8 @@ def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
 # spaced, and as many at multiples of the golden ratio, because a law can have the period of the former
 PROBES = 2048
 GOLDEN_RATIO = 0.6180339887498949
+# part of a motion, as its reciprocal, in which an oscillation is one: a shorter pulse counts by its rate
+BURSTS = 64
 # intervals on which a law is first enclosed; those whose rate may exceed BETWEEN_PROBES times the largest
 # at probes are halved, at most HALVINGS times and as many as these at a time
 INTERVALS, HALVINGS, BETWEEN_PROBES = 256, 50, 2.0
@@ -308,10 +310,13 @@ class MotionLaws:
     @cached_property
     def fastest(self) -> float:
         """Largest of `rate`, the angular frequency of any driver and one cycle per motion, in [rad/s]."""
-        _, rate, second = self.state(_probes(self.duration))
+        _, rate, second = self.state(np.sort(_probes(self.duration)))
         rate_rms, acceleration_rms = (np.sqrt((derivative**2).mean(1)) for derivative in (rate, second))
         frequency = np.divide(acceleration_rms, rate_rms, out=np.zeros_like(rate_rms), where=rate_rms > 0.0)
-        return max(self.rate, float(frequency.max()), REVOLUTION / self.duration)
+        # a probe on a narrow pulse has any ratio, but an oscillation changes signs at half the probes
+        changes = (np.diff(np.sign(second)) != 0.0).sum(1)
+        most = np.pi * (1.0 + changes) * BURSTS / self.duration
+        return max(self.rate, float(np.minimum(frequency, most).max()), REVOLUTION / self.duration)
 
     @property
     def revolutions(self) -> float:

@@ -49,6 +49,9 @@ AT_START = 1e-3
 # largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
 # below which nodes are closed to rounding
 NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
+# attempts in a row below `MIN_EXTRAPOLATED`, after which the path ends: the loops do not close beyond, but
+# within rounding of the residual they do; an end takes 100 attempts
+MAX_SHORT = 300
 # tolerance of equal parameters
 SAME_PARAMETER = 1e-9
 # shortest segment in spacings of floating-point numbers at its parameter
@@ -165,13 +168,15 @@ class ContinuationPath(PathStates[E, Q]):
             if not segments and self.segments[-direction]:
                 length *= self.control.max_growth  # the segment on the other side predicts it
             length = max(length, 2.0 * _shortest(self, self.end(direction)))
+        short = 0
         while (remaining := direction * (target - self.end(direction))) > 0.0:
             current = self.end(direction)
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
+            short = short + 1 if length < MIN_EXTRAPOLATED else 0
             if segment is not None:
                 segments.append(segment)
-            elif length < _shortest(self, current):
+            elif length < _shortest(self, current) or short > MAX_SHORT:
                 raise _end_error(self, current, self.remaining_text(current, target))
 
     def require_travel(self, start: float, target: float) -> None:

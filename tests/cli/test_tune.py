@@ -194,7 +194,7 @@ def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "output"),
     [
-        (("four_bar", "--tolerance", "1e-5"), "is no MJCF file"),
+        (("four_bar", "--tolerance", "1e-5"), "is not an MJCF file"),
         (("finger.xml", "--tolerance", "1kg"), "tolerance"),
         (("finger.xml", "--tolerance", "1e-5", "--by", "luck"), "choose from closure, trajectory, torque"),
         (("finger.xml", "--tolerance", "1e-5", "--ctrl", "motor=1"), "actuators of the model are servo"),

@@ -160,11 +160,13 @@ def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
     Raises:
         AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
     """
-    per_chunk = max(1, CHUNK // path.count)
+    per_chunk, driven = max(1, CHUNK // path.count), list(path.loops.driven)
     for solver, index, rows in path.chunks(instants.parameter):
         for i in range(0, len(index), per_chunk):
-            indices = index[i : i + per_chunk]
-            q = path.unflat(rows[i : i + per_chunk], instants.parameter[indices])
+            indices, states = index[i : i + per_chunk], rows[i : i + per_chunk]
+            q = path.unflat(states, instants.parameter[indices])
+            # polynomials that missed a short pulse of a motion law have other drivers than the prescribed
+            q.values[driven] = states.reshape(len(q), -1)[:, driven].T * path.loops.units[driven, None]
             chunk = instants.select(np.repeat(indices, path.count))
             yield ClosedChunk(solver, indices, chunk, *_closed(path, solver, chunk, q))
 

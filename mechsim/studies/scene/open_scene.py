@@ -1,6 +1,7 @@
 """The scene of a model and its prescribed motion: of an MJCF file, or of any other model written as one."""
 
 import re
+import shlex
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from os import PathLike, fspath
@@ -94,9 +95,13 @@ def open_scene(
 
 
 def require_mjcf(path: str) -> None:
-    """Raise InputError for a path that does not end in .xml."""
+    """Raise InputError for a model that is not an MJCF file, whose settings could be changed."""
     if not path.lower().endswith(".xml"):
-        raise InputError(f"{path!r} is no MJCF file; name FILE.xml (`mechsim export NAME -o FILE.xml`)")
+        written = shlex.quote(f"{Path(path).stem}.xml")
+        raise InputError(
+            f"{path!r} is not an MJCF file, whose MuJoCo settings this command changes; write one with "
+            f"`mechsim export {shlex.quote(path)} -o {written}` and name that file"
+        )
 
 
 def python_laws(scene: UserScene) -> dict[str, str]:
