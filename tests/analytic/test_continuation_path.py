@@ -386,12 +386,12 @@ def test_a_third_crank_on_the_line_of_pivots_keeps_change_points():
     assert result == pytest.approx([0.0, np.pi], abs=1e-9)
 
 
-@pytest.mark.parametrize("size", [1e-3, 2e-3, 0.03])
-def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(size):
+@pytest.mark.parametrize("height", [1e-3, 2e-3, 0.03])
+def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(height):
     """The slider of the catalogue at the top of the pulse follows from its two right triangles."""
-    law = f"0.5 + {size}*exp(-((t - 0.5)/1e-5)**2)"
+    law = f"0.5 + {height}*exp(-((t - 0.5)/1e-5)**2)"
     solver = ms.load("slider_crank", drive={"crank": law}, duration=1.0)
-    crank = 0.5 + size * np.exp([-np.inf, -0.25, 0.0])
+    crank = 0.5 + height * np.exp([-np.inf, -0.25, 0.0])
     expected = 0.05 * np.cos(crank) + np.sqrt(0.2**2 - (0.05 * np.sin(crank) - 0.01) ** 2)
     times = [0.2, 0.5 + 0.5e-5, 0.5]
     assert solver.positions(t=times)["B"][:, 0] == pytest.approx(expected, abs=1e-11)

@@ -165,7 +165,7 @@ def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
         for i in range(0, len(index), per_chunk):
             indices, states = index[i : i + per_chunk], rows[i : i + per_chunk]
             q = path.unflat(states, instants.parameter[indices])
-            # polynomials that missed a short pulse of a motion law have other drivers than the prescribed
+            # polynomials without a short pulse of a motion law have other drivers than the prescribed
             q.values[driven] = states.reshape(len(q), -1)[:, driven].T * path.loops.units[driven, None]
             chunk = instants.select(np.repeat(indices, path.count))
             yield ClosedChunk(solver, indices, chunk, *_closed(path, solver, chunk, q))

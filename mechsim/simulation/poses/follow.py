@@ -80,8 +80,8 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
 CHUNK = 2048
 # correction of an interpolated pose, in [rad] or [m], above which it may be in another assembly
 MAX_CORRECTION = 1e-3
-# motion of a driver in a short pulse that the interpolation missed, in [rad] or [m], and of others with it
-MAX_MISSED, MAX_GAIN = 0.05, 10.0
+# motion of a driver in a short pulse that the interpolation leaves out, in [rad] or [m], and of others with it
+MAX_OMITTED, MAX_GAIN = 0.05, 10.0
 # accuracy of a change point's angle, in [rad], measured 1.5e-11; rates within it are those of the path beyond
 CHANGE_POINT_TOLERANCE = 1e-10
 # maximum number of cached paths, which later calls extend
@@ -148,8 +148,8 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
         if not singular.all():
             states[~singular] = loop_jacobian.close(closure, guess[~singular])
         changes = np.abs(states - guess)
-        missed = changes[:, [] if closure.drivers is None else closure.drivers.addresses].max(1, initial=0.0)
-        correction = changes.max(1) - MAX_GAIN * np.where(missed < MAX_MISSED, missed, 0.0)
+        omitted = changes[:, [] if closure.drivers is None else closure.drivers.addresses].max(1, initial=0.0)
+        correction = changes.max(1) - MAX_GAIN * np.where(omitted < MAX_OMITTED, omitted, 0.0)
         if not (correction < MAX_CORRECTION).all():
             angle = float(guess[np.argmax(correction), closure.crank_address])
             raise AssemblyError(

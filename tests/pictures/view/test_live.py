@@ -175,6 +175,27 @@ def test_links_keep_their_sides_and_paths_stay_over_the_crank(window, pages):
 
 
 @in_browser
+def test_the_former_curve_stays_faded_behind_that_of_a_changed_dimension(window, pages):
+    open_live(window, pages("four_bar"))
+    former = (
+        "(() => { const line = formerLines[0]; return [line.visible, line.material.opacity, "
+        "Array.from(line.geometry.attributes.instanceStart.array)]; })()"
+    )
+    assert not window.run("formerLines[0].visible")
+    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
+    for crank in (0.035, 0.033):
+        window.run(f"setSlider({i}, {crank})")
+    window.run("setSlider(0, 0.5)")
+    visible, opacity, start = window.run(former)
+    assert visible
+    assert opacity < 0.5 * window.run("pathLines[0].material.opacity")
+    # the circle of the crank before the change, not that in between
+    np.testing.assert_allclose(np.hypot(*np.reshape(start, (-1, 3))[:, :2].T), 0.032, rtol=1e-6)
+    window.run("flip('paths')")
+    assert not window.run("formerLines[0].visible")
+
+
+@in_browser
 def test_a_dragged_point_follows_the_pointer_within_its_reach(window, pages):
     open_live(window, pages("stewart_gough"))
     before, after, target = window.run(

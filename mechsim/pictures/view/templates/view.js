@@ -6,6 +6,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const DEGREE = Math.PI / 180;
 const GRAB = 16;              // distance in pixels within which a point is selected
 const MOST_OPEN = 6;          // dimensions that a page shows at once; more are collapsed
+const CHANGE_PAUSE = 1000;    // in ms: a dimension that moves after it begins another change
 const CLOSURE = 0xd81b9a;     // colour of a mark at a loop closure
 const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
 
@@ -122,7 +123,7 @@ function text(value, unit) {
 
 /* ---- picture ---- */
 
-const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [];
+const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [], formerLines = [];
 let renderer = null, camera = null, controls = null, lamp = null;
 const steels = [];
 
@@ -198,9 +199,12 @@ function build() {
     pointMarks.push(mark);
     const line = new THREE.Line2(new THREE.LineGeometry(), new THREE.LineMaterial({ color: colour.getHex(), linewidth: 2, depthTest: false, transparent: true, opacity: 0.85 }));
     line.renderOrder = 5;
-    line.frustumCulled = false;
-    scene.add(line);
+    const former = new THREE.Line2(line.geometry, line.material.clone());
+    former.material.opacity = 0.25;
+    line.frustumCulled = former.frustumCulled = former.visible = false;
+    scene.add(line, former);
     pathLines.push(line);
+    formerLines.push(former);
   }
   // loop closures of a file
   for (const closure of DATA.closures) {
@@ -317,7 +321,7 @@ function resize() {
   camera.top = height / 2 / scale; camera.bottom = -height / 2 / scale;
   camera.updateProjectionMatrix();
   if (renderer) { renderer.setPixelRatio(window.devicePixelRatio || 1); renderer.setSize(width, height, false); }
-  for (const line of pathLines) line.material.resolution.set(width, height);
+  for (const line of [...pathLines, ...formerLines]) line.material.resolution.set(width, height);
   draw();
 }
 
@@ -531,13 +535,24 @@ function unreachable(grid) {
 
 function trouble(label) { $("trouble").hidden = !label; $("trouble").textContent = label; }
 
-let pathsOf = "";
+/* paths of the points over the driver that moved last, and faded those before the last change of dimensions */
+let pathsOf = "", drawn = { rest: "", dimensions: "" }, former = drawn, changedAt = -Infinity;
 function paths() {
-  // of a dimension that moves, the path is that of the driver that moved last
-  const grid = state.grid, k = grid.sliders[state.active].dimension ? state.driver : state.active, others = state.values.filter((_, i) => i !== k);
-  const key = [DATA.grids.indexOf(grid), k, state.show.paths, ...others].join();
+  const grid = state.grid, k = grid.sliders[state.active].dimension ? state.driver : state.active;
+  const others = (dimension) => state.values.filter((_, i) => i !== k && !!grid.sliders[i].dimension === dimension).join();
+  const now = { rest: [DATA.grids.indexOf(grid), k, others(false)].join(), dimensions: others(true) };
+  const key = [now.rest, now.dimensions, state.show.paths].join();
   if (key === pathsOf) return;
   pathsOf = key;
+  if (drawn.rest && now.dimensions !== drawn.dimensions) {
+    if (performance.now() - changedAt > CHANGE_PAUSE) {
+      former = drawn;
+      formerLines.forEach((line, i) => { line.geometry = pathLines[i].geometry; });
+    }
+    changedAt = performance.now();
+  }
+  drawn = now;
+  const behind = state.show.paths && former.rest === now.rest && former.dimensions !== now.dimensions;
   const along = sampled(grid, k), fine = along.map((value) => posesAt(grid, state.values.map((v, i) => (i === k ? value : v))));
   DATA.points.forEach((point, i) => {
     const l = grid.links.indexOf(point.link), positions = [], at = new THREE.Vector3(), turn = new THREE.Quaternion();
@@ -546,6 +561,7 @@ function paths() {
       at.fromArray(point.at).applyQuaternion(turn);
       positions.push(at.x + poses[7 * l], at.y + poses[7 * l + 1], at.z + poses[7 * l + 2]);
     }
+    formerLines[i].visible = behind;
     pathLines[i].visible = positions.length > 3;
     if (positions.length > 3) {
       pathLines[i].geometry.dispose();
