@@ -28,7 +28,7 @@ from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
-from mechsim.pictures.render.drawn_model import drawn_as
+from mechsim.pictures.render.drawn_model import drawn_as, without_geoms
 from mechsim.pictures.render.frame_poses import (
     PATH_POINTS,
     VISIBLE_DIFFERENCE,
@@ -135,10 +135,7 @@ def render(
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
     look = replace(look, **drawn_as(solver))
-    if solver.source is not None and look.bodies is None:
-        notes.append(
-            f"{solver.name}: no moving link has a geom in the file: links are drawn from their joints"
-        )
+    notes.extend(without_geoms(solver, look.bodies))
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank

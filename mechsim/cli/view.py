@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import (
     ReleaseOptions,
     exclude_without_effect,
@@ -88,6 +89,7 @@ def view(
 
 def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated, speed: str) -> "View":
     """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
+    from mechsim.pictures.render.drawn_model import without_geoms
     from mechsim.report.driver_views import release_view
     from mechsim.report.views import model_view
 
@@ -98,7 +100,9 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated, spe
     solver = source.load()
     if not solver.motion_laws.crank:
         stated.exclude(["speed"], "under motion laws")
-    return model_view(solver, crank_speed(speed))
+    contents = model_view(solver, crank_speed(speed))
+    notes.extend(without_geoms(solver, contents.bodies))
+    return contents
 
 
 def _live(contents: "View", source: ModelOptions, release: ReleaseOptions, speed: str) -> "View":

@@ -1,9 +1,11 @@
 import os
+import re
 import webbrowser
+from pathlib import Path
 
 import pytest
 
-from mechsim.cli import app
+from mechsim.cli import app, exit_codes
 from mechsim.errors import InputError
 
 
@@ -42,3 +44,25 @@ def test_invalid_input_is_rejected_without_a_file(folder, arguments):
     with pytest.raises(InputError):
         run(*arguments)
     assert os.listdir(folder) == []
+
+
+def test_links_of_a_file_that_are_not_drawn_are_named(folder, capsys):
+    """Only the rocker has a geom, then no link; a geom in the hidden group 3 is not drawn."""
+    text = (Path(__file__).parents[2] / "models/four_bar.xml").read_text()
+    assert "<geom" not in text
+    file = folder / "f.xml"
+    for geoms, note in (
+        ({}, "no moving link has a geom"),
+        ({"rocker": 0}, "no visible geom on crank, coupler:"),
+        ({"rocker": 0, "coupler": 3}, "no visible geom on crank, coupler:"),
+        ({"rocker": 0, "coupler": 0, "crank": 0}, ""),
+    ):
+        drawn = text
+        for link, group in geoms.items():
+            drawn = re.sub(
+                f'<body name="{link}"[^>]*>', rf'\g<0><geom size=".004" group="{group}" mass="0"/>', drawn
+            )
+        file.write_text(drawn)
+        exit_codes.notes.clear()
+        run("f.xml", "-o", "f.html")
+        assert (note in " ".join(exit_codes.notes)) if note else not exit_codes.notes

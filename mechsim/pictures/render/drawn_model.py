@@ -6,7 +6,7 @@ of a run and the closed form is drawn likewise.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import mujoco
 import numpy as np
@@ -67,6 +67,16 @@ def drawn_as(solver: object) -> Drawn:
     tree, view = {joint.name for joint in read.spec.joints}, read.spec.visual.global_
     closures = tuple(joint.name for joint in read.mechanism.joints if joint.name not in tree)
     return {"bodies": bodies, "closures": closures, "angles": (float(view.azimuth), float(view.elevation))}
+
+
+def without_geoms(solver: Any, bodies: Mapping[str, Sequence[Shape]] | None) -> list[str]:
+    """Return a sentence on the links of a file that pictures draw from their joints, or not at all."""
+    if solver.source is None:
+        return []
+    if bodies is None:
+        return [f"{solver.name}: no moving link has a geom in the file: links are drawn from their joints"]
+    names = ", ".join(link.name for link in solver.source.mechanism.links if not bodies.get(link.name))
+    return [f"{solver.name}: the file has no visible geom on {names}: not drawn"] if names else []
 
 
 @quiet()
