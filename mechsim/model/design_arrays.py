@@ -143,7 +143,7 @@ def same_structure(first: Mechanism, other: Mechanism) -> bool:
 
 
 def _kind(joint: object) -> tuple[object, ...]:
-    return tuple(getattr(joint, name) for name in ("name", "kind", "cross_angle", "lead"))
+    return tuple(getattr(joint, name) for name in ("name", "kind", "cross_angle", "lead", "length"))
 
 
 def _designs_first(ends: Ends) -> Sides:
@@ -162,5 +162,7 @@ def side_numbers(mechanism: Mechanism) -> dict[str, Array]:
 
 def structure(mechanism: Mechanism) -> object:
     """Return the properties of a mechanism apart from links, points and joint sides, for comparison."""
-    joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
+    joints = [
+        (joint.name, joint.kind, joint.cross_angle, joint.lead, joint.length) for joint in mechanism.joints
+    ]
     return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers

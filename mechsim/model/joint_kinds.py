@@ -22,7 +22,20 @@ from mechsim.numerics.jets import angle_of
 
 Axis = Literal["a", "b", "x", "y", "z"]
 KindName = Literal[
-    "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "floating"
+    "revolute",
+    "prismatic",
+    "cylindrical",
+    "screw",
+    "universal",
+    "spherical",
+    "planar",
+    "fixed",
+    "floating",
+    "point_on_line",
+    "point_on_plane",
+    "parallel_axes",
+    "perpendicular_axes",
+    "distance",
 ]
 
 # column of a joint frame -> name, in messages, of the directions that must not be antiparallel
@@ -39,16 +52,18 @@ class Kind:
     turns: tuple[Axis, ...]
     # whether displacement and rotation are coupled by `Joint.lead`
     helical: bool = False
+    # whether a massless rod of length `Joint.length` connects the points
+    rod: bool = False
 
     @cached_property
     def dof(self) -> int:
-        """Number of free relative motions; both of a screw, whose coupling is separate."""
+        """Number of its coordinates; both of a screw and all of a rod, whose equations are separate."""
         return len(self.slides) + len(self.turns)
 
     @cached_property
     def forces(self) -> int:
         """Number of force components that it transmits: its constraint equations between positions."""
-        return 3 - len(self.slides)
+        return 3 - len(self.slides) + self.rod
 
     @cached_property
     def moments(self) -> int:
@@ -63,7 +78,7 @@ class Kind:
     @cached_property
     def floating(self) -> bool:
         """Whether it has no constraint."""
-        return self.ball and len(self.slides) == 3
+        return self.forces + self.moments == 0
 
     @cached_property
     def crossed(self) -> bool:
@@ -133,6 +148,12 @@ KINDS: dict[KindName, Kind] = {
     "planar": Kind(slides=("x", "y"), turns=("a",)),
     "fixed": Kind(slides=(), turns=()),
     "floating": Kind(slides=("x", "y", "z"), turns=("x", "y", "z")),
+    # the basic constraints of Nikravesh, 1988, ch. 7, and Haug, 1989, ch. 9
+    "point_on_line": Kind(slides=("a",), turns=("x", "y", "z")),
+    "point_on_plane": Kind(slides=("x", "y"), turns=("x", "y", "z")),
+    "parallel_axes": Kind(slides=("x", "y", "z"), turns=("a",)),
+    "perpendicular_axes": Kind(slides=("x", "y", "z"), turns=("a", "b")),
+    "distance": Kind(slides=("x", "y", "z"), turns=("x", "y", "z"), rod=True),
 }
 
 # the kinds with no degree of freedom, with one rotation, and with no constraint

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS, KindName, coordinates
+from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, require
@@ -251,14 +251,21 @@ class Joint:
     - fixed: points, axes and references coincide; references are optional as in a prismatic joint. No
       coordinate.
     - floating: no constraint. Coordinates: position of b's point in a's frame.
+    - point_on_line: b's point lies on a's axis. Coordinate: its displacement along the axis.
+    - point_on_plane: b's point lies in the plane perpendicular to a's axis. Coordinates: two displacements.
+    - parallel_axes: axes are parallel. Coordinates: three displacements, then angle.
+    - perpendicular_axes: axes have the angle `cross_angle`. Coordinates: three displacements, then angles as
+      of a universal joint.
+    - distance: points have the distance `length`, as by a massless rod. Coordinates: as of a floating joint.
 
     Attributes:
         name: unique in the mechanism.
         kind: one of `model.joint_kinds.KINDS`.
         a: the side nearer the frame.
         b: the other side.
-        cross_angle: between the axes of a universal joint, in [rad].
+        cross_angle: between the axes of a universal or perpendicular_axes joint, in [rad].
         lead: displacement of a screw per revolution, in [m].
+        length: distance of the points of a distance joint, in [m].
         without_reference: whether neither side of a prismatic or fixed joint has a reference.
     """
 
@@ -270,6 +277,7 @@ class Joint:
     b: End
     cross_angle: float = np.pi / 2
     lead: float = 0.0
+    length: float = 0.0
     without_reference: bool = field(init=False, default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -286,12 +294,17 @@ class Joint:
         if not KINDS[self.kind].crossed and self.cross_angle != np.pi / 2:
             raise InputError(
                 f"cross angle of {self.kind} joint {self.name!r} is {self.cross_angle} rad; only the axes of "
-                "a universal joint cross: leave it out"
+                f"a {kinds_that(lambda kind: kind.crossed)} joint cross: leave it out"
             )
         if not abs(number(self.lead)) < np.inf or KINDS[self.kind].helical != (self.lead != 0.0):
             raise InputError(
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
                 "give a screw its displacement per revolution, and other joints none"
+            )
+        if not 0.0 <= number(self.length) < np.inf or KINDS[self.kind].rod != (self.length != 0.0):
+            raise InputError(
+                f"length of {self.kind} joint {self.name!r} is {self.length} m; give a distance joint its "
+                "length above 0, and other joints none"
             )
         if 0 in KINDS[self.kind].aligned_columns and not (self.a.has_reference or self.b.has_reference):
             side = self.a.frame
@@ -309,6 +322,11 @@ class Joint:
     def coordinates(self) -> tuple[str, ...]:
         """Names of its coordinates: the joint's name if it has one, else NAME.way, NAME.turn, NAME.1 ..."""
         return tuple(self.name + ending for ending in KINDS[self.kind].suffixes)
+
+    @property
+    def unguessed(self) -> tuple[float, ...]:
+        """Its coordinates if no guess states them: 0, and along a's reference the length of a rod."""
+        return tuple(self.length * (i == 0) for i, _ in enumerate(self.coordinates))
 
 
 def state_variable(text: str, coordinates: Container[str]) -> tuple[str, str] | None:

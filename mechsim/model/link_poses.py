@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import COLUMN, FIXED, KINDS, displaced
+from mechsim.model.joint_kinds import COLUMN, FIXED, KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint, joint_coordinate
-from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Pose
+from mechsim.model.links import EX, EY, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Inertia, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
@@ -125,7 +125,8 @@ def _displaced(
     joint: Joint, coordinates: Mapping[str, float] | Mapping[str, Array], forward: bool
 ) -> tuple[Array, Array]:
     """Return the joint frame of the far side in that of the near side: (..., 3) in [m] and (..., 3, 3)."""
-    values = [coordinates.get(name, 0.0) for name in joint.coordinates]
+    pairs = zip(joint.coordinates, joint.unguessed, strict=True)
+    values = [coordinates.get(name, unguessed) for name, unguessed in pairs]
     if not (KINDS[joint.kind].crossed or any(np.any(value) for value in values)):
         return np.zeros(3), np.eye(3)
     shift, rotation = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
@@ -136,7 +137,7 @@ def _displaced(
 
 
 def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
-    """Return the poses of all links except ground at the n instants of a motion.
+    """Return the poses of all links except ground, and of rods, at the n instants of a motion.
 
     Raises:
         InputError: if the motion lacks a link that is a body.
@@ -154,7 +155,7 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
         else:
             poses[link.name] = _hidden_link_pose(mechanism, link.name, poses, motion)
     del poses[GROUND]
-    return poses
+    return with_rods(mechanism, poses)[1]
 
 
 def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
@@ -210,6 +211,42 @@ def split_joints(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
         moved_joint = replace(joint, a=own) if end is joint.a else replace(joint, b=own)
         joints += [moved_joint, Joint(name, FIXED, own, end)]
     return replace(mechanism, links=tuple(links), joints=tuple(joints))
+
+
+def with_rods(
+    mechanism: Mechanism, poses: Mapping[str, Pose], at_origin: KindName = "spherical"
+) -> tuple[Mechanism, dict[str, Pose]]:
+    """Return a mechanism with a link for each distance joint, and poses with its own.
+
+    Its length is along its x axis. It has a pose if both links that it connects have one.
+
+    Args:
+        mechanism: the mechanism.
+        poses: link -> its pose or poses.
+        at_origin: kind of the joint at its origin; the other joint is spherical.
+    """
+    placed, links, joints = {GROUND: IDENTITY, **poses}, [*mechanism.links], list[Joint]()
+    for joint in mechanism.joints:
+        if not KINDS[joint.kind].rod:
+            joints.append(joint)
+            continue
+        name, tip = f"{VIRTUAL_PREFIX}{joint.name}", (joint.length, 0.0, 0.0)
+        links.append(Link(name, (ORIGIN, tip)))
+        joints.append(Joint(joint.name, at_origin, joint.a, End(name, axis=EY)))
+        joints.append(Joint(name, "spherical", End(name, tip), joint.b))
+        if joint.a.link in placed and joint.b.link in placed:
+            first, second = (placed[end.link].point(end.point) for end in (joint.a, joint.b))
+            placed[name] = Pose(np.broadcast_to(first, (second - first).shape), _along_x(second - first))
+    del placed[GROUND]
+    return replace(mechanism, links=tuple(links), joints=tuple(joints)), placed
+
+
+def _along_x(gap: Array) -> Array:
+    """Return rotations whose x axes lie along gaps, (..., 3, 3)."""
+    x = gap / np.linalg.norm(gap, axis=-1, keepdims=True)
+    y = np.cross(np.where(np.abs(x[..., 2:]) < 0.9, EZ, EX), x)
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], -1)
 
 
 def _replaced_end(joint: Joint) -> End:

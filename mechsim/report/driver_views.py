@@ -16,6 +16,7 @@ from mechsim.analytic.loops.start import start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.link_poses import moved_links, with_rods
 from mechsim.model.links import GROUND, ORIGIN, Pose, Vector
 from mechsim.model.masses import summary
 from mechsim.model.mechanism import Mechanism
@@ -273,17 +274,18 @@ def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, 
     """
     nodes = [np.linspace(box.low[driver], box.high[driver], count) for driver in moved]
     shape, points = (count,) * len(moved), moving_points(mechanism)
-    position = {link.name: np.full((*shape, 3), np.nan) for link in mechanism.links}
-    quaternion = {link.name: np.full((*shape, 4), np.nan) for link in mechanism.links}
+    links = [link.name for link in with_rods(mechanism, {})[0].links]
+    position = {link: np.full((*shape, 3), np.nan) for link in links}
+    quaternion = {link: np.full((*shape, 4), np.nan) for link in links}
     point_positions = {point: np.full((*shape, 3), np.nan) for point in points}
     for index in product(range(count), repeat=len(moved) - 1):
         others = {driver: float(nodes[k][i]) for k, (driver, i) in enumerate(zip(moved, index, strict=False))}
         stand, motion = _row(mechanism, {**box.start, **others}, moved[-1], nodes[-1])
         if motion is None:
             continue
-        for link in position:
-            position[link][index][stand] = motion.links[link].position
-            quaternion[link][index][stand] = quaternions(motion.links[link].rotation)
+        for link, pose in moved_links(mechanism, motion).items():
+            position[link][index][stand] = pose.position
+            quaternion[link][index][stand] = quaternions(pose.rotation)
         for point in points:
             point_positions[point][index][stand] = motion.points[point].position
     sliders = tuple(

@@ -6,6 +6,7 @@ import numpy as np
 
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import with_rods
 from mechsim.model.links import GROUND
 from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
@@ -195,6 +196,12 @@ DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
     "planar": plate,
     "fixed": weld,
     "floating": lambda canvas, joint: None,
+    "parallel_axes": lambda canvas, joint: None,
+    "perpendicular_axes": lambda canvas, joint: None,
+    # drawn as a link between two balls
+    "distance": lambda canvas, joint: None,
+    "point_on_line": sleeve,
+    "point_on_plane": plate,
     "universal": cross,
     "spherical": ball,
 }
@@ -214,6 +221,7 @@ def link_shapes(
         outward: joint -> direction along its axis from which its shaft extends to a bearing, +1 or -1; see
             `free_sides`. The default is the side that is free in the guess.
     """
+    mechanism = with_rods(mechanism, {})[0]
     if outward is None:
         outward = free_sides(mechanism, {GROUND: GROUND_POSE, **mechanism.guess})
     canvas = Canvas(mechanism, dict(travel or {}), dict(outward))

@@ -366,7 +366,7 @@ def straight_path(
 ) -> StraightPath:
     """Return the paths from the closed configuration at a start, by default the reference or a keyframe."""
     loops = loops_with_crank(model, 0)
-    if not (loops.pairs or loops.frames or loops.couplings):
+    if not (loops.pairs or loops.rods or loops.frames or loops.couplings):
         raise InputError(
             "the model has no loops: joints of an open chain take any value within their limits; add "
             "equality constraints that close its loops"

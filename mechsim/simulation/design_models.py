@@ -245,7 +245,13 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
     else:
         closed = loaded_model(mechanism, Forces(gravity=gravity))
     loops = closed.loops
-    if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.undetermined_points.any():
+    if (
+        tree.mechanism is not mechanism
+        or loops.rods
+        or loops.frames
+        or loops.couplings
+        or closed.undetermined_points.any()
+    ):
         return None
     # the independent constraints are determined once, in a model with closed loops
     loop_jacobian.tangent(loops, loops.linearise(closed.qpos[None])[1])

@@ -30,6 +30,46 @@ class PointPair:
 
 
 @dataclass(frozen=True, slots=True)
+class RodPair(PointPair):
+    """Two body-fixed points whose distance a tendon equality keeps.
+
+    Attributes:
+        length: the distance, in [m].
+        equality: index of the equality in the model.
+    """
+
+    length: float
+    equality: int
+
+    @property
+    def nonlinear(self) -> bool:
+        """Whether MuJoCo omits the velocity-product term, as of a polynomial."""
+        return True
+
+    def stretching(self, data: mujoco.MjData) -> float:
+        """Return the second derivative of the length of the tendon at accelerations of zero, in [m/s2].
+
+        It is u.b + (v.v - (u.v)^2) / length, with direction u, relative velocity v = J q', and b = J' q'.
+        """
+        model, point, velocity, bias = data.model, np.zeros(3), np.zeros(3), np.zeros(3)
+        for (body, local), sign in zip(self.ends, (1.0, -1.0), strict=True):
+            end = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
+            rows = np.zeros((2, 3, model.nv))
+            mujoco.mj_jac(model, data, rows[0], None, end, body)
+            mujoco.mj_jacDot(model, data, rows[1], None, end, body)
+            point += sign * end
+            velocity += sign * (rows[0] @ data.qvel)
+            bias += sign * (rows[1] @ data.qvel)
+        length = float(np.linalg.norm(point))
+        along = point / length
+        return float(along @ bias + (velocity @ velocity - (along @ velocity) ** 2) / length)
+
+    def along(self, gap: Array) -> Array:
+        """Return the direction from the second point to the first, from their gap, (n, 3) in [m]."""
+        return gap / self.length
+
+
+@dataclass(frozen=True, slots=True)
 class FramePair:
     """Two frames, each fixed in a body, that a `weld` keeps parallel.
 
@@ -135,13 +175,14 @@ class CouplingConstraint:
 
 def constraints(
     model: mujoco.MjModel,
-) -> tuple[list[PointPair], list[FramePair], list[CouplingConstraint]]:
-    """Return the coincident points, the parallel frames and the coupled coordinates of a model.
+) -> tuple[list[PointPair], list[RodPair], list[FramePair], list[CouplingConstraint]]:
+    """Return the coincident points, the rods, the parallel frames and the coupled coordinates of a model.
 
     Raises:
         InputError: if an equality has another kind, such as that of a flex or a tendon around bodies.
     """
     pairs: list[PointPair] = []
+    rods: list[RodPair] = []
     frames: list[FramePair] = []
     couplings: list[CouplingConstraint] = []
     for i in range(model.neq):
@@ -154,6 +195,8 @@ def constraints(
             pairs.append(PointPair(bodies, points))
             if kind == mujoco.mjtEq.mjEQ_WELD:
                 frames.append(FramePair(bodies, rotations))
+        elif is_rod(model, i):
+            rods.append(rod_pair(model, i))
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
             read_sum = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
             right = read_sum(model, second) if second >= 0 else None
@@ -165,7 +208,25 @@ def constraints(
                 f"equality {model.equality(i).name or i!r} has a kind that cannot close a loop; "
                 "close loops by connect or weld constraints, couple by joint or tendon constraints"
             )
-    return pairs, frames, couplings
+    return pairs, rods, frames, couplings
+
+
+def is_rod(model: mujoco.MjModel, i: int) -> bool:
+    """Whether an equality keeps the length of one tendon from a site to another."""
+    tendon = int(model.eq_obj1id[i])
+    if model.eq_type[i] != int(mujoco.mjtEq.mjEQ_TENDON) or model.eq_obj2id[i] >= 0:
+        return False
+    rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    return model.wrap_type[rows].tolist() == [int(mujoco.mjtWrap.mjWRAP_SITE)] * 2
+
+
+def rod_pair(model: mujoco.MjModel, i: int) -> RodPair:
+    """Return the points and the length of an equality for which `is_rod` holds."""
+    tendon = int(model.eq_obj1id[i])
+    first, second = (int(model.wrap_objid[model.tendon_adr[tendon] + k]) for k in range(2))
+    bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+    points = model.site_pos[first].copy(), model.site_pos[second].copy()
+    return RodPair(bodies, points, float(model.tendon_length0[tendon] + model.eq_data[i, 0]), i)
 
 
 def coincident_frames(

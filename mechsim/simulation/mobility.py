@@ -222,7 +222,11 @@ def _floating_bodies(loops: ModelLoops) -> list[int]:
     """Return the bodies with free joints whose subtrees are in no loop."""
     model = loops.model
     free = model.jnt_bodyid[model.jnt_type == FREE].tolist()
-    closing = {int(model.body_rootid[body]) for pair in (*loops.pairs, *loops.frames) for body in pair.bodies}
+    closing = {
+        int(model.body_rootid[body])
+        for pair in (*loops.pairs, *loops.rods, *loops.frames)
+        for body in pair.bodies
+    }
     return [body for body in free if body not in closing]
 
 

@@ -17,7 +17,7 @@ from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
-from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, constraints
+from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, RodPair, constraints
 from mechsim.simulation.state import HINGE, SLIDE, PosedBodies, angular_dofs, displaced, rotated
 
 
@@ -68,7 +68,8 @@ class ModelLoops:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
         drivers: the drivers that follow motion laws; None for a single crank.
-        pairs, frames, couplings: coincident points, parallel frames and coupled coordinates.
+        pairs, rods, frames, couplings: coincident points, points with a constant distance, parallel frames
+            and coupled coordinates.
         posed: the kinematics of the model, and the fields that differ between states.
         independent: the independent constraints, shared by all copies.
         change_point: policy of a path of poses at change points.
@@ -78,6 +79,7 @@ class ModelLoops:
     crank: int
     drivers: Drivers | None
     pairs: Sequence[PointPair]
+    rods: Sequence[RodPair]
     frames: Sequence[FramePair]
     couplings: Sequence[CouplingConstraint]
     posed: PosedBodies
@@ -111,7 +113,7 @@ class ModelLoops:
         offsets = [np.linalg.norm(bodies[:, 1:], axis=2).max(1, initial=0.0)]
         offsets += [
             np.linalg.norm(local, axis=1 if local.ndim > 1 else None)
-            for pair in self.pairs
+            for pair in (*self.pairs, *self.rods)
             for local in pair.local
         ]
         length = np.max(np.broadcast_arrays(*offsets), axis=0)
@@ -125,7 +127,7 @@ class ModelLoops:
         factor = 1.0 / self.characteristic_length
         coupled = [1.0 if self.angular_dofs[row.left.dofs].all() else factor for row in self.couplings]
         driven = [] if self.drivers is None else np.where(self.drivers.slides, factor, 1.0)
-        lengths = np.full(3 * len(self.pairs), factor)
+        lengths = np.full(self.point_rows.stop, factor)
         return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
 
     @property
@@ -140,9 +142,20 @@ class ModelLoops:
         return np.where(self.angular_dofs, 1.0, self.characteristic_length)
 
     @property
+    def point_rows(self) -> slice:
+        """The residuals of coincident points, then of rods, in [m]."""
+        return slice(0, 3 * len(self.pairs) + len(self.rods))
+
+    @property
+    def rod_rows(self) -> slice:
+        """The residuals of rods."""
+        return slice(3 * len(self.pairs), self.point_rows.stop)
+
+    @property
     def frame_rows(self) -> slice:
         """The residuals of parallel frames."""
-        return slice(3 * len(self.pairs), 3 * (len(self.pairs) + len(self.frames)))
+        first = self.point_rows.stop
+        return slice(first, first + 3 * len(self.frames))
 
     @property
     def coupled_rows(self) -> slice:
@@ -192,8 +205,10 @@ class ModelLoops:
         n, nv = len(qpos), self.model.nv
         ends = [
             [(body, position[:, body] + rotated(rotation[:, body], local)) for body, local in pair.ends]
-            for pair in self.pairs
+            for pair in (*self.pairs, *self.rods)
         ]
+        gaps = [a[1] - b[1] for a, b in ends]
+        rods = list(zip(self.rods, gaps[len(self.pairs) :], strict=True))
         errors = [pair.rotation_error(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
         coupled = [coupling.residual(qpos)[:, None] for coupling in self.couplings]
         drivers, law = self.drivers, None
@@ -202,7 +217,8 @@ class ModelLoops:
             coupled.append(qpos[:, drivers.addresses] - law[0].T)
         chunks = [
             np.zeros((n, 0)),
-            *(a[1] - b[1] for a, b in ends),
+            *gaps[: len(self.pairs)],
+            *(0.5 * ((rod.along(gap) * gap).sum(1, keepdims=True) - rod.length) for rod, gap in rods),
             *(apart for apart, _ in errors),
             *coupled,
         ]
@@ -210,9 +226,9 @@ class ModelLoops:
         def jacobian() -> Array:
             chunks = [np.zeros((n, 0, nv))]
             fixed = np.zeros((n, 3, nv))
-            for points in ends:
+            for i, points in enumerate(ends, -len(self.pairs)):
                 a, b = (point_jacobian(body, point)[0] if body else fixed for body, point in points)
-                chunks.append(a - b)
+                chunks.append(a - b if i < 0 else rods[i][0].along(rods[i][1])[:, None] @ (a - b))
             for pair, (_, rate) in zip(self.frames, errors, strict=True):
                 a, b = (point_jacobian(body, position[:, body])[1] if body else fixed for body in pair.bodies)
                 chunks.append(rate @ (a - b))
@@ -259,8 +275,8 @@ def read_loops(
 
 def loops_with_crank(model: mujoco.MjModel, dof: int, drivers: Drivers | None = None) -> ModelLoops:
     """Return the loops of a compiled model whose crank is a degree of freedom."""
-    pairs, frames, couplings = constraints(model)
-    return ModelLoops(model, dof, drivers, pairs, frames, couplings, PosedBodies(model), IndependentRows())
+    closing = constraints(model)
+    return ModelLoops(model, dof, drivers, *closing, PosedBodies(model), IndependentRows())
 
 
 def _extent(model: mujoco.MjModel) -> float:

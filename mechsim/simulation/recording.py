@@ -14,7 +14,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
-from mechsim.simulation.equality_rows import CouplingConstraint, chained, rates
+from mechsim.simulation.equality_rows import CouplingConstraint, RodPair, chained, rates
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.state import HINGE, ONE_THREAD, gravity, rotated, scalar_joints
 
@@ -198,7 +198,7 @@ def _evaluated(
         {name: link for name, link in links.items() if name not in track.hidden},
         _joints(loops, track, states, qacc),
         time=states.time,
-        closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),
+        closure=np.abs(residual[:, loops.point_rows]).max(1, initial=0.0),
         conditioning=loop_jacobian.conditioning(loops, jacobian),
         drivers=() if loops.drivers is None else loops.drivers.names,
     )
@@ -283,20 +283,18 @@ def closure_acceleration(
     """Return the second time derivative of the constraint residuals at given accelerations, (n, m)."""
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]
-    for pair in loops.pairs:
-        ends = []
-        for body, local in zip(pair.bodies, pair.local, strict=True):
-            if body == 0:
-                ends.append(np.zeros((len(qacc), 3)))
-                continue
-            link = links[model.body(body).name]
-            arm = rotated(link.rotation, local)
-            spin = link.angular_velocity
-            swing = np.cross(link.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
-            ends.append(link.acceleration + swing)
-        rates.append(ends[0] - ends[1])
     still, upright = np.zeros((len(qacc), 3)), np.tile(np.eye(3), (len(qacc), 1, 1))
     world = LinkMotion(still, upright, still, still, still, still)
+    for pair in (*loops.pairs, *loops.rods):
+        a, b = (
+            _point_rates(links[model.body(body).name] if body else world, local) for body, local in pair.ends
+        )
+        gap, speed, acceleration = (first - second for first, second in zip(a, b, strict=True))
+        if isinstance(pair, RodPair):
+            second_rate = (pair.along(gap) * acceleration + pair.along(speed) * speed).sum(1)
+            rates.append(second_rate[:, None])
+        else:
+            rates.append(acceleration)
     for pair in loops.frames:
         a, b = (links[model.body(body).name] if body else world for body in pair.bodies)
         apart = a.angular_acceleration - b.angular_acceleration
@@ -310,6 +308,14 @@ def closure_acceleration(
         targets = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
         rates.append(qacc[:, loops.drivers.dofs] - targets.T)
     return np.concatenate(rates, 1)
+
+
+def _point_rates(link: LinkMotion, local: Array) -> tuple[Array, Array, Array]:
+    """Return position, velocity and acceleration of a point of a link, (n, 3) each."""
+    arm, spin = rotated(link.rotation, local), link.angular_velocity
+    swing = np.cross(spin, arm)
+    acceleration = link.acceleration + np.cross(link.angular_acceleration, arm) + np.cross(spin, swing)
+    return link.position + arm, link.velocity + swing, acceleration
 
 
 def _moved_link(

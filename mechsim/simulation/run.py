@@ -157,6 +157,7 @@ def simulate(
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if motion_laws.crank else motion_laws.drivers
+    scene = scene or Scene(level="pose" if method == "pose" else "motion")
     closed = from_source(source, scene, drivers=drivers, lock=lock, key=key)
     profile = profile or _profile(closed, motion_laws, speed, turns)
     samples = None if samples is None else int(samples)

@@ -265,8 +265,8 @@ class Settings:
         model.opt.noslip_iterations = 0
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
         if not velocity_products:
-            # a constraint omits the velocity-product term of a polynomial; a short time constant corrects it
-            nonlinear = [setting_.equality for setting_ in loops.couplings if setting_.nonlinear]
+            # these omit the velocity-product terms of polynomials and rods; a short time constant corrects it
+            nonlinear = [row.equality for row in (*loops.couplings, *loops.rods) if row.nonlinear]
             model.eq_solref[nonlinear] = self.solref or self._solref(timestep, LEAST_CONSTANT)
         set_armature(
             model,
@@ -426,7 +426,7 @@ def drive_inertia(mass: Array, inertia: Array, length: Any, compliance: float) -
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     """Return the tendons of a model's couplings."""
-    numbers = [setting_.equality for setting_ in loops.couplings]
+    numbers = [setting_.equality for setting_ in (*loops.couplings, *loops.rods)]
     ends = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in ends for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
 

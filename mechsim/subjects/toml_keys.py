@@ -232,8 +232,11 @@ _JOINT = Table(
         "kind": Text("kind of the joint, its free motions", tuple(KINDS)),
         "a": _END,
         "b": _END,
-        "cross_angle": Number("rad", "between the axes of a universal joint; default: a right angle"),
+        "cross_angle": Number(
+            "rad", "between the axes of a joint that rotates about both; default: a right angle"
+        ),
         "lead": Number("m", "displacement of a screw per revolution"),
+        "length": Number("m", "of a distance joint, between the points of both sides"),
     },
     "a joint",
     ("kind", "a", "b"),

@@ -38,7 +38,7 @@ def joint_of(source: TomlSource, name: str, entry: Mapping[str, Any]) -> Joint:
     """Return a joint."""
     with source.error_context(("joints", name)):
         a, b = (_end(entry[side]) for side in "ab")
-        rest = {key: entry[key] for key in ("cross_angle", "lead") if key in entry}
+        rest = {key: entry[key] for key in ("cross_angle", "lead", "length") if key in entry}
         return Joint(name, entry["kind"], a, b, **rest)
 
 

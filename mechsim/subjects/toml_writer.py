@@ -191,8 +191,8 @@ def _link(link: Link) -> dict[str, Any]:
 
 def _joint(joint: Joint) -> dict[str, Any]:
     ends = {"a": _end(joint.a), "b": _end(joint.b)}
-    table = {"kind": joint.kind, **ends, **_fields(joint, "cross_angle", "lead")}
-    return _stated(table, cross_angle=np.pi / 2, lead=0.0)
+    table = {"kind": joint.kind, **ends, **_fields(joint, "cross_angle", "lead", "length")}
+    return _stated(table, cross_angle=np.pi / 2, lead=0.0, length=0.0)
 
 
 def _end(end: End) -> dict[str, Any]:

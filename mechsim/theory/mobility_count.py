@@ -398,7 +398,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     ]
     best, poses = max(ranked, key=lambda item: item[0].rank)
     crank_moves = best.mobility > best.passive
-    constraints = Counter(6 - KINDS[joint.kind].dof for joint in mechanism.joints)
+    constraints = Counter(KINDS[joint.kind].forces + KINDS[joint.kind].moments for joint in mechanism.joints)
     return Mobility(
         actual=best.mobility,
         links=len(mechanism.links),

@@ -90,7 +90,7 @@ def test_closure_acceleration_is_the_second_derivative_of_the_residual(kind):
 
 def test_a_spatial_tendon_is_rejected_by_name():
     with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
-        read_loops(model_of('<tendon tendon1="rope"/>')[0])
+        read_loops(model_of('<tendon tendon1="rope" tendon2="one"/>')[0])
 
 
 @pytest.mark.parametrize(("coefficients", "bends"), [([0.3, -2.0, 0.5], True), ([0.3, -2.0, 0.0], False)])

@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 
 # fields with numbers on which motions and forces depend; load profiles over angle or time have none
 NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
-    Joint: ("a", "b", "cross_angle"),
+    Joint: ("a", "b", "cross_angle", "length"),
     End: ("point", "axis", "reference"),
     Coupling: ("left", "right", "coefficients", "zeros", "pressure_angle"),
     Link: ("inertia",),

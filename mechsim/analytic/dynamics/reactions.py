@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops import RANK_TOLERANCE
-from mechsim.analytic.loops.maximal_coordinates import row_units
+from mechsim.analytic.loops.maximal_coordinates import is_length, row_units
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.model.force_record import MeshForce, Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
@@ -124,7 +124,7 @@ def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
 
 
 def _spans(mechanism: Mechanism) -> list[slice]:
-    ends = np.cumsum([0, *(6 - KINDS[joint.kind].dof for joint in mechanism.joints)]).tolist()
+    ends = np.cumsum([0, *(len(is_length(joint)) for joint in mechanism.joints)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
 

@@ -84,7 +84,7 @@ class Cut:
     @cached_property
     def rows(self) -> int:
         """Number of equations."""
-        return len(self.lengths) + len(self.directions)
+        return len(self.lengths) + len(self.directions) + KINDS[self.joint.kind].rod
 
     @cached_property
     def ends(self) -> list[tuple[int, Array, Array]]:
@@ -109,6 +109,8 @@ class Cut:
     def residual_and_jacobian(self, poses: LinkPoses) -> tuple[Array, Array]:
         """Return residuals (m, n) without units, and Jacobians by the coordinates (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(poses)
+        if KINDS[self.joint.kind].rod:
+            return self._rod(point_a, point_b, poses.unit_twists.take(self.columns, 0))
         columns_a, columns_b, units, targets = self.products
         unit_twists, k = poses.unit_twists.take(self.columns, 0), len(self.lengths)
         directions_a = frame_a.take(columns_a, 1) * units
@@ -124,21 +126,30 @@ class Cut:
         measured[:, :k] -= point_a[:, None]
         return np.einsum("irn,irn->rn", directions_a, measured) - targets, jacobian
 
+    def _rod(self, point_a: Array, point_b: Array, unit_twists: Array) -> tuple[Array, Array]:
+        """Return residual and Jacobian of (D.D - L^2) / (2 L), with D from point a to point b."""
+        length, gap = self.joint.length, np.broadcast_to(point_b - point_a, (3, unit_twists.shape[2]))
+        along = gap / (length * self.length)
+        wrench = np.concatenate([along, cross(np.broadcast_to(point_b, gap.shape), along)])
+        jacobian = np.einsum("in,cin->cn", wrench, unit_twists) * self.gains[:, None]
+        residual = 0.5 * ((gap * along).sum(0) - length / self.length)
+        return residual[None], jacobian[None]
+
     def velocity_products(self, poses: LinkPoses, twist: Array, velocity_product: Array) -> Array:
         """Return velocity-product terms of the residuals, (m, n), from those of the links (links, 6, n)."""
-        _, frame_a, point_b, frame_b = self.frames(poses)
+        point_a, frame_a, point_b, frame_b = self.frames(poses)
         zero = np.zeros(twist.shape[1:])
         (ta, tb), (da, db) = (
             [zero if i < 0 else values[i] for i in self.sides] for values in (twist, velocity_product)
         )
         wa, wb = ta[3:], tb[3:]
-        velocity = [t[:3] + cross(t[3:], point_b) for t in (ta, tb)]
-        acceleration = [
-            d[:3] + cross(d[3:], point_b) + cross(w, v)
-            for d, w, v in zip((da, db), (wa, wb), velocity, strict=True)
-        ]
-        # relative to side a
-        relative = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
+        if KINDS[self.joint.kind].rod:
+            gap, rate = point_b - point_a, _velocity(tb, point_b) - _velocity(ta, point_a)
+            bias = _acceleration(tb, db, point_b) - _acceleration(ta, da, point_a)
+            return ((gap * bias + rate * rate).sum(0) / (self.joint.length * self.length))[None]
+        # relative to side a, of whose frame point b is a point for the moment
+        relative = _acceleration(tb, db, point_b) - _acceleration(ta, da, point_b)
+        relative = relative - 2.0 * cross(wa, _velocity(tb, point_b) - _velocity(ta, point_b))
         out = np.empty((self.rows, twist.shape[2]), twist.dtype)
         k = 0
         for i in self.lengths:
@@ -150,6 +161,17 @@ class Cut:
             out[k] = (across * (db[3:] - da[3:])).sum(0) + (changing * (wb - wa)).sum(0)
             k += 1
         return out
+
+
+def _velocity(twist: Array, point: Array) -> Array:
+    """Return the velocity of a point of a link, (3, n), whose twist is (6, n)."""
+    return twist[:3] + cross(twist[3:], point)
+
+
+def _acceleration(twist: Array, velocity_product: Array, point: Array) -> Array:
+    """Return the velocity-product term of the acceleration of a point of a link, (3, n)."""
+    swing = cross(velocity_product[3:], point)
+    return velocity_product[:3] + swing + cross(twist[3:], _velocity(twist, point))
 
 
 def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:

@@ -95,6 +95,13 @@ class Stack:
         motion = slide_motion(a, i, b)
         self._add(dot(a.frame[..., i], b.point - a.point), motion.bias, motion.terms)
 
+    def distance(self, a: Side, b: Side, length: float) -> None:
+        """(D.D - length^2) / (2 length) = 0: the points have a distance (Nikravesh, 1988, eq. 7.13)."""
+        gap, rate = (b.point - a.point) / length, b.point_velocity - a.point_velocity
+        bias = dot(gap, b.point_bias - a.point_bias) + dot(rate, rate) / length
+        terms = [(a.slot, -gap, -cross(a.arm, gap)), (b.slot, gap, cross(b.arm, gap))]
+        self._add(0.5 * length * (dot(gap, gap) - 1.0), bias, terms)
+
     def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, CoordinateMotion]]) -> None:
         """Prescribe a weighted sum of joint coordinates, weights (n,) or scalar; residual in [rad] or [m]."""
         scaled = [
@@ -159,6 +166,8 @@ def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateM
 def add_joint_equations(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
     """Add the equations of a joint: a length for each force component, one for each moment component."""
     kind = KINDS[joint.kind]
+    if kind.rod:
+        stack.distance(a, b, joint.length)
     if not kind.slides:
         stack.coincide(a, b)
     else:

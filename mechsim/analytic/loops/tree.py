@@ -111,7 +111,7 @@ class SpanningTree:
         mechanism: the mechanism; tree joints that would close loops are split in it.
         original: the mechanism before splitting.
         branches: tree joint of each link, nearest the frame first.
-        cuts: the joints that close the loops.
+        cuts: the joints that close the loops, and all rods.
     """
 
     mechanism: Mechanism
@@ -245,7 +245,8 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     if closing:
         return replace(spanning_tree(split_joints(mechanism, closing)), original=mechanism)
     index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
-    cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
+    # the equation of a rod remains if its coordinates place a link
+    cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen or KINDS[joint.kind].rod)
     branches: list[TreeJoint] = []
     placed, waiting, count = {GROUND}, [j for j in mechanism.joints if j.name in chosen], 0
     while waiting:

@@ -11,7 +11,7 @@ from typing import Any, TypedDict
 import mujoco
 import numpy as np
 
-from mechsim.model.link_poses import hinged_normals
+from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -208,6 +208,7 @@ class DrawnModel:
         camera: the camera, framed over the whole motion.
         model: shapes only; a mocap body per link and overlaid position, and per link of the ghost.
         data: its state.
+        links: names of the moving links, and of the rods of distance joints.
         grid_step: edge of a grid cell in [m].
         walls: planes with a grid.
         forward: whether the crank turns in the positive direction.
@@ -219,6 +220,7 @@ class DrawnModel:
 
     def __init__(self, mechanism: Mechanism, frames: FramePoses, look: Look, ghost: Ghost | None = None):
         self.mechanism, self.frames, self.look, self.ghost = mechanism, frames, look, ghost
+        self.links = [link.name for link in with_rods(mechanism, {})[0].links]
         self.radius = rod_radius(mechanism)
         self.forward = bool(frames.angle[-1] >= frames.angle[0])
         self.shapes = self._shapes()
@@ -252,9 +254,7 @@ class DrawnModel:
         scenery.set_height(self.model, CAMERA, self.camera)
         self.data = mujoco.MjData(self.model)
         self._slots = {
-            (link.name, copy): self._slot(_body(link.name, copy))
-            for link in mechanism.links
-            for copy in range(look.overlay)
+            (link, copy): self._slot(_body(link, copy)) for link in self.links for copy in range(look.overlay)
         }
         self._ghost_slots = {name: self._slot(_ghost(name)) for name in (ghost.poses if ghost else ())}
 
@@ -300,7 +300,7 @@ class DrawnModel:
 
     def _shapes(self) -> dict[str, list[Shape]]:
         """The bodies of links that the look gives, else those drawn from the joints."""
-        links = [GROUND, *(link.name for link in self.mechanism.links)]
+        links = [GROUND, *self.links]
         if self.look.bodies:
             return {link: list(self.look.bodies.get(link, ())) for link in links}
         return link_shapes(self.mechanism, travels(self.mechanism, self.frames.poses), self._free_sides())
@@ -363,10 +363,10 @@ class DrawnModel:
             scenery.add_grid(spec, f"wall{i}", wall, self.grid_step, self.missing_light(wall))
         for shape in self.shapes[GROUND]:
             scenery.add_shape(spec, spec.worldbody, shape)
-        for link in self.mechanism.links:
+        for link in self.links:
             for copy in range(look.overlay):
-                body = spec.worldbody.add_body(name=_body(link.name, copy), mocap=True)
-                for shape in self.shapes[link.name]:
+                body = spec.worldbody.add_body(name=_body(link, copy), mocap=True)
+                for shape in self.shapes[link]:
                     scenery.add_shape(spec, body, shape)
         for name in self.ghost.poses if self.ghost else ():
             body = spec.worldbody.add_body(name=_ghost(name), mocap=True)

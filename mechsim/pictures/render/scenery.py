@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.model.link_poses import hinged_normals
+from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -322,6 +322,7 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         spec: the model's specification, whose bodies are named like the links and have their frames.
         mechanism: what it models.
     """
+    mechanism = with_rods(mechanism, {})[0]
     bodies = {GROUND: spec.worldbody, **{link.name: spec.body(link.name) for link in mechanism.links}}
     poses, radius = swept(mechanism), rod_radius(mechanism)
     shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))

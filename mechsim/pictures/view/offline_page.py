@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechsim._version import __version__
 from mechsim.errors import MissingToolError, install_command, needs
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.link_poses import hinged_normals
+from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -83,7 +83,8 @@ def three_js() -> str:
 
 def _data(view: View) -> dict[str, Any]:
     mechanism = view.mechanism
-    poses = _some_poses(mechanism, view.grids)
+    drawn = with_rods(mechanism, {})[0]
+    poses = _some_poses(drawn, view.grids)
     if view.bodies:
         shapes = {link: list(view.bodies.get(link, ())) for link in poses}
     else:
@@ -106,7 +107,7 @@ def _data(view: View) -> dict[str, Any]:
             {"link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
             for name in view.closures
         ],
-        "anchors": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
+        "anchors": {link.name: drawn.ends(link.name)[0].point for link in drawn.links},
         "vertical": _short(up),
         "cameras": _cameras(view, balls, radii),
         "floor": {"normal": _short(normal), "at": floor},

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import moved_links
+from mechsim.model.link_poses import moved_links, with_rods
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.model.motion import Motion
@@ -351,7 +351,9 @@ def ghost_of(name: str, mechanism: Mechanism, shown: Motion, other: Motion) -> G
     """
     rows = ascending(other)
     spinning = shown.spinning | other.spinning
-    deviations = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)
+    run, exact = (moved_links(mechanism, motion) for motion in (shown, other))
+    mechanism = with_rods(mechanism, {})[0]
+    deviations = errors(mechanism, run, exact, spinning)
     shift = {link: pair[0][rows] for link, pair in deviations.items()}
     rotation = {link: pair[1][rows] for link, pair in deviations.items()}
     nodes = shown.time if shown.drivers and shown.time is not None else shown.angle

@@ -14,6 +14,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.equality_rows import RodPair
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
@@ -184,7 +185,8 @@ def dofs_of(model: LoadedModel, names: Iterable[str]) -> tuple[list[int], list[i
 def _velocity_products(loops: ModelLoops) -> Generator[None]:
     """Install a callback for the velocity-product terms of couplings, and restore the previous one."""
     before = mujoco.get_mjcb_passive()
-    nonlinear, rows = [coupling for coupling in loops.couplings if coupling.nonlinear], list[int]()
+    nonlinear = [row for row in (*loops.couplings, *loops.rods) if row.nonlinear]
+    rows: list[int] = []
 
     # MuJoCo calls this after it computes the constraint violations and before it computes accelerations
     def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -194,6 +196,9 @@ def _velocity_products(loops: ModelLoops) -> Generator[None]:
         qpos, qvel = data.qpos[None], data.qvel[None]
         for coupling, row in zip(nonlinear, rows, strict=True):
             stiffness, _, impedance, _ = data.efc_KBIP[row]
+            if isinstance(coupling, RodPair):
+                data.efc_pos[row] += coupling.stretching(data) / (stiffness * impedance)
+                continue
             data.efc_pos[row] -= float(coupling.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
 
     mujoco.set_mjcb_passive(opened if nonlinear else before)

@@ -14,6 +14,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.meshes import Mesh, meshes_of, threads_of
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
+from mechsim.simulation.equality_rows import RodPair
 
 Fields = Mapping[str, Array]
 
@@ -101,6 +102,10 @@ def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> Appl
         for (body, local), sign in zip(pair.ends, (1.0, -1.0), strict=True):
             point = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
             add_force(forces.wrenches, fields, body, point, sign * force)
+    for rod, multiplier in zip(loops.rods, multipliers[:, loops.rod_rows].T, strict=True):
+        force, points = rod_force(fields, rod, multiplier)
+        for body, point, sign in zip(rod.bodies, points, (1.0, -1.0), strict=True):
+            add_force(forces.wrenches, fields, body, point, sign * force)
     moments = multipliers[:, loops.frame_rows].reshape(len(multipliers), -1, 3)
     for pair, moment in zip(loops.frames, np.moveaxis(moments, 1, 0), strict=True):
         rotations = (fields["xmat"][:, body].reshape(-1, 3, 3) for body in pair.bodies)
@@ -108,6 +113,13 @@ def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> Appl
         for body, sign in zip(pair.bodies, (1.0, -1.0), strict=True):
             forces.wrenches[:, body, 3:] += sign * couple
     return forces
+
+
+def rod_force(fields: Fields, rod: RodPair, multiplier: Array) -> tuple[Array, list[Array]]:
+    """Return the force of a rod on its first point, (n, 3), from its multiplier, (n,), and both points."""
+    axes = fields["xmat"].reshape(len(multiplier), -1, 3, 3)
+    points = [fields["xpos"][:, body] + axes[:, body] @ local for body, local in rod.ends]
+    return multiplier[:, None] * rod.along(points[0] - points[1]), points
 
 
 def together(*applied: AppliedForces) -> AppliedForces:
@@ -192,6 +204,7 @@ def soften(model: mujoco.MjModel, compliance: float) -> float:
     factor = max(1.0, COMPLIANCE_FACTOR / compliance)
     model.body_invweight0[:] *= factor
     model.dof_invweight0[:] *= factor
+    model.tendon_invweight0[:] *= factor
     model.opt.iterations = ITERATIONS
     return factor
 

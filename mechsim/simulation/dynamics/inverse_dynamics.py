@@ -432,7 +432,7 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> No
     set_armature(model, dofs, loops.model.dof_armature[dofs])
     model.dof_invweight0[dofs] = compliance * loops.model.dof_invweight0[dofs]
     model.eq_active0[[coupling.equality for coupling in recording.followers(loops)]] = 1
-    model.eq_solref[[coupling.equality for coupling in loops.couplings if coupling.nonlinear]] = 0.0
+    model.eq_solref[[row.equality for row in (*loops.couplings, *loops.rods) if row.nonlinear]] = 0.0
     rescale_coupled_tendons(loops, model)
 
 
@@ -443,7 +443,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     over each step, or its constraint acts on accelerations alone.
     """
     loops = loaded.loops
-    if not any(coupling.nonlinear for coupling in loops.couplings):
+    if not any(row.nonlinear for row in (*loops.couplings, *loops.rods)):
         return states
     if loops.drivers is not None:
         loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
@@ -460,17 +460,21 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
 def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
     """Return accelerations from the curvature of couplings, (n, nv): p'' times the squared right-side rate.
 
-    All other constraints stay satisfied, and crank and drivers do not accelerate. MuJoCo's rows (1, -p') omit
-    these accelerations. The remaining ones satisfy its rows once the forces of these are subtracted.
+    So, too, of rods. All other constraints stay satisfied, and crank and drivers do not accelerate. MuJoCo's
+    rows (1, -p') omit these accelerations. The remaining ones satisfy its rows once the forces of these
+    are subtracted.
     """
-    couplings, rows = loaded.loops.couplings, loaded.loops.coupled_rows
-    if not any(coupling.nonlinear for coupling in couplings):
+    couplings, rods = loaded.loops.couplings, loaded.loops.rods
+    if not any(row.nonlinear for row in (*couplings, *rods)):
         return np.zeros_like(state.states.qvel)
     constraints = _constraint_rows(loaded, state.jacobian)
     right = np.zeros(constraints.shape[:2])
-    right[:, rows] = np.stack(
-        [coupling.velocity_product(state.states.qpos, state.states.qvel) for coupling in couplings], 1
-    )
+    qacc = state.plain["qacc"]
+    links = link_motions(loaded.model, loaded.track, state.plain)
+    opened = closure_acceleration(loaded.loops, state.states, qacc, links)
+    for rows in (loaded.loops.rod_rows, loaded.loops.coupled_rows):
+        moved = (state.jacobian[:, rows] @ qacc[..., None])[..., 0]
+        right[:, rows] = moved - opened[:, rows]
     return _least(constraints, row_scale(loaded, constraints.shape[1]), state.plain["inertia"], right)[0]
 
 

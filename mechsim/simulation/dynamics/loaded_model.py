@@ -23,6 +23,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
+from mechsim.simulation.equality_rows import RodPair
 from mechsim.simulation.mjcf.force_elements import (
     Actuators,
     actuator_slices,
@@ -144,6 +145,10 @@ class LoadedModel(ClosedModel):
         # a joint of a file may have the name of the second pair, as in a file that mechsim wrote
         others = {other.name for other in self.mechanism.joints} - {joint.name}
         return [i for i, name in enumerate(names) if name in {joint.name, f"{joint.name}+"} - others]
+
+    def equality(self, rod: RodPair) -> str:
+        """Return the name of the equality of a rod, that of its joint."""
+        return str(self.model.equality(rod.equality).name)
 
     def welded(self, joint: Joint) -> int | None:
         """Return the index of the frame pair that closes a loop at a joint; None if there is none."""

@@ -8,7 +8,7 @@ from mechsim.model.force_record import Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.applied_forces import thread_forces
+from mechsim.simulation.dynamics.applied_forces import rod_force, thread_forces
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 
 
@@ -23,6 +23,13 @@ def transmitted(
         fields: MuJoCo's fields of a model in which all forces act as wrenches on bodies.
         multipliers: of the loop constraints, (n, m); each acts on a pair's first point, which is on link a.
     """
+    rod = next((i for i, rod in enumerate(loaded.loops.rods) if loaded.equality(rod) == joint.name), None)
+    if rod is not None:
+        row = loaded.loops.rod_rows.start + rod
+        force, points = rod_force(fields, loaded.loops.rods[rod], multipliers[:, row])
+        return Reaction(
+            link=joint.b.link, by=joint.a.link, force=-force, moment=np.zeros_like(force), point=points[1]
+        )
     axes = fields["xmat"].reshape(len(multipliers), -1, 3, 3)
     proximal, distal = loaded.ends(joint)
     first, second = loaded.body(proximal), loaded.body(distal)

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import initial_coordinates, plane_normals, with_virtual_bodies
+from mechsim.model.link_poses import initial_coordinates, plane_normals, with_rods, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
@@ -70,6 +70,9 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     )
     if forces is not None:
         mechanism = with_accepted_inertia(mechanism)
+    elif scene.holds("motion"):
+        # without masses; MuJoCo steps a link without spin to a higher order than a tendon
+        mechanism, poses = with_rods(mechanism, poses or {}, "universal")
     tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True, welds=forces is not None)
     mechanism = tree.mechanism
     poses = with_virtual_bodies(tree.mechanism, poses or {})
@@ -79,13 +82,14 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     spec.compiler.autolimits = True
     _options(spec, scene)
     with _repeated_names(mechanism):
-        bodies = _add_links(spec, mechanism, tree, poses, real_inertia=forces is not None)
+        bodies, frames = _add_links(spec, mechanism, tree, poses, real_inertia=forces is not None)
         # at level dynamics the crank is free, or driven by its motor
         if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
             spec.joint(CRANK).armature = DRIVE_INERTIA_RATIO * PLACEHOLDER * mechanism.characteristic_length
         for name, (link, point) in mechanism.points.items():
             bodies[link].add_site(name=name, pos=point)
         _close(spec, mechanism, tree, bodies)
+        _add_rods(spec, tree, bodies, frames)
         _couple(spec, mechanism)
         if forces is not None:
             add_forces(spec, mechanism, tree, bodies, forces)
@@ -108,8 +112,12 @@ def _repeated_names(mechanism: Mechanism) -> Generator[None]:
 
 def _add_links(
     spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, poses: Mapping[str, Pose], *, real_inertia: bool
-) -> dict[str, mujoco.MjsBody]:
-    """Add a body with its joint for each link to the body of its parent, with real or placeholder inertia."""
+) -> tuple[dict[str, mujoco.MjsBody], dict[str, Pose]]:
+    """Add a body with its joint for each link to the body of its parent, with real or placeholder inertia.
+
+    Returns:
+        Link -> its body, and its pose in the reference configuration.
+    """
     inertias = {link_.name: link_.inertia if real_inertia else None for link_ in mechanism.links}
     bodies, frames = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
     for branch in tree.branches:
@@ -128,7 +136,7 @@ def _add_links(
         add_joint(body, mechanism, branch, local, values)
         bodies[link] = body
         frames[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)
-    return bodies
+    return bodies, frames
 
 
 def with_revolutions(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
@@ -179,6 +187,26 @@ def _close(
             _add_equality(
                 spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
             )
+
+
+def _add_rods(
+    spec: mujoco.MjSpec, tree: Tree, bodies: Mapping[str, mujoco.MjsBody], frames: Mapping[str, Pose]
+) -> None:
+    """Keep the distance of the points of each rod by a tendon, whose length counts from the reference."""
+    for joint in tree.cuts:
+        if not KINDS[joint.kind].rod:
+            continue
+        tendon = spec.add_tendon(name=joint.name)
+        ends = (joint.a, joint.b)
+        for end in ends:
+            name = f"{joint.name}@{end.link}"
+            bodies[end.link].add_site(name=name, pos=end.point)
+            tendon.wrap_site(name)
+        gap = np.subtract(*(frames[end.link].point(end.point) for end in ends))
+        made = _add_equality(
+            spec, joint.name, mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON, (joint.name, "")
+        )
+        made.data[:5] = [joint.length - float(np.linalg.norm(gap)), 0.0, 0.0, 0.0, 0.0]
 
 
 def _weld(spec: mujoco.MjSpec, joint: Joint, bodies: Mapping[str, mujoco.MjsBody]) -> None:

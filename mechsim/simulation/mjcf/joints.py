@@ -90,7 +90,7 @@ def coincident_points(kind: Kind) -> list[float] | None:
 
     A joint with such points can be cut: MuJoCo equalities of points close it exactly. None for other kinds.
     """
-    if kind.floating:
+    if kind.floating or kind.rod:
         return []
     if kind.slides:
         return None
@@ -99,8 +99,7 @@ def coincident_points(kind: Kind) -> list[float] | None:
 
 def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
     """Return the child's pose in the parent's frame at zero coordinates of the joint, and the coordinates."""
-    values = (0.0,) * len(KINDS[branch.joint.kind].units)
-    return _posed(branch, values), values
+    return _posed(branch, branch.joint.unguessed), branch.joint.unguessed
 
 
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
@@ -110,15 +109,13 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
     ends may belong to d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
     """
     kind = KINDS[branch.joint.kind]
-    if kind.ball and not kind.slides:
-        return _ball(branch, parent, child), ()
     parent_side, child_side = _placed(branch.parent, parent), _placed(branch.child, child)
     a, b = (parent_side, child_side) if branch.direction > 0 else (child_side, parent_side)
     values_ = coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle)
     values = (
         tuple(np.moveaxis(values_, -1, 0)) if values_.ndim > 1 else tuple(float(value) for value in values_)
     )
-    return (_ball(branch, parent, child) if kind.ball else _posed(branch, values)), values
+    return _posed(branch, values, np.swapaxes(a[1], -1, -2) @ b[1] if kind.ball else None), values
 
 
 def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
@@ -126,20 +123,11 @@ def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
     return link.position + rotated(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
 
 
-def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
-    """Return the child's pose in the parent's frame with the relative rotation of the initial guess."""
-    to_parent = np.swapaxes(parent.rotation, -1, -2)
-    rotation = to_parent @ child.rotation
-    if KINDS[branch.joint.kind].slides:
-        return Pose(rotated(to_parent, child.position - parent.position), rotation)
-    position = np.asarray(branch.parent.point) - rotated(rotation, np.asarray(branch.child.point))
-    return Pose(position, rotation)
-
-
-def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
-    """Return the child's pose in the parent's frame at coordinates of the joint."""
+def _posed(branch: Branch, values: Sequence[float | Array], ball: Array | None = None) -> Pose:
+    """Return the child's pose in the parent's frame at the joint's coordinates and the rotation of a ball."""
     joint, frame = branch.joint, branch.parent.frame
     shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
+    relative = relative if ball is None else ball
     if branch.direction < 0:
         relative = np.swapaxes(relative, -1, -2)
         shift = -rotated(relative, shift)
@@ -162,12 +150,12 @@ def model_joints(
     joint, position = branch.joint, np.asarray(branch.child.point)
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
     types = [SLIDE] * len(kind.slides) + ([BALL] if kind.ball else [HINGE] * len(kind.turns))
-    axes: list[Axis] = [*kind.slides, *kind.turns]
-    coordinates = list(zip(names, types, axes, [*values, None] if kind.ball else values, strict=False))
+    axes: list[Axis] = [*kind.slides, *(("a",) if kind.ball else kind.turns)]
+    coordinates = list(zip(names, types, axes, [*values, *([None] if kind.ball else [])], strict=True))
     if branch.direction < 0 and len(set(axes)) > 1:
         # axes fixed in the parent come first, axes fixed in the child last
         coordinates.reverse()
-    if len(kind.slides) > 1 and branch.direction < 0:
+    if branch.direction < 0 and (len(kind.slides) > 1 or kind.ball):
         # a rotation before slides across its axis is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
         position = rotated(back, np.asarray(branch.parent.point) - local.position)

@@ -88,7 +88,9 @@ def cut_loops(
             f"{mechanism.name}: cutting {', '.join(sorted(requested)) or 'no joint'} does not leave a tree; "
             f"name {len(cuts)} joints, one in each loop"
         )
-    return Tree(mechanism, _ordered(mechanism, kept), cuts)
+    # the equation of a rod remains if its coordinates place a link
+    rods = tuple(joint for joint in mechanism.joints if joint.name in kept and KINDS[joint.kind].rod)
+    return Tree(mechanism, _ordered(mechanism, kept), (*cuts, *rods))
 
 
 def _needed(mechanism: Mechanism) -> set[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joints import Coupling, End, Joint
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.equality_rows import coincident_frames, tendon_joints
+from mechsim.simulation.equality_rows import coincident_frames, is_rod, rod_pair, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier
 from mechsim.simulation.state import is_disabled
 
@@ -60,6 +60,8 @@ def equalities(
                 result.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
             else:
                 result.joints.append(joint)
+        elif is_rod(model, i):
+            result.joints.append(_rod_joint(model, i, carriers, f"{name}_loop" if name in names else name))
         elif skip_others and not is_readable(model, i):
             result.remarks.append(f"equality {name!r} is neither a joint nor a coupling and was left out")
         elif kind in (JOINT, TENDON):
@@ -74,7 +76,9 @@ def equalities(
 
 
 def is_readable(model: mujoco.MjModel, i: int) -> bool:
-    """Whether an equality is a joint or a coupling: a connect, weld, joint or fixed-tendon equality."""
+    """Whether an equality is a joint or a coupling: connect, weld, joint or fixed-tendon equality, or rod."""
+    if is_rod(model, i):
+        return True
     if int(model.eq_type[i]) != TENDON:
         return int(model.eq_type[i]) in (CONNECT, WELD, JOINT)
     tendons = [int(t) for t in (model.eq_obj1id[i], model.eq_obj2id[i]) if t >= 0]
@@ -100,6 +104,13 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
         for carrier, point, rotation_ in zip(carriers, points, rotations, strict=True)
     ]
     return Joint(name, kind, ends[0], ends[1])
+
+
+def _rod_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint:
+    """Return the distance joint of an equality that keeps the length of a tendon between two sites."""
+    rod = rod_pair(model, i)
+    a, b = (End(carried[body].link, carried[body].point(local)) for body, local in rod.ends)
+    return Joint(name, "distance", a, b, length=rod.length)
 
 
 def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:

@@ -115,7 +115,7 @@ def _interpolated(
     assert motion.closure is not None
     # a regular pose is added, because singular values that are zero at all states do not count
     residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
-    closure = np.abs(residual[:-1, : 3 * len(loops.pairs)]).max(1, initial=0.0)
+    closure = np.abs(residual[:-1, loops.point_rows]).max(1, initial=0.0)
     assert motion.conditioning is not None
     return replace(
         motion,

@@ -17,7 +17,8 @@ from mechsim.analytic.loops.constraints import CoupledRow, Cut, coupled_rows, cu
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint, spanning_tree
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND, ORIGIN
+from mechsim.model.link_poses import with_rods
+from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
@@ -427,6 +428,7 @@ def loop_equations(
     Raises:
         AssemblyError: if a link is disconnected from the ground without the rods.
     """
+    mechanism, radii = with_rods(mechanism, {})[0], {**radii, **_of_rods(radii)}
     rods = {
         link.name: [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
         for link in mechanism.links
@@ -456,6 +458,11 @@ def loop_equations(
         turn_offsets,
         radii,
     )
+
+
+def _of_rods(radii: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the radii of the ends of distance joints for the second joints of their rods."""
+    return {f"{VIRTUAL_PREFIX}{end}": radius for end, radius in radii.items()}
 
 
 def concentric(mechanism: Mechanism) -> Mechanism:

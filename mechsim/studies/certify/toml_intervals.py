@@ -230,7 +230,9 @@ def _words(text: object) -> frozenset[str]:
 def _fixed_entries(document: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
     """Yield the entries of a file that must not change within tolerances, with their paths."""
     for name, joint in document["joints"].items():
-        yield from ((("joints", name, key), joint[key]) for key in ("cross_angle", "lead") if key in joint)
+        yield from (
+            (("joints", name, key), joint[key]) for key in ("cross_angle", "lead", "length") if key in joint
+        )
     for name, coupling in document.get("couplings", {}).items():
         for path, value in leaves(coupling, ("couplings", name)):
             if path[2:] not in (("driver",), ("driven",)):
