@@ -15,7 +15,8 @@ from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.subjects import catalog, gallery
+from mechsim.subjects import gallery
+from mechsim.subjects.toml_values import head_comment
 from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
 def about(solver: KinematicSolver) -> str:
     """Return the description of a catalogue or gallery mechanism; empty for others."""
     path = None if solver.source is not None else gallery.files().get(solver.name)
-    return solver.about if solver.about or path is None else catalog.description_of(path)
+    return solver.about if solver.about or path is None else head_comment(str(path))
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from mechsim.subjects import catalog
+from mechsim.subjects.toml_values import head_comment
 
 
 def folder() -> Path:
@@ -24,7 +25,7 @@ def list() -> dict[str, dict[str, str]]:
     """
     return {
         "mechanisms": {
-            name: catalog.description_of(catalog.models() / f"{name}.toml") for name in catalog.MECHANISMS
+            name: head_comment(str(catalog.models() / f"{name}.toml")) for name in catalog.MECHANISMS
         },
-        "gallery": {name: catalog.description_of(path) for name, path in files().items()},
+        "gallery": {name: head_comment(str(path)) for name, path in files().items()},
     }

@@ -118,7 +118,7 @@ class Reader:
 
 
 READERS: list[Reader] = [
-    Reader("mechsim.subjects.toml_reader:TomlModel", suffixes=(".toml",)),
+    Reader("mechsim.subjects.formula_file:open_toml", suffixes=(".toml",)),
     Reader("mechsim.subjects.mjcf_source:MujocoSource", suffixes=(".xml", ".urdf")),
     Reader(
         "mechsim.subjects.mjcf_source:MujocoSource",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -17,9 +16,9 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.subjects import catalog, gallery
+from mechsim.subjects.formula_file import FormulaFile
 from mechsim.subjects.model_source import (
     READERS,
-    ModelDescription,
     ModelSource,
     Prescription,
     file_reader,
@@ -33,19 +32,6 @@ if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
     Model: TypeAlias = PathLike[str] | KinematicSolver | Mechanism | MujocoInput | ModelSource
-
-
-@dataclass(frozen=True)
-class CatalogName(ModelSource):
-    """The name of a catalogue mechanism."""
-
-    name: str
-
-    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
-        """Return the mechanism; bare numbers are in SI."""
-        return ModelDescription(
-            catalog.make(self.name, **{parameter: str(value) for parameter, value in changed.items()})
-        )
 
 
 def open_model(model: Model) -> ModelSource:
@@ -68,7 +54,7 @@ def open_model(model: Model) -> ModelSource:
     if reader := file_reader(name):
         return reader.open(name)
     if name in catalog.MECHANISMS:
-        return CatalogName(name)
+        return FormulaFile(catalog.MECHANISMS[name])
     files = gallery.files()
     if name not in files:
         raise _unknown_model(name, [*catalog.MECHANISMS, *files])

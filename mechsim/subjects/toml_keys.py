@@ -286,6 +286,25 @@ _GUESS = Table(
     "approximate pose of a link",
 )
 
+# kind of a parameter with formulas -> its unit
+PARAMETER_UNITS: dict[str, Unit] = {"length": "m", "position": "m", "angle": "rad", "number": "1"}
+_VALUE = AnyOf((Boolean("a choice"), JointNumber("a number")), "a number, or true or false")
+PARAMETERS = TableOf(
+    Table(
+        {
+            "value": AnyOf(
+                (ListOf(JointNumber("a component"), "a point"), *_VALUE.alternatives), "its default"
+            ),
+            "kind": Text("length (above 0), position, angle or number", tuple(PARAMETER_UNITS)),
+            "choices": ListOf(_VALUE, "the values that it can have"),
+            "about": Text("its meaning"),
+        },
+        "a parameter of formulas",
+        ("value", "about"),
+    ),
+    "parameters of the formulas",
+)
+
 ROOT = Table(
     {
         "name": Text("name of the mechanism"),
@@ -298,7 +317,13 @@ ROOT = Table(
             "driven coordinates; one revolute joint is the crank; default crank, or all of an open chain",
         ),
         "parameters": TableOf(
-            Number("1", "a number, a quantity, or an expression of parameters before it"),
+            AnyOf(
+                (
+                    Number("1", "a number, a quantity, or an expression of parameters before it"),
+                    PARAMETERS.value_type,
+                ),
+                "a number, a quantity, an expression of parameters before it, or a table",
+            ),
             "numbers that the file uses by name and --set changes",
         ),
         "links": TableOf(_LINK, "moving links; a link that several joints name needs no table"),

@@ -72,7 +72,7 @@ class TomlModel(ModelSource):
         solver = LoopForm(
             mechanism,
             parameters=values.parameters,
-            formula=_formula(source, read.get("formula", {}).get("python", "")),
+            formula=formula_path(source, read.get("formula", {}).get("python", "")),
             forces=forces_of(values, mechanism, read),
             initial=initial_of(coordinates),
             written=WrittenUnits(values.length, values.angle),
@@ -129,7 +129,7 @@ def mechanism_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> Mech
     )
 
 
-def _formula(source: TomlSource, formula: str) -> str:
+def formula_path(source: TomlSource, formula: str) -> str:
     """Return FILE.py:FUNCTION with the folder of the mechanism; a file elsewhere is not run."""
     folder, (file, _, _) = Path(source.path).parent, formula.rpartition(":")
     if not (folder / file).resolve().is_relative_to(folder.resolve()):

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -126,6 +127,14 @@ def parsed_source(path: str, text: str) -> TomlSource:
         raise InputError(f"{path}, line {line}: a number has over {MAX_DIGITS} digits; shorten it") from None
     except RecursionError:
         raise InputError(f"{path} nests too deep; a mechanism needs five levels") from None
+
+
+def head_comment(path: str) -> str:
+    """Return the first sentence of the comment at the head of a mechanism's file; empty if there is none."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    head = takewhile(lambda line: line.startswith("# ") and not line.startswith("# Source:"), lines)
+    sentence = re.split(r"[.;] ", " ".join(line.removeprefix("# ") for line in head))[0].rstrip(".")
+    return f"{sentence}." if sentence else ""
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:

@@ -1,0 +1,217 @@
+"""Files of mechanisms with formulas: a description in TOML whose parameters the formulas in Python share.
+
+Each parameter is a table with its value, kind and meaning. The formulas are a class that `[formula]` names;
+its file is run. Numbers are in m and rad. A table in `[when.CHOICE]` replaces that of a joint where the
+choice is true.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from mechsim import units
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import Formulas, Geometry, parameter_value
+from mechsim.analytic.vector_method.vectors import column, cross
+from mechsim.errors import InputError, MechsimError
+from mechsim.files import read_text
+from mechsim.model.expressions import Evaluator, Term, parse_expression
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.quantity import AXES
+from mechsim.numerics.arrays import Array
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
+from mechsim.subjects.python_object import run_object, run_user_code
+from mechsim.subjects.toml_coordinates import coordinates_of, drivers_of
+from mechsim.subjects.toml_keys import PARAMETER_UNITS, PARAMETERS, ROOT
+from mechsim.subjects.toml_reader import MAX_BYTES, TomlModel, formula_path, mechanism_of
+from mechsim.subjects.toml_values import TomlSource, Values, head_comment, parsed_source, suggestion
+
+# tables that such a file may have; the others state forces and motions, which follow from options
+TABLES = ("name", "parameters", "links", "joints", "couplings", "points", "when", "formula")
+# of these, the ones that are no description
+OWN_TABLES = ("parameters", "when", "formula")
+
+
+@dataclass(frozen=True)
+class FormulaFile(ModelSource):
+    """A mechanism with formulas; bare numbers of `changed` are in SI."""
+
+    mechanism: type[ClosedForm]
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism with some parameters changed."""
+        texts = {name: str(value) for name, value in changed.items()}
+        return ModelDescription(with_parameters(self.mechanism, texts))
+
+
+def open_toml(path: str) -> ModelSource:
+    """Return the source of a TOML file: with formulas if its parameters are tables.
+
+    Raises:
+        InputError: for a file that is no TOML, or formulas that cannot be used.
+    """
+    model = TomlModel(path)
+    rows = model.source.document.get("parameters")
+    tables = list(cast(dict[str, Any], rows).values()) if isinstance(rows, dict) else []
+    if not any(isinstance(row, dict) for row in tables):
+        return model
+    mechanism = mechanism_in(model.source)
+    run_user_code(path, lambda: _try_formulas(mechanism))
+    return FormulaFile(mechanism)
+
+
+def _try_formulas(mechanism: type[ClosedForm]) -> None:
+    """Solve one configuration, so that an error in the code of formulas is reported before any result."""
+    with suppress(MechsimError):  # the command reports it
+        solver = mechanism()
+        solver.solve([solver.mechanism.start])
+
+
+def mechanism_in_file(path: str) -> type[ClosedForm]:
+    """Return the formulas of a mechanism with the parameters and the description of its file."""
+    return mechanism_in(parsed_source(path, read_text(path, "a TOML file", MAX_BYTES)))
+
+
+def mechanism_in(source: TomlSource) -> type[ClosedForm]:
+    """Return the formulas of a mechanism with the parameters and the description of its file.
+
+    Raises:
+        InputError: for invalid contents; names file, line, key and remedy.
+    """
+    for key in source.document.keys() - TABLES:
+        raise source.error((key,), f"is not read in a file with formulas; it has {', '.join(TABLES)}")
+    rows = Values(source, "m", "rad", {}).checked(PARAMETERS, source.document["parameters"], ("parameters",))
+    address = source.document.get("formula", {}).get("python", "")
+    formulas = run_object(formula_path(source, address)) if address else None
+    if not (isinstance(formulas, type) and issubclass(formulas, ClosedForm)):
+        raise source.error(("formula",), "names no class of formulas, which parameters with tables need")
+    for choice in source.document.get("when", {}):
+        if choice not in rows:
+            raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")
+    members = {
+        "__doc__": head_comment(source.path),
+        "declaration": replace(formulas.declaration, name=str(source.document.get("name", ""))),
+        "description": property(lambda self: _described(source, self)),
+        "geometry": lambda self: _geometry(source, self),
+    }
+    parameters = [_parameter(source, formulas, name, row) for name, row in rows.items()]
+    return make_dataclass(
+        formulas.__name__, parameters, bases=(formulas,), namespace=members, frozen=True, kw_only=True
+    )
+
+
+def parameters_of(mechanism: type[ClosedForm]) -> dict[str, Field[Any]]:
+    """Return the parameters: name -> field, whose metadata has its unit and description."""
+    # the change-point policy comes last, since it is no dimension
+    ordered = sorted(fields(mechanism), key=lambda field: field.name == "change_point")
+    return {field.name: field for field in ordered}
+
+
+def with_parameters(mechanism: type[ClosedForm], values: Mapping[str, Any]) -> ClosedForm:
+    """Return a mechanism with some parameters changed from their defaults.
+
+    Args:
+        mechanism: its formulas.
+        values: parameter -> value in SI, or text with a unit.
+
+    Raises:
+        InputError: for an unknown parameter, with the nearest name, or an invalid value.
+    """
+    name, rules = mechanism.declaration.name, parameters_of(mechanism)
+    for parameter in values:
+        if parameter not in rules:
+            raise InputError(f"{name} has no parameter {parameter!r}{suggestion(parameter, rules)}")
+    return mechanism(**{key: parameter_value(name, rules[key], key, value) for key, value in values.items()})
+
+
+def _parameter(
+    source: TomlSource, formulas: type, name: str, row: Mapping[str, Any]
+) -> tuple[str, type, Any]:
+    """Return name, type and declaration of a parameter from its row in a file."""
+    path = ("parameters", name)
+    if not name.isidentifier() or hasattr(formulas, name):
+        raise source.error(path, "cannot be the name of a parameter here; choose another one")
+    kind = row.get("kind", "number")
+    unit, value = PARAMETER_UNITS[kind], row["value"]
+    rule = {"unit": unit, "doc": row["about"]} | ({"positive": True} if kind == "length" else {})
+    with source.error_context(path):
+        if "choices" in row:
+            rule["options"] = row["choices"]
+        elif isinstance(value, tuple):
+            if kind != "position" or len(cast(tuple[Any, ...], value)) not in (2, 3):
+                raise source.error(path, "is a list; only a position can be one, of two or three numbers")
+            value = tuple(units.si(entry, unit, name) for entry in cast(tuple[Any, ...], value))
+        elif isinstance(value, str) or unit != "1":
+            value = float(units.si(value, unit, name))
+    return name, type(value), field(default=value, metadata=rule)
+
+
+def _values(formulas: Formulas) -> dict[str, Any]:
+    """Return the parameters by the names that expressions use; a component of a point is pivot_x."""
+    values: dict[str, Any] = {}
+    for parameter in fields(formulas):
+        value = getattr(formulas, parameter.name)
+        if isinstance(value, tuple):
+            components = zip(AXES, cast(tuple[Any, ...], value), strict=False)
+            values |= {f"{parameter.name}_{axis}": component for axis, component in components}
+        elif not isinstance(value, str):
+            values[parameter.name] = value
+    return values
+
+
+def _document(source: TomlSource, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the description in a file; a table in `when` replaces joints where its choice is true."""
+    document = {key: table for key, table in source.document.items() if key not in OWN_TABLES}
+    for choice, tables in source.document.get("when", {}).items():
+        if values[choice]:
+            document |= {key: document.get(key, {}) | table for key, table in tables.items()}
+    return document
+
+
+def _described(source: TomlSource, formulas: Formulas) -> Mechanism:
+    """Return the description with the parameters of formulas, without a guess."""
+    parameters = _values(formulas)
+    values = Values(source, "m", "rad", parameters)
+    coordinates = coordinates_of(values, values.checked(ROOT, _document(source, parameters), ()))
+    with source.error_context(()):
+        return mechanism_of(coordinates, drivers_of(coordinates, (), still=False))
+
+
+def _geometry(source: TomlSource, formulas: Formulas) -> Geometry:
+    """Return points and frames fixed in links; of many designs if parameters are arrays."""
+    values = _values(formulas)
+    if not any(getattr(value, "ndim", 0) for value in values.values()):
+        return Formulas.geometry(formulas)
+    document = _document(source, values)
+
+    def vector(end: Mapping[str, Any], key: str) -> tuple[Any, ...]:
+        return tuple(_number(entry, values) for entry in end.get(key, (0.0, 0.0, 0.0)))
+
+    def frame(end: Mapping[str, Any]) -> Array:
+        axis, reference = (column(vector(end, key)) for key in ("axis", "reference"))
+        return np.stack(np.broadcast_arrays(reference, cross(axis, reference), axis), axis=1)
+
+    joints = document["joints"]
+    return Geometry(
+        points={name: vector(entry, "at") for name, entry in document["points"].items()},
+        joints={name: (vector(entry["a"], "at"), vector(entry["b"], "at")) for name, entry in joints.items()},
+        frames={
+            name: frame(entry["a"])
+            for name, entry in joints.items()
+            if "reference" in entry["a"] and _varies(entry["a"].get("axis", ()))
+        },
+    )
+
+
+def _varies(vector: Sequence[Any]) -> bool:
+    return any(isinstance(entry, str) for entry in vector)
+
+
+def _number(entry: float | str, values: Mapping[str, Any]) -> Any:
+    """Return a number of a file, or the value of its expression, an array for arrays of parameters."""
+    if not isinstance(entry, str):
+        return float(entry)
+    return Evaluator(lambda name: Term(values[name])).evaluate(parse_expression(entry)).value

@@ -1,0 +1,133 @@
+"""A user's file with formulas: an inverted slider-crank, checked by atan2, and its faults rejected."""
+
+import numpy as np
+import pytest
+
+from mechsim import load
+from mechsim.errors import InputError
+from mechsim.studies.validate import case_of
+
+FILE = """# Inverted slider-crank. Its lever slides through a block on the crank.
+name = "inverted"
+[parameters]
+ground = { value = 0.08, kind = "length", about = "distance of the pivots" }
+crank = { value = "30 mm", kind = "length", about = "length of the crank" }
+pivot = { value = [0.01, -0.02], kind = "position", about = "pivot of the crank" }
+loose = { value = false, choices = [false, true], about = "whether the block also slides across" }
+[joints]
+crank = { kind = "revolute", a = { link = "ground", at = ["pivot_x", "pivot_y", 0] }, b = { link = "crank" } }
+pin = { kind = "revolute", a = { link = "crank", at = ["crank", 0, 0] }, b = { link = "block" } }
+[joints.lever]
+kind = "revolute"
+a = { link = "ground", at = ["pivot_x+ground", "pivot_y", 0] }
+b = { link = "lever" }
+[joints.slot]
+kind = "prismatic"
+a = { link = "lever", axis = [1, 0, 0] }
+b = { link = "block", axis = [1, 0, 0] }
+[points]
+A = { link = "crank", at = ["crank", 0, 0] }
+[when.loose.joints]
+slot = { kind = "planar", a = { link = "lever" }, b = { link = "block" } }
+[formula]
+python = "inverted.py:Inverted"
+"""
+CODE = """
+import numpy as np
+from mechsim import vectors
+from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.formulas import Declaration
+from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
+
+
+class Inverted(ClosedForm):
+    declaration = Declaration()
+
+    def frames(self, angle):
+        ex, ez = vectors.column((1.0, 0.0, 0.0)), vectors.column((0.0, 0.0, 1.0))
+        x, y = self.pivot
+        ahead = vectors.spun(ex, ez, angle)
+        pin = vectors.column((x, y, 0.0)) + self.crank * ahead
+        way = pin - vectors.column((x + self.ground, y, 0.0))
+        along = way / vectors.norm(way)
+        yield "crank", LinkFrame(vectors.column((x, y, 0.0)), x=ahead, z=ez)
+        yield "block", LinkFrame(pin, x=along, z=ez)
+        yield "lever", LinkFrame(vectors.column((x + self.ground, y, 0.0)), x=along, z=ez)
+
+    def crank_range(self):
+        return Arcs(True, ((-np.pi, np.pi),))
+
+    def assemblies(self, angle):
+        return [self]
+
+    def assembly_sign(self, points):
+        return np.ones(len(points["A"]))
+
+    def transmission_at(self, angles, points):
+        return np.full(len(angles), np.pi / 2)
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Return a function that writes the file with a replaced text and returns its path."""
+
+    def write(old="", new="", *, code=("", "")):
+        (tmp_path / "inverted.toml").write_text(FILE.replace(old, new) if old else FILE)
+        (tmp_path / "inverted.py").write_text(CODE.replace(*code) if code[0] else CODE)
+        return str(tmp_path / "inverted.toml")
+
+    return write
+
+
+def test_formulas_of_a_file_solve_its_motion(written):
+    angles = np.linspace(0.0, 2.0 * np.pi, 25)
+    motion = load(written(), {"crank": "20 mm", "pivot": "5mm,0"}).solve(angles, 2.0)
+    assert motion.source == "closed form"
+    x, y = 0.02 * np.cos(angles) - 0.08, 0.02 * np.sin(angles)
+    turns = np.exp(1j * (motion.joints["lever"].value - np.arctan2(y, x)))
+    assert np.abs(turns - 1.0).max() <= 1e-15
+    # d/dt atan2(y, x) = (x y' - y x') / (x2 + y2)
+    rate = 0.04 * (x * np.cos(angles) + y * np.sin(angles)) / (x**2 + y**2)
+    assert np.abs(motion.joints["lever"].rate - rate).max() <= 1e-14
+
+
+def test_formulas_of_a_file_are_validated(written):
+    assert case_of(load(written()), quick=True).passed
+    # the formulas keep the old place of the lever's pivot
+    assert not case_of(load(written('"pivot_x+ground"', '"pivot_x+1.01*ground"')), quick=True).passed
+
+
+def test_a_choice_replaces_a_joint(written):
+    path = written()
+    kinds = [load(path, {"loose": text}).described.joint("slot").kind for text in ("off", "on")]
+    assert kinds == ["prismatic", "planar"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("value = 0.08", "valu = 0.08", "line 4: parameters.ground.valu is no known key"),
+        ('30 mm", kind = "length"', '30 mm", kind = "len"', "parameters.crank.kind is 'len'"),
+        ("value = 0.08", "value = -0.08", "ground is -0.08 m; give a length above 0"),
+        ("value = 0.08", "value = [1, 2]", "parameters.ground is a list; only a position can be one"),
+        ('"30 mm"', '"30 deg"', "crank '30 deg' has unit 'deg'"),
+        ("ground = {", "crank_range = {", "parameters.crank_range cannot be the name"),
+        ("when.loose", "when.lose", "when.lose is no parameter; did you mean 'loose'"),
+        ('["crank", 0, 0] }\n[when', '["krank", 0, 0] }\n[when', "points.A.at[0] is 'krank'"),
+        ("inverted.py:Inverted", "inverted.py:np", "formula names no class of formulas"),
+        ('[parameters]', 'duration = 1\n[parameters]', "duration is not read in a file with formulas"),
+    ],
+)  # fmt: skip
+def test_an_invalid_file_is_rejected_in_one_line(written, old, new, message):
+    with pytest.raises(InputError) as error:
+        load(written(old, new)).described.joint("crank")
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("code", [("def frames", "def framez"), ("self.crank *", "self.krank *")])
+def test_an_error_in_formulas_is_reported(written, code):
+    with pytest.raises(InputError, match=r"ends in (TypeError|AttributeError): .*; repair the file"):
+        load(written(code=code))
