@@ -182,7 +182,7 @@ def test_an_invalid_loop_is_rejected(written, element, message):
         ("closed_loop: [[rod_end, follower_end]]\ntype: 3", "type is 3; write a list"),
         ("closed_loop: [[rod_end, follower_end]]\nname_mot: 3", "name_mot is 3; write a list"),
         ("closed_loop: [[rod_end, follower_end]]\njoint_name: 3", "joint_name is 3; write a list"),
-        ("[" * 5000, "is no YAML"),
+        ("[" * 1500, "is no YAML"),
     ],
 )
 def test_an_invalid_sidecar_file_is_rejected(written, text, message):

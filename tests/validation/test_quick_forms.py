@@ -22,7 +22,7 @@ QUICK = (
     "choices/tuned_scenes.py --only four_bar --cases 1",
     "papers/looper_table.py",
     "papers/triad.py 20",
-    "published/dry_friction.py",
+    "published/dry_friction.py 1",
     "published/forward_dynamics.py 1",
     "published/natural_frequencies.py",
     "published/vibrations.py",

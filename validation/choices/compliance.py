@@ -8,7 +8,7 @@ accelerations; MuJoCo's noslip pass, which a run leaves out, takes them from for
 The error is proportional to compliance: the script exits with 1 where a hundredth of the compliance does not
 leave a hundredth of the error, within 5 %, of the slow five-bar.
 
-Run: python validation/choices/compliance.py [--out DIR]
+Run: python validation/choices/compliance.py
 """
 
 import sys
@@ -60,7 +60,6 @@ def five_bar(period, path):
 
 @quiet()
 def main() -> None:
-    out = sheet.folder(__doc__ or "")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "five_bar.xml"
         path.write_text(FIVE_BAR)
@@ -75,7 +74,7 @@ def main() -> None:
         {"motion": name, **{f"{item:.0e}": error for item, error in zip(COMPLIANCES, each, strict=True)}}
         for name, each in result.items()
     ]
-    sheet.show(rows, out, "compliance")
+    sheet.show(rows)
     falls = slow[1:4] / slow[2:5]
     sys.exit(0 if (np.abs(falls / 100.0 - 1.0) < 0.05).all() else 1)
 

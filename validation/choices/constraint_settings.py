@@ -5,7 +5,7 @@ reached. Errors are worst values: rocker angle in rad, place in units of the cra
 acceleration in units of crank and speed. Time is that of stepping alone, on one core, the least of
 three rounds through all settings.
 
-Run: python validation/choices/constraint_settings.py [--out DIR]
+Run: python validation/choices/constraint_settings.py
 """
 
 from dataclasses import replace
@@ -87,13 +87,12 @@ def measured(name: str, settings: Settings) -> dict[str, Any]:
 
 
 def main() -> None:
-    out = sheet.folder(__doc__ or "")
     rows = [measured(name, item) for name, each in ladder().items() for item in each]
     for _ in range(REPEATS - 1):
         again = [measured(name, item) for name, each in ladder().items() for item in each]
         for row, other in zip(rows, again, strict=True):
             row["ms/turn"] = min(row["ms/turn"], other["ms/turn"])
-    sheet.show(rows, out, "constraint_settings")
+    sheet.show(rows)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad,
 at that time. The place error of the driven point is against the closed form at the crank angle really
 reached, in units of the crank: what the drive adds to the error of the loop. inf: diverged.
 
-Run: python validation/choices/crank_actuation.py [--out DIR]
+Run: python validation/choices/crank_actuation.py
 """
 
 import copy
@@ -144,7 +144,6 @@ class Rig:
 
 @mjcf.quiet()
 def main() -> None:
-    out = sheet.folder(__doc__ or "")
     rows: list[dict[str, Any]] = []
     for name in ("rssr", "four_bar", "slider_crank"):
         rigs = [Rig(name, actuation) for actuation in ACTUATIONS]
@@ -153,7 +152,7 @@ def main() -> None:
             for row, rig in zip(result, rigs, strict=True):
                 row["us/step"] = min(row["us/step"], rig.run()["us/step"])
         rows += result
-    sheet.show(rows, out, "drive")
+    sheet.show(rows)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ to the one before (a polygon's freedoms all touch each other). Then random trees
 points pinned together: how often the accelerations of one Newton step differ, which in exact arithmetic
 they do not, and what `Settings()` takes there.
 
-Run: python validation/choices/matrices.py [--out DIR]
+Run: python validation/choices/matrices.py
 """
 
 import time
@@ -185,12 +185,11 @@ def wrong() -> str:
 
 @mjcf.quiet()
 def main() -> None:
-    out = sheet.folder(__doc__ or "")
     linkage = catalog.make("four_bar")
     assert linkage.name == "four_bar"
     rows = [measured(f"{n} four-bars", chain(linkage, n)) for n in CHAINS]
     rows += [measured(f"{count} polygons of {sides}", polygons(count, sides)) for count, sides in POLYGONS]
-    sheet.show(rows, out, "matrices")
+    sheet.show(rows)
     print(wrong())
 
 

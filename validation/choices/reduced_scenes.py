@@ -6,7 +6,7 @@ third, three quarters as far and at another pace: where actuators are fed both f
 `mj_step` that shares nothing with mechsim, at the instants that both have; where joints are prescribed by
 mechsim's own steps.
 
-    python validation/choices/reduced_scenes.py FOLDER [--out DIR] [--only NAME,..]
+    python validation/choices/reduced_scenes.py FOLDER [--only NAME,..]
 
 FOLDER holds the files; one that is not there is skipped. None lies in this repository. Exits with 1 where a
 tolerance is not kept, or a scene is less than twice as fast.
@@ -92,7 +92,6 @@ def main() -> int:
     """Reduce every scene and judge it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--out", type=Path)
     parser.add_argument("--only", default="")
     options = parser.parse_args()
     only, rows = {name for name in options.only.split(",") if name}, list[dict[str, object]]()
@@ -101,9 +100,7 @@ def main() -> int:
             if not only or name in only:
                 rows.append(row(name, case, folder))
                 print({key: value for key, value in rows[-1].items() if key != "left out"}, flush=True)
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-    sheet.show(rows, options.out, "reduced_scenes")
+    sheet.show(rows)
     return int(any(item["kept"] == "NO" or float(str(item["faster"])) < FASTER for item in rows))
 
 

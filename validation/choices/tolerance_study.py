@@ -6,13 +6,12 @@ at the crank angle reached. The price is the processor time of all stepping, tri
 cheapest setting of a ladder that keeps T over the same ten turns, which a user could know only by the
 closed form. (Over the first turn alone cheaper settings keep T and then drift off.)
 
-Run: python validation/choices/tolerance_study.py [--count N] [--seed N] [--only NAME] [--out DIR]
+Run: python validation/choices/tolerance_study.py [--count N] [--seed N] [--only NAME]
 """
 
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -141,15 +140,12 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=70, help="runs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", metavar="NAME", help="one mechanism of the catalogue")
-    parser.add_argument("--out", type=Path, help="folder for the table as CSV")
     options = parser.parse_args()
     random, rows = np.random.default_rng(options.seed), []
     for linkage in drives(random, options.count, options.only):
         speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
         rows.append(measured(linkage, units.rpm(speed), fraction))
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-    sheet.show(rows, options.out, "tolerance_study")
+    sheet.show(rows)
     print(*fractions(rows), sep="\n")
 
 

@@ -10,13 +10,12 @@ could know only by the closed form.
 
 With --ladder instead: torque error against processor time over that ladder, and by solved poses.
 
-Run: python validation/choices/torque_tolerance.py [--count N] [--seed N] [--ladder] [--out DIR]
+Run: python validation/choices/torque_tolerance.py [--count N] [--seed N] [--ladder]
 """
 
 import argparse
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -138,19 +137,16 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=35, help="runs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--ladder", action="store_true")
-    parser.add_argument("--out", type=Path, help="folder for the table as CSV")
     options = parser.parse_args()
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
     if options.ladder:
-        sheet.show(list(ladder()), options.out, "torque_ladder")
+        sheet.show(list(ladder()))
         return
     rows, begin = [], time.perf_counter()
     random = np.random.default_rng(options.seed)
     for closed_form in drives(random, options.count):
         speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
         rows.append(prescribed(closed_form, units.rpm(speed), fraction))
-    sheet.show(rows, options.out, "torque_tolerance")
+    sheet.show(rows)
     print(*fractions(rows), f"{time.perf_counter() - begin:.0f} s", sep="\n")
 
 

@@ -7,7 +7,7 @@ The solver takes two iterations; with equalities alone one is exact. Reference: 
 angles of the run, exact to rounding. MuJoCo's kinematics in float64 computes positions from the recorded
 coordinates, so the error is that of the stepping.
 
-    python validation/engines/compare.py [--out DIR]
+    python validation/engines/compare.py
 """
 
 import copy
@@ -78,7 +78,6 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
 
 @mjcf.quiet()
 def main() -> None:
-    out = study_table.folder(__doc__ or "")
     engines, messages = installed()
     for message in messages:
         print(message)
@@ -88,7 +87,7 @@ def main() -> None:
         for settings in SETTINGS
         for engine, run in engines.items()
     ]
-    study_table.show(rows, out, "engines")
+    study_table.show(rows)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
 A crank is released at a speed, with dry friction in a hinge, a ball joint and the joints of a spatial loop.
 It moves for half a revolution, or comes to rest. Error: the largest of the crank angle, for two time steps.
 
-Run: python validation/published/dry_friction.py
+Run: python validation/published/dry_friction.py [NUMBER OF CASES]
 """
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,11 +57,11 @@ def error(case: Case, timestep: float) -> float:
     return float(np.abs(run.motion.angle - exact.angle).max())
 
 
-def main() -> None:
-    for case in CASES:
+def main(count: int = len(CASES)) -> None:
+    for case in CASES[:count]:
         errors = ", ".join(f"{error(case, step):.1e} rad at {step:g} s" for step in STEPS)
         print(f"{case.title:<44}{errors}")
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:]))

@@ -3,7 +3,7 @@
 Instants are the last axis of every array, so that each component is contiguous in memory.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,13 +38,6 @@ class Coordinates:
     def repeated(self, times: int) -> "Coordinates":
         """Return the coordinates repeated as a whole."""
         return Coordinates(np.tile(self.values, times), np.tile(self.turns, times))
-
-
-def joined(coordinates: Sequence[Coordinates]) -> Coordinates:
-    """Return the coordinates of all instants of several sets."""
-    return Coordinates(
-        np.concatenate([q.values for q in coordinates], 1), np.concatenate([q.turns for q in coordinates], -1)
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from itertools import combinations, product
 import numpy as np
 
 from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
-from mechsim.analytic.loops.kinematics import Coordinates, joined
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import (
     CLOSED,
     DIMENSION_TOLERANCE,
@@ -103,7 +103,7 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     if not loops.rows:
         return Corrected(mechanism)
     nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
-    if not _inconsistent(loops, joined(nearly), ANGLE_TOLERANCE):
+    if not _inconsistent(loops, _joined(nearly), ANGLE_TOLERANCE):
         return Corrected(mechanism)
     change, cause, error = _rotations_to_usual_angles(mechanism)
     exact, closing = with_moved_sides(mechanism, change), {cut.joint.name for cut in loops.cuts}
@@ -160,12 +160,12 @@ def _offsets(
     if not loops.rows:
         return None
     poses = generic_poses(loops, guess, PROBES, tolerance, tolerance)
-    if not _inconsistent(loops, joined(poses), tolerance):
+    if not _inconsistent(loops, _joined(poses), tolerance):
         return None
     poses += generic_poses(loops, poses[-1], POSES - PROBES, tolerance, tolerance)
     limits, change = np.repeat([most, MAX_CORRECTION], 3), np.zeros((len(mechanism.joints), 2, 6))
     concerned = _affected_joints(loops, poses, tolerance) if joints is None else joints
-    q = joined(poses)
+    q = _joined(poses)
     jacobians = _jacobians(mechanism, loops, q, concerned) * limits
     for cutoff in CUTOFFS:
         residual, jacobian, _ = loops.linearise(q)
@@ -272,6 +272,13 @@ def _least_gap(mechanism: Mechanism) -> str:
         unit = mechanism.unit(name)
         return f"; least gap {gap:.2g} m at {name} = {q.values[index, 0]:.3g} {unit}"
     return ""
+
+
+def _joined(coordinates: Sequence[Coordinates]) -> Coordinates:
+    """Return the coordinates of all instants of several sets."""
+    return Coordinates(
+        np.concatenate([q.values for q in coordinates], 1), np.concatenate([q.turns for q in coordinates], -1)
+    )
 
 
 def _inconsistent(loops: TreeLoops, q: Coordinates, tolerance: float) -> bool:
