@@ -28,7 +28,7 @@ QUICK = (
     "published/vibrations.py",
     "robustness/assembly_detector.py --runs 4",
     "robustness/diagnosis.py --cases 2",
-    "robustness/free_run_drift.py four_bar",
+    "robustness/free_run_drift.py 10 four_bar",
     "robustness/inputs.py --only 13mm!",
     "robustness/power_balance.py four_bar",
     "robustness/random_toml_mechanisms.py --count 2",
@@ -40,7 +40,7 @@ QUICK = (
     "speed/closed_form_speed.py",
     "speed/loop_speed.py",
     "speed/pose_speed.py",
-    "speed/step_overhead.py",
+    "speed/step_overhead.py 1 10",
     "speed/stepped_sweep_speed.py 100 1",
     "speed/sweep_speed.py 0.0001",
 )

@@ -5,11 +5,12 @@ nothing, by mechsim's stepping loop, and by `simulate` with its checks of every 
 interleaved rounds. Target: stepping within 5 % of bare. Memory: a run of a million steps that records 72
 instants, by tracemalloc and by the process.
 
-Run: python validation/speed/step_overhead.py
+Run: python validation/speed/step_overhead.py [ROUNDS [TURNS OF THE LONG RUN]]
 """
 
 import copy
 import resource
+import sys
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -31,7 +32,7 @@ SETTINGS = Settings(steps_per_turn=STEPS // TURNS)
 ROUNDS = 5
 
 
-def main() -> None:
+def main(rounds: int = ROUNDS, turns: int = 1000) -> None:
     mechanism = catalog.make("rssr").mechanism
     loops = read_loops(assembled(mechanism, Scene()).compile())
     start = loops.model.qpos0
@@ -64,7 +65,7 @@ def main() -> None:
         "simulate, 7,200 samples": simulated_run(7200),
     }
     times: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for name, run_once in runs.items():
             begin = time.process_time()
             run_once()
@@ -76,7 +77,7 @@ def main() -> None:
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tracemalloc.start()
-    run = simulate(mechanism, speed=SPEED, turns=1000, samples=72, settings=SETTINGS)
+    run = simulate(mechanism, speed=SPEED, turns=turns, samples=72, settings=SETTINGS)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     growth = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
@@ -84,4 +85,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:]))
