@@ -26,7 +26,7 @@ from mechsim.cli.dynamics_report import (
 )
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
-from mechsim.cli.options import ModelOptions, output_file, writable
+from mechsim.cli.options import ModelOptions, output_file, pair_of, require_distinct, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import InputError
@@ -39,6 +39,7 @@ from mechsim.pictures import plots
 from mechsim.report.facts import run_facts
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward, crosscheck_free
 from mechsim.studies.release import Release
+from mechsim.subjects.law_text import with_controls
 from mechsim.units import option
 from mechsim.verdict.checks import Check, Verdict
 
@@ -105,6 +106,13 @@ class ForwardOptions(InitialOptions):
     tolerance: float | None = option(
         None, "Largest error of joint angles in MuJoCo, in rad. The steps are chosen to satisfy it."
     )
+    ctrl: tuple[tuple[str, str], ...] = option(
+        (),
+        "Control or target of an actuator or motor: a number, an expression of t, or FILE.csv.",
+        read=pair_of("--ctrl motor=0.3*sin(2*pi*t)"),
+        many=True,
+        metavar="ACTUATOR=LAW",
+    )
     method: str = option(
         "step", "Whether MuJoCo checks the run: step integrates it too, none omits it.", metavar="step|none"
     )
@@ -113,6 +121,7 @@ class ForwardOptions(InitialOptions):
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
+        require_distinct("--ctrl", self.ctrl)
         require_method(self.method, "step", "none", tolerance=self.tolerance)
         require_samples(self.samples)
         if self.turns is not None:
@@ -151,6 +160,7 @@ def forward(
     if not (options.output or options.quantities or options.until):
         stated.exclude(["track"], "without -o, --of or --until")
     model = released_model(source, loads)
+    model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
     if options.turns is not None:
         stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank")
     ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}

@@ -142,9 +142,11 @@ def inverse(
     shown = output_units(units, model.solver) or SI_UNITS
     if not model.solver.motion_laws.crank:
         stated.exclude(CRANK_ONLY, "under motion laws")
-    if model.forces.motor is not None:
-        notes.append(f"{model.mechanism.name}: the prescribed motion replaces the motor of the file")
-        model = replace(model, forces=replace(model.forces, motor=None))
+    if replaced := model.forces.replaced_by_motion:
+        notes.append(
+            f"{model.mechanism.name}: the prescribed motion replaces {', '.join(replaced)} of the file"
+        )
+        model = replace(model, forces=model.forces.without_motor())
     result = _prescribed(model, options, shown, units is not None, verbose)
     return with_masses(model, result, verbose)
 

@@ -5,12 +5,14 @@ Both methods read these descriptions. Vectors are in the ground frame, in SI.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.model.actuators import Actuator
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
@@ -171,6 +173,8 @@ class Forces:
         motor: motor of the crank; its torque acts on the driven joint's link b, the opposite on link a. A
             prescribed motion ignores it: the drive torque is the torque that a motor would have to supply.
         controllers: forces that depend on the state; they act in runs from an initial state.
+        actuators: actuators with controls. A prescribed motion ignores them, as it does the motor.
+        armature: coordinate -> moment of inertia or mass that moves with it, such as a rotor's.
     """
 
     gravity: Vector = (0.0, 0.0, 0.0)
@@ -183,6 +187,8 @@ class Forces:
     flywheel: float = 0.0
     motor: Motor | None = None
     controllers: tuple[Controller, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+    armature: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
         gravity = numbers(self.gravity)
@@ -222,7 +228,7 @@ class Forces:
             if located(mechanism, load.location)[0] == GROUND:
                 raise InputError(f"the load on {load.location} acts on the frame, which it cannot move")
 
-        for controller in self.controllers:
+        for controller in (*self.controllers, *self.actuators):
             controller.check(mechanism)
         for couple in self.couples:
             if located(mechanism, (couple.link, ORIGIN))[0] == GROUND:
@@ -247,8 +253,24 @@ class Forces:
             )
 
     def without_motor(self) -> Forces:
-        """Return the same forces without the motor."""
-        return replace(self, motor=None)
+        """Return the same forces without motor, actuators and armature, which a prescribed motion ignores."""
+        return replace(self, motor=None, actuators=(), armature={})
+
+    @property
+    def replaced_by_motion(self) -> list[str]:
+        """What `without_motor` leaves out, in a few words each."""
+        present = {
+            "the motor": self.motor is not None,
+            f"the actuators {', '.join(actuator.name for actuator in self.actuators)}": bool(self.actuators),
+            f"the armature of {', '.join(self.armature)}": bool(self.armature),
+        }
+        return [name for name, acts in present.items() if acts]
+
+    @property
+    def controlled(self) -> set[str]:
+        """Coordinates that controllers and actuators read or act on, and those with an armature."""
+        names = {name for controller in self.controllers for name in controller.coordinates}
+        return names | {name for actuator in self.actuators for name in actuator.gear} | {*self.armature}
 
 
 def forces_of(source: object, forces: Forces | None = None) -> Forces:

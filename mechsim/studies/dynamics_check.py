@@ -174,6 +174,7 @@ def crosscheck_forward(
         rows = _instants(run, segment)
         section = replace(
             run,
+            activation=run.activation[:, rows],
             motion=select_instants(run.motion, rows),
             driving={name: effort[rows] for name, effort in run.driving.items()},
         )
@@ -195,9 +196,7 @@ def _compared_with_mujoco(
 ) -> list[Check] | Verdict:
     """Return the checks of a section of a run; a verdict if MuJoCo diverges or misses the tolerance."""
     times, joints = section.time, section.motion.joints
-    kept = {*initial.coordinates, *initial.rates, *run.driving}
-    for controller in dynamic_model.forces.controllers:
-        kept |= controller.coordinates
+    kept = {*initial.coordinates, *initial.rates, *run.driving, *dynamic_model.forces.controlled}
 
     def stepped(substeps: int) -> SteppedRun:
         return stepped_run(
@@ -211,6 +210,7 @@ def _compared_with_mujoco(
             prescribed={name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving},
             ranges=dynamic_model.solver.ranges,
             links=section.motion.links,
+            activation=section.activation[:, 0],
             progress=progress,
         )
 

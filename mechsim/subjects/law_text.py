@@ -3,7 +3,7 @@
 import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeGuard
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from mechsim import files, units
 from mechsim.errors import InputError
 from mechsim.model.expressions import Evaluator, Term, described, parse_expression, unit_powers, without_time
+from mechsim.model.forces import Forces
 from mechsim.model.load_profile import PERIOD_TOLERANCE, LoadProfile, Over, constant, function, table
 from mechsim.model.motion_laws import State, steady, tabled
 from mechsim.numerics.angles import REVOLUTION
@@ -404,3 +405,23 @@ def _constant(text: str) -> float | None:
         return units.of_any_kind(text, "the control")[0]
     except InputError:
         return None
+
+
+def with_controls(forces: Forces, texts: Mapping[str, str]) -> Forces:
+    """Return forces whose actuators follow control laws: actuator -> text, as in `control_law`.
+
+    Raises:
+        InputError: for an unknown actuator, or text that is no control.
+    """
+    names = [actuator.name for actuator in forces.actuators]
+    for name in texts:
+        if name not in names:
+            raise InputError(f"--ctrl names {name!r}; actuators are {', '.join(names) or 'none'}")
+    laws = control_laws(texts)
+    actuators = (
+        replace(actuator, control=laws[actuator.name], text=texts[actuator.name])
+        if actuator.name in laws
+        else actuator
+        for actuator in forces.actuators
+    )
+    return replace(forces, actuators=tuple(actuators))

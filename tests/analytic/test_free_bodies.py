@@ -109,7 +109,9 @@ def test_free_asymmetric_body():
         body(1.0, (0.0, 0.0, 0.0), moments, "floating"),
         Forces(),
         initial={"J.w": tuple(start), "J.vx": 0.5, "J.z": 2.0},
-        duration=20.0,
+        duration=12.0,
+        # passages of the unstable axis amplify the errors of the steps
+        tolerance=1e-14,
     )
     link = run.motion.links["body"]
     rates = (np.swapaxes(link.rotation, 1, 2) @ link.angular_velocity[..., None])[..., 0]

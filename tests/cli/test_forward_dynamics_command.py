@@ -225,7 +225,7 @@ def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys)
     (tmp_path / "pendulum.xml").write_text(
         """<mujoco><worldbody><body name="rod"><joint name="pivot" axis="0 1 0" armature="0.1"/>
         <geom type="capsule" size="0.01" fromto="0 0 0 0.3 0 0"/></body></worldbody>
-        <actuator><position joint="pivot" kp="3"/></actuator></mujoco>"""
+        <actuator><adhesion name="glue" body="rod" ctrlrange="0 1"/></actuator></mujoco>"""
     )
     arguments = [
         "dynamics",
@@ -240,7 +240,7 @@ def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys)
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in (0, None)
-    assert "left out of the dynamics: armature, servos" in capsys.readouterr().err
+    assert "left out of the dynamics: actuators glue" in capsys.readouterr().err
 
 
 def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):

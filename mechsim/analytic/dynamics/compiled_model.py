@@ -5,7 +5,7 @@ A model with an element that is not listed here has no such data.
 """
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -270,7 +270,12 @@ def _require_supported_fields(element: Any) -> None:
 
 
 def _is_empty(value: Any, default: Any) -> bool:
-    return value is default or value is None or (isinstance(value, tuple) and not value) or value == default
+    return (
+        value is default
+        or value is None
+        or (isinstance(value, tuple | Mapping) and not value)
+        or value == default
+    )
 
 
 def _crank_torque(equations: EquationsOfMotion) -> tuple[float, float]:

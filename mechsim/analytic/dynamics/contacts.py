@@ -316,7 +316,7 @@ class Contacts:
             return mode
         seconds = 0.1 * REST * fastest / largest
         q = equations.loops.displaced(state.q, seconds * state.rates)
-        after = equations.kinematics(q, state.rates + seconds * tendency)
+        after = equations.kinematics(q, state.rates + seconds * tendency, state.activation)
         rates = equations.friction_rates(after)[:, 0]
         resting = np.isin(np.arange(len(rates)), mode.stuck)
         moving = resting & (np.abs(rates) > REST * np.abs(rates[resting]).max())

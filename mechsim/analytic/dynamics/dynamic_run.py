@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any, TypeVar
 
@@ -95,6 +95,7 @@ class DynamicRun:
         singular: instants at which the drivers do not determine the motion, in [s].
         executed: what evaluated the equations of motion, "C" or "numpy".
         note: why it was not C; empty if it was.
+        activation: states of the actuators that have one, (states, n).
     """
 
     motion: Motion
@@ -112,6 +113,7 @@ class DynamicRun:
     singular: tuple[float, ...] = ()
     executed: Executed = "numpy"
     note: str = ""
+    activation: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = short_repr
 
@@ -214,7 +216,8 @@ def run(
     layout = StateLayout(equations)
 
     def state_at(times: Array) -> Kinematics:
-        return equations.kinematics(*layout.unpack_states(_states_at(trajectory.pieces, times)[1]))
+        states = _states_at(trajectory.pieces, times)[1]
+        return equations.kinematics(*layout.unpack_states(states), layout.activation(states))
 
     singular = singular_passages(equations, state_at, trajectory.end) if trajectory.pieces else ()
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
@@ -256,13 +259,18 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
     layout, pieces = StateLayout(equations), trajectory.pieces
     numbers, states = _states_at(pieces, times)
     q, rates = projected(equations, *layout.unpack_states(states), times)
-    whole = equations.kinematics(q, rates)
+    activation = layout.activation(states)
+    whole = equations.kinematics(q, rates, activation)
     accelerations, driving = np.empty_like(rates), np.empty((len(equations.prescribed), len(times)))
     kinetic, potential = np.empty((2, len(times)))
     modes = np.array([id(pieces[k].mode) for k in numbers])
     for mode in {id(pieces[k].mode): pieces[k].mode for k in numbers}.values():
         which = modes == id(mode)
-        state = whole if which.all() else equations.kinematics(q.select(which), rates[:, which])
+        state = (
+            whole
+            if which.all()
+            else equations.kinematics(q.select(which), rates[:, which], activation[:, which])
+        )
         piece = next(piece for piece in pieces if piece.mode is mode)
         dynamics = equations.accelerate(state, times[which], mode.sliding, mode.stuck, piece.contacts)
         accelerations[:, which], driving[:, which] = dynamics.acceleration, dynamics.driving
@@ -282,6 +290,7 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         drift=trajectory.drift,
         executed=trajectory.executed,
         note=trajectory.note,
+        activation=activation,
     )
 
 

@@ -59,6 +59,7 @@ class Kinematics:
         poses: poses of the links.
         twist: twist of each link at the ground's origin, (links, 6, n).
         bias: acceleration of each link at constant rates, (links, 6, n).
+        activation: states of the actuators that have one, (states, n); None for their steady states.
     """
 
     q: Coordinates
@@ -69,6 +70,7 @@ class Kinematics:
     poses: LinkPoses
     twist: Array
     bias: Array
+    activation: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +90,7 @@ class Dynamics:
         potential: potential energy of gravity and springs, (n,) in [J].
         power_in: power of motor, loads and prescribed motion, (n,) in [W].
         power_lost: power lost in friction and dampers, (n,) in [W].
+        activation: rates of the actuators' states, (states, n).
     """
 
     acceleration: Array
@@ -100,6 +103,7 @@ class Dynamics:
     potential: Array
     power_in: Array
     power_lost: Array
+    activation: Array
 
 
 @dataclass(frozen=True)
@@ -172,7 +176,7 @@ class EquationsOfMotion:
             np.array([inertia.moments for inertia in inertias]) + self.added_moments,
         )
 
-    def kinematics(self, q: Coordinates, rates: Array) -> Kinematics:
+    def kinematics(self, q: Coordinates, rates: Array, activation: Array | None = None) -> Kinematics:
         """Return constraints and links at coordinates and rates in units, (count, n)."""
         residual, jacobian, poses = self.loops.linearise(q)
         tree, physical = self.loops.tree, rates * self.loops.units[:, None]
@@ -180,7 +184,7 @@ class EquationsOfMotion:
         bias = velocity_products(tree, poses, twist, physical)
         gamma = self.loops.velocity_products(q, poses, physical, twist, bias)
         free = with_locked_rows(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
-        return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias)
+        return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias, activation)
 
     def accelerate(
         self,
@@ -204,7 +208,7 @@ class EquationsOfMotion:
         mass = self._mass(jacobians, inertia)
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
-        at_joints = _actuator_forces(self, state, time, loaded.crank)
+        at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
         directions = friction_directions(self.frictions, unit, jacobians)
         rubbing = np.zeros_like(at_joints)
         for friction, direction, sign in zip(self.frictions, directions, sliding, strict=True):
@@ -241,6 +245,7 @@ class EquationsOfMotion:
             + (at_joints * rates).sum(1)
             + (driving * driven_rates).sum(0),
             power_lost=-(acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
+            activation=activation,
         )
 
     def smooth_forces(self, state: Kinematics) -> tuple[Array, Array]:
@@ -251,7 +256,7 @@ class EquationsOfMotion:
         unit, jacobians, time = self._unit_motion(state), self._link_jacobians(state), np.zeros(len(state.q))
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches
-        at_joints = _actuator_forces(self, state, time, loaded.crank)
+        at_joints, _ = _actuator_forces(self, state, time, loaded.crank)
         sizes = stepped_sizes(np.stack(wrenches)).sum(0)
         arms = stepped_sizes(unit.position).sum(-1, keepdims=True)
         sizes[..., 3:] += arms * sizes[..., :3].sum(-1, keepdims=True)
@@ -270,8 +275,9 @@ class EquationsOfMotion:
 
     @property
     def steady(self) -> bool:
-        """Whether neither loads, controllers nor prescribed motion depend on time."""
-        return not (self.prescribed or self.model.forces.controllers) and not any(
+        """Whether neither loads, controllers, actuators nor prescribed motion depend on time."""
+        forces = self.model.forces
+        return not (self.prescribed or forces.controllers or forces.actuators) and not any(
             course.over == "time" for course in self.model.forces.load_profiles
         )
 
@@ -299,7 +305,19 @@ class EquationsOfMotion:
         if self.crank is not None:
             column = int(np.searchsorted(self.free, self.crank))
             mass[:, column, column] += self.model.forces.flywheel
-        return mass
+        return mass + self._armature
+
+    @cached_property
+    def _armature(self) -> Array | float:
+        """Inertia of rotors, which depends on no coordinate, (free, free) in units."""
+        forces, units = self.model.forces, self.loops.units[self.free]
+        rows = [({name: 1.0}, inertia) for name, inertia in forces.armature.items()]
+        rows += [(actuator.gear, actuator.inertia) for actuator in forces.actuators]
+        total = np.zeros((len(units), len(units)))
+        for gear, inertia in rows:
+            along = self.loops.tree.coupled(gear)[self.free] * units
+            total += inertia * np.outer(along, along)
+        return total
 
     @cached_property
     def rank(self) -> int:
@@ -360,8 +378,13 @@ class EquationsOfMotion:
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
 
 
-def _actuator_forces(equations: EquationsOfMotion, state: Kinematics, time: Array, torque: Array) -> Array:
-    """Return the generalised force of motor, controllers and load torque on the crank, (n, free)."""
+def _actuator_forces(
+    equations: EquationsOfMotion, state: Kinematics, time: Array, torque: Array
+) -> tuple[Array, Array]:
+    """Return the generalised force of motor, controllers, actuators and load torque, (n, free).
+
+    Also return the rates of the actuators' states, (states, n).
+    """
     forces, tree, units = equations.model.forces, equations.loops.tree, equations.loops.units
     dtype = np.result_type(state.q.values, state.rates)
     total = np.zeros((len(units), len(time)), dtype)
@@ -372,7 +395,18 @@ def _actuator_forces(equations: EquationsOfMotion, state: Kinematics, time: Arra
         rates = {name: state.rates[i] * units[i] for name, i in tree.index_of.items() if name in values}
         index = tree.index_of[controller.coordinate]
         total[index] += controller.effort(values, rates, time) * units[index]
-    return total[equations.free].T
+    activations: list[Array] = []
+    for actuator in forces.actuators:
+        arms = tree.coupled(actuator.gear)
+        length, speed = arms @ state.q.values, (arms * units) @ state.rates
+        if state.activation is None or actuator.inflow is None:
+            activation = actuator.steady_state(time, length, speed)
+        else:
+            activation = state.activation[len(activations)]
+        total += np.outer(arms * units, actuator.force(time, length, speed, activation))
+        if actuator.inflow is not None:
+            activations.append(actuator.state_rate(time, length, speed, activation))
+    return total[equations.free].T, np.reshape(activations, (-1, len(time)))
 
 
 def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
@@ -411,14 +445,14 @@ def equations_of_motion(
         AssemblyError: if the loops do not close.
     """
     mechanism, laws = model.mechanism, prescribed or {}
-    controlled = [name for controller in model.forces.controllers for name in sorted(controller.coordinates)]
+    controlled = sorted(model.forces.controlled)
     kept = {name: 0.0 for name in [*(coordinates or {}), *laws, *controlled] if name not in mechanism.drivers}
     loops, start = assembled(replace(mechanism, guess_coordinates={**kept, **mechanism.guess_coordinates}))
     for name in controlled:
         if name not in loops.tree.index_of or name in mechanism.locked:
             raise InputError(
-                f"{mechanism.name}: a controller names {name!r}, which is locked or closes a loop among the "
-                "coordinates of controllers and initial values; name another one"
+                f"{mechanism.name}: a controller or actuator names {name!r}, which is locked or closes a "
+                "loop among the coordinates of controllers and initial values; name another one"
             )
     locked = tuple(loops.tree.index_of[name] for name in mechanism.locked)
     return EquationsOfMotion(model, replace(loops, driven=locked), start, laws)

@@ -547,15 +547,16 @@ class Integration:
 
     def _impact(self) -> bool:
         """Apply the impacts of the joints that hit their stops; return whether there are any."""
-        q, rates, work, lost = self.layout.unpack(self.state)
-        state = self.equations.kinematics(q, rates)
+        state = self.kinematics()
+        q, rates = state.q, state.rates
         after = self.contacts.rates_after_impact(state, self.time, self.right.mode, self.fastest)
         if after is rates:
             return False
         mass = self.equations.mass(state)
         free = self.equations.free
         before, new = (kinetic_energy(mass, value[free].T)[0] for value in (rates, after))
-        self.state = self.layout.pack(q, after, work, lost + float(before - new))
+        self.state = self.layout.replaced(self.state[None], q, after)[0]
+        self.state[-1] += float(before - new)
         return True
 
     def _at_rest(self) -> tuple[Outcome, str] | None:

@@ -219,7 +219,7 @@ def _ball_index(equations: EquationsOfMotion, name: str) -> tuple[int, int]:
 
 
 class StateLayout:
-    """Packing of coordinates, quaternions of spherical joints, rates, work and loss into one vector.
+    """Packing of coordinates, quaternions, rates, actuators' states, work and loss into one vector.
 
     Args:
         equations: equations of motion.
@@ -230,11 +230,17 @@ class StateLayout:
         self.units = equations.loops.units
         self.count, self.balls = self.tree.count, len(self.tree.balls)
         self.positions = self.count + 4 * self.balls
+        self.start = np.array([a.start for a in equations.model.forces.actuators if a.inflow is not None])
 
     def pack(self, q: Coordinates, rates: Array, work: float, lost: float) -> Array:
-        """Return the vector of one state."""
+        """Return the vector of one state, with actuators in their initial states."""
         turns = [rotation_quaternions(rotation)[0] for rotation in q.turns]
-        return np.concatenate([q.values[:, 0] / self.units, *turns, rates[:, 0], [work, lost]])
+        return np.concatenate([q.values[:, 0] / self.units, *turns, rates[:, 0], self.start, [work, lost]])
+
+    def activation(self, states: Array) -> Array:
+        """Return the states of actuators, (states, n), of n vectors."""
+        first = self.positions + self.count
+        return states[:, first : first + len(self.start)].T
 
     def unpack(self, state: Array) -> tuple[Coordinates, Array, float, float]:
         """Return coordinates, rates (count, 1), work done and energy lost of a vector."""
@@ -272,11 +278,13 @@ class StateLayout:
             first = self.count + 4 * i
             turning.append(quaternion_rates(states[:, first : first + 4], rate.T).T)
         powers = dynamics.power_in[None], dynamics.power_lost[None]
-        return np.concatenate([values, *turning, dynamics.acceleration, *powers]).T
+        return np.concatenate([values, *turning, dynamics.acceleration, dynamics.activation, *powers]).T
 
     def scale(self, rate: float) -> Array:
         """Return characteristic magnitudes of the vector's components at a characteristic rate."""
-        return np.concatenate([np.ones(self.positions), np.full(self.count, rate), np.full(2, 1e300)])
+        return np.concatenate(
+            [np.ones(self.positions), np.full(self.count, rate), np.ones(len(self.start)), np.full(2, 1e300)]
+        )
 
 
 def rotation_quaternions(rotations: Array) -> Array:

@@ -42,7 +42,7 @@ class RightHandSide:
     def kinematics(self, states: Array) -> Kinematics:
         """Return constraints and links at states (n, size)."""
         self.evaluations += len(states)
-        return self.equations.kinematics(*self.layout.unpack_states(states))
+        return self.equations.kinematics(*self.layout.unpack_states(states), self.layout.activation(states))
 
     def conditioning(self, state: Array) -> float:
         """Return the smallest singular value of the loop constraints at a state."""
@@ -101,8 +101,12 @@ class RightHandSide:
             jacobian = self.jacobians(np.array([time]), state[None], rate)[0]
             reduced = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
         if not np.isfinite(reduced).all():
-            names = ", ".join(controller.coordinate for controller in self.equations.model.forces.controllers)
-            blamed = f"; the controllers of {names} are not finite there" if names else ""
+            forces = self.equations.model.forces
+            names = ", ".join(
+                [controller.coordinate for controller in forces.controllers]
+                + [actuator.name for actuator in forces.actuators]
+            )
+            blamed = f"; the controllers or actuators {names} are not finite there" if names else ""
             raise InputError(f"the forces at {time:.6g} s are too large or not finite{blamed}; correct them")
         return float(np.abs(np.linalg.eigvals(reduced)).max(initial=0.0))
 

@@ -9,12 +9,14 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.actuators import Actuator
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.equality_rows import RodPair
+from mechsim.simulation.mjcf.force_elements import native
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
@@ -58,7 +60,8 @@ class AppliedControls:
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None
         varying = any(profile.over is not None for profile in model.forces.load_profiles)
-        self.constant = not (model.dry or varying or self.drives.names or self.controllers.used)
+        varying |= bool(self.controllers.used or model.forces.actuators)
+        self.constant = not (model.dry or varying or self.drives.names)
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set controls and applied forces at MuJoCo's state."""
@@ -88,15 +91,20 @@ class AppliedControls:
 
 
 class Controllers:
-    """The controllers of a model, as forces applied to MuJoCo's degrees of freedom.
+    """Controllers, and actuators that MuJoCo does not have, as forces applied to its degrees of freedom.
 
     Args:
         model: with the controllers among its forces.
     """
 
     def __init__(self, model: LoadedModel) -> None:
-        self.used = model.forces.controllers
-        names = sorted({name for controller in self.used for name in controller.coordinates})
+        self.used, self.others = model.forces.controllers, list[tuple[int, int, Actuator]]()
+        states = 0
+        for i, actuator in enumerate(model.forces.actuators):
+            if not native(actuator):
+                self.others.append((model.actuators.actuators.start + i, states, actuator))
+            states += actuator.inflow is not None
+        names = sorted(model.forces.controlled)
         addresses, dofs = dofs_of(model, dict.fromkeys(names, 0.0))
         self.addresses, self.dofs = (
             dict(zip(names, addresses, strict=True)),
@@ -105,13 +113,24 @@ class Controllers:
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set the applied forces at MuJoCo's state."""
-        if not self.used:
+        if not (self.used or self.others):
             return
         values = {name: data.qpos[[address]] for name, address in self.addresses.items()}
         rates = {name: data.qvel[[dof]] for name, dof in self.dofs.items()}
         for controller in self.used:
             effort = controller.effort(values, rates, np.array([data.time]))
             data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
+        for number, state, actuator in self.others:
+            length, speed = (
+                np.array([sum(ratio * terms[name][0] for name, ratio in actuator.gear.items())])
+                for terms in (values, rates)
+            )
+            activation, time = data.act[state : state + 1], np.array([data.time])
+            force = float(actuator.force(time, length, speed, activation)[0])
+            if actuator.inflow is not None:
+                data.ctrl[number] = actuator.state_rate(time, length, speed, activation)[0]
+            for name, ratio in actuator.gear.items():
+                data.qfrc_applied[self.dofs[name]] += ratio * force
 
 
 class Drives:

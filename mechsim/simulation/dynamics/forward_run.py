@@ -90,6 +90,7 @@ def stepped_run(
     prescribed: Mapping[str, State] | None = None,
     ranges: Ranges = NO_RANGES,
     links: Mapping[str, LinkMotion] = NO_LINKS,
+    activation: Array | None = None,
     progress: Progress = no_progress,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
@@ -108,6 +109,7 @@ def stepped_run(
         prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
         ranges: joint -> lower and upper limit in [m] or [rad], which are soft in MuJoCo.
         links: link -> its motion, whose first instant gives the rotations and rates of spherical joints.
+        activation: states of actuators that have one; None for their initial states.
         progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
@@ -125,14 +127,16 @@ def stepped_run(
         model, model.loops, qpos, *dofs_of(model, coordinates), np.array([*coordinates.values()])
     )
     qvel = _rates(model, qpos, rates, spins)
+    if activation is None:
+        activation = np.array([a.start for a in forces.actuators if a.inflow is not None])
     timestep = float(times[1] - times[0]) / substeps
     settings = settings or (REDUNDANT if is_redundant(model.loops, qpos) else FREE)
     loops = prepared(model, settings, timestep, ITERATIONS)
     controls = AppliedControls(model, loops, prescribed)
     begin = timer.perf_counter()
-    states, diverged = _steps(controls, (qpos, qvel), times, substeps, progress)
+    states, activations, diverged = _steps(controls, (qpos, qvel, activation), times, substeps, progress)
     seconds = timer.perf_counter() - begin
-    motion, kinetic, potential, driving = _recorded(controls, states)
+    motion, kinetic, potential, driving = _recorded(controls, states, activations)
     return SteppedRun(
         motion=motion,
         kinetic=kinetic,
@@ -283,17 +287,17 @@ def is_redundant(loops: ModelLoops, qpos: Array) -> bool:
 
 def _steps(
     controls: AppliedControls,
-    start: tuple[Array, Array],
+    start: tuple[Array, Array, Array],
     times: Array,
     substeps: int,
     progress: Progress,
-) -> tuple[States, bool]:
-    """Step the model; return the recorded states and whether it diverged."""
+) -> tuple[States, Array, bool]:
+    """Step the model; return the recorded states, those of actuators, (n, na), and whether it diverged."""
     stepped = controls.loops.model
     data = mujoco.MjData(stepped)
-    data.qpos[:], data.qvel[:] = start
+    data.qpos[:], data.qvel[:], data.act[:] = start
     data.time = times[0]
-    records = [(data.qpos.copy(), data.qvel.copy())]
+    records = [(data.qpos.copy(), data.qvel.copy(), data.act.copy())]
     with controls.installed(data):
         for time in times[1:].tolist():
             mujoco.mj_step(stepped, data, nstep=substeps)
@@ -301,12 +305,14 @@ def _steps(
             progress(f"{substeps * (len(times) - 1):,} steps, {time:.4g} s", finished)
             if any(warning.number for warning in data.warning):
                 break
-            records.append((data.qpos.copy(), data.qvel.copy()))
-    states = States(times[: len(records)], *(np.array(values) for values in zip(*records, strict=True)))
-    return states, len(records) < len(times)
+            records.append((data.qpos.copy(), data.qvel.copy(), data.act.copy()))
+    qpos, qvel, activations = (np.array(values) for values in zip(*records, strict=True))
+    return States(times[: len(records)], qpos, qvel), activations, len(records) < len(times)
 
 
-def _recorded(controls: AppliedControls, states: States) -> tuple[Motion, Array, Array, dict[str, Array]]:
+def _recorded(
+    controls: AppliedControls, states: States, activations: Array
+) -> tuple[Motion, Array, Array, dict[str, Array]]:
     """Return the motion, kinetic and potential energy and driving forces at recorded states."""
     model, stepped, drives = controls.model, controls.loops.model, controls.drives
     stepped.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
@@ -321,6 +327,7 @@ def _recorded(controls: AppliedControls, states: States) -> tuple[Motion, Array,
     with controls.installed(data):
         for i in range(n):
             data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
+            data.act[:] = activations[i]
             mujoco.mj_forward(stepped, data)
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort

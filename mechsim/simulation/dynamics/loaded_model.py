@@ -104,6 +104,8 @@ class LoadedModel(ClosedModel):
             values[:, kinds.couples] = np.hstack(
                 [couple.moment.evaluate(angle, time) for couple in forces.couples]
             )
+        if forces.actuators and time is not None:
+            values[:, kinds.actuators] = np.stack([a.control(time)[0] for a in forces.actuators], -1)
         return values
 
     def nothing(self, n: int) -> AppliedForces:

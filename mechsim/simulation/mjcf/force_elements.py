@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mechsim.model.actuators import NO_LIMIT, Actuator, Range
 from mechsim.model.forces import Forces, Friction, JointSpring, Location, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
@@ -22,7 +23,7 @@ from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.joints import part_names
+from mechsim.simulation.mjcf.joints import model_names, part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 from mechsim.simulation.state import quaternion
 
@@ -32,6 +33,8 @@ from mechsim.simulation.state import quaternion
 MASSLESS, MASSLESS_FREE = 1e-6, 1e-12
 # principal moment relative to the largest up to which it is zero: rounding of the eigenvalues
 ZERO_MOMENT = 1e-14
+# limit in place of an infinite one on one side
+UNLIMITED = 1e30
 # placeholder mass of a link times size of its mechanism, in [kg m], in models without real inertias
 PLACEHOLDER = 0.1
 
@@ -154,7 +157,8 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
     "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
     1.x" ... (controls in [N m], ground axes); "spring in JOINT" for revolute joints; "friction in JOINT.z" or
     ".x", ".y" and ".z" of a cut joint; and, if MuJoCo has no Coulomb friction for the joint, "friction in
-    JOINT dry.z" and so on, whose controls [N m] must oppose the actuators' velocities.
+    JOINT dry.z" and so on, whose controls [N m] must oppose the actuators' velocities. The last are
+    "actuator NAME".
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
@@ -187,6 +191,10 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
         _add_joint_spring(builder, spring)
     for friction in forces.friction:
         _add_friction(builder, friction)
+    for name, inertia in forces.armature.items():
+        _add_armature(builder, name, inertia)
+    for actuator in forces.actuators:
+        _add_actuator(builder, actuator)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +207,7 @@ class Actuators:
     couples: slice
     springs: slice
     friction: slice
+    actuators: slice
 
 
 def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
@@ -213,8 +222,60 @@ def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuato
         len(AXES) * len(forces.couples),
         len(turning),
     )
-    ends = [0, *accumulate(counts), count]
+    ends = [0, *accumulate(counts), count - len(forces.actuators), count]
     return Actuators(*(slice(first, last) for first, last in pairwise(ends)))
+
+
+def native(actuator: Actuator) -> bool:
+    """Return whether MuJoCo has this actuator; otherwise a callback computes force and state rate."""
+    if any(actuator.direct):
+        return False
+    if actuator.inflow is None:
+        return True
+    by_control, by_state, by_length, by_speed = actuator.inflow
+    return not (by_length or by_speed) and (by_control, by_state) in ((1.0, 0.0), (by_control, -by_control))
+
+
+def _add_actuator(builder: Builder, actuator: Actuator) -> None:
+    """Add an actuator on a joint, or on a tendon over several; one that is not `native` only has its state.
+
+    Its control and its force then come from `AppliedControls`.
+    """
+    names = model_names(builder.mechanism)
+    called = f"actuator {actuator.name}"
+    if len(actuator.gear) == 1:
+        ((target, ratio),) = actuator.gear.items()
+        made = builder.spec.add_actuator(name=called, target=names[target], trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        made.gear[0] = ratio
+        _add_armature(builder, target, actuator.inertia * ratio**2)
+    else:
+        tendon = builder.spec.add_tendon(name=called, armature=actuator.inertia)
+        for name, ratio in actuator.gear.items():
+            tendon.wrap_joint(names[name], ratio)
+        made = builder.spec.add_actuator(name=called, target=called, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    if actuator.inflow is not None:
+        by_control = actuator.inflow[0]
+        filters = native(actuator) and actuator.inflow[1] != 0.0
+        made.dyntype = mujoco.mjtDyn.mjDYN_FILTER if filters else mujoco.mjtDyn.mjDYN_INTEGRATOR
+        made.dynprm[0] = 1.0 / by_control if filters else 1.0
+        made.actlimited, made.actrange = _limits(actuator.state_range)
+    if not native(actuator):
+        made.gainprm[0] = 0.0
+        return
+    made.gaintype, made.biastype = mujoco.mjtGain.mjGAIN_AFFINE, mujoco.mjtBias.mjBIAS_AFFINE
+    made.gainprm[:3], made.biasprm[:3] = actuator.gain, actuator.bias
+    made.ctrllimited, made.ctrlrange = _limits(actuator.control_range)
+    made.forcelimited, made.forcerange = _limits(actuator.force_range)
+
+
+def _limits(limits: Range) -> tuple[bool, Range]:
+    """Return whether there are limits, and finite ones for MuJoCo."""
+    return limits != NO_LIMIT, (max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED))
+
+
+def _add_armature(builder: Builder, coordinate: str, inertia: float) -> None:
+    made = builder.spec.joint(model_names(builder.mechanism)[coordinate])
+    made.armature = float(made.armature) + inertia
 
 
 def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:

@@ -1,17 +1,32 @@
 """Inertias of links, gravity, and springs, dampers and Coulomb friction of joints."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
+from mechsim.model.actuators import NO_LIMIT, Actuator, Range
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia, Link, vector
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_names, listed
+from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import SCALAR, gravity, rotation_matrix
 
+# kinds of actuators with affine gain and bias; the first of each is constant, or has no state
+GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
+BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+DYNAMICS = tuple(
+    int(kind)
+    for kind in (
+        mujoco.mjtDyn.mjDYN_NONE,
+        mujoco.mjtDyn.mjDYN_INTEGRATOR,
+        mujoco.mjtDyn.mjDYN_FILTER,
+        mujoco.mjtDyn.mjDYN_FILTEREXACT,
+    )
+)
 # relative rounding of a sum of masses
 ROUNDING = 1e-9
 
@@ -64,32 +79,83 @@ def _combined(
     return total, centre, 0.5 * (moments + moments.T)
 
 
-def forces_of_model(model: mujoco.MjModel) -> Forces:
-    """Return gravity, and the dampers, springs and Coulomb friction of hinges and slides."""
+def forces_of_model(model: mujoco.MjModel, locked: Container[str]) -> Forces:
+    """Return gravity, actuators, and dampers, springs, Coulomb friction and armature of hinges and slides."""
+    armature: dict[str, float] = {}
     friction: list[Friction] = []
     springs: list[JointSpring] = []
     for j in range(model.njnt):
         if int(model.jnt_type[j]) not in SCALAR:
             continue
         name, dof, address = model.joint(j).name, model.jnt_dofadr[j], model.jnt_qposadr[j]
+        if model.dof_armature[dof] and name not in locked:
+            armature[name] = float(model.dof_armature[dof])
         viscous, coulomb = _linear(model.dof_damping[dof]), float(model.dof_frictionloss[dof])
         if viscous or coulomb:
             friction.append(Friction(name, viscous, coulomb))
         stiffness = _linear(model.jnt_stiffness[j])
         if stiffness:
             springs.append(JointSpring(name, stiffness, float(model.qpos_spring[address])))
-    return Forces(gravity=vector(gravity(model)), friction=tuple(friction), joint_springs=tuple(springs))
+    actuators = (_actuator(model, i, name) for i, name in enumerate(actuator_names(model)))
+    return Forces(
+        gravity=vector(gravity(model)),
+        friction=tuple(friction),
+        joint_springs=tuple(springs),
+        actuators=tuple(a for a in actuators if a is not None and not any(name in locked for name in a.gear)),
+        armature=armature,
+    )
+
+
+def _actuator(model: mujoco.MjModel, i: int, name: str) -> Actuator | None:
+    """Return an actuator on hinges and slides with affine gain and bias; None for others."""
+    target, joints = int(model.actuator_trnid[i, 0]), actuated_joints(model, i)
+    kinds = int(model.actuator_gaintype[i]), int(model.actuator_biastype[i]), int(model.actuator_dyntype[i])
+    if not joints or not (kinds[0] in GAINS and kinds[1] in BIASES and kinds[2] in DYNAMICS):
+        return None
+    if any(int(model.joint(joint).type[0]) not in SCALAR for joint in joints):
+        return None
+    ratio = float(model.actuator_gear[i, 0])
+    on_tendon = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_TENDON)
+    weights = tendon_weights(model, target) if on_tendon else {joints[0]: 1.0}
+    gain, bias = model.actuator_gainprm[i, :3].copy(), model.actuator_biasprm[i, :3].copy()
+    gain[1:] *= kinds[0] == GAINS[1]
+    bias *= kinds[1] == BIASES[1]
+    # viscous friction of the actuator itself
+    bias[2] -= _linear(model.actuator_damping[i])
+    inflow = None
+    if kinds[2] != DYNAMICS[0]:
+        time = max(float(model.actuator_dynprm[i, 0]), float(mujoco.mjMINVAL))
+        inflow = (1.0, 0.0, 0.0, 0.0) if kinds[2] == DYNAMICS[1] else (1.0 / time, -1.0 / time, 0.0, 0.0)
+    low, high = _range(model.actuator_forcelimited[i], model.actuator_forcerange[i])
+    if not on_tendon and model.jnt_actfrclimited[target]:
+        joint_range = model.jnt_actfrcrange[target] / abs(ratio or 1.0)
+        low, high = max(low, float(joint_range[0])), min(high, float(joint_range[1]))
+    return Actuator(
+        name,
+        {joint: ratio * weight for joint, weight in weights.items()},
+        gain=vector(gain),
+        bias=vector(bias),
+        inflow=inflow,
+        control_range=_range(model.actuator_ctrllimited[i], model.actuator_ctrlrange[i]),
+        state_range=_range(model.actuator_actlimited[i], model.actuator_actrange[i]),
+        force_range=(low, high),
+        inertia=float(model.actuator_armature[i]),
+    )
+
+
+def _range(limited: bool, values: Array) -> Range:
+    return (float(values[0]), float(values[1])) if limited else NO_LIMIT
 
 
 def left_out_of_dynamics(model: mujoco.MjModel) -> list[str]:
     """Return the effects that MuJoCo simulates and the dynamics of this package omit, in a few words each."""
+    others = [name for i, name in enumerate(actuator_names(model)) if _actuator(model, i, name) is None]
     tendons = bool(model.tendon_stiffness.any() or model.tendon_damping.any())
     present = {
-        "armature": bool(model.dof_armature.any()),
         "fluid": bool(model.opt.density or model.opt.viscosity),
         "springs and dampers of tendons": tendons,
         "gravity compensation": bool(model.body_gravcomp.any()),
-        "servos": bool(model.actuator_biasprm.any()),
+        f"actuators {listed(others)}": bool(others),
     }
     return [name for name, acts in present.items() if acts]
 

@@ -244,7 +244,7 @@ def read_model(
         actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
         remarks=(*compiled_file.remarks, *loops.remarks),
         # the linter reports negative damping instead of rejecting it, and needs no forces
-        forces=Forces() if lint else forces_of_model(model),
+        forces=Forces() if lint else forces_of_model(model, locked),
         fixed=compiled_file.fixed,
         left_out=tuple(left_out_of_dynamics(model)),
         with_meshes=compiled_file.with_meshes,

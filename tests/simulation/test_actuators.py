@@ -1,0 +1,104 @@
+"""Actuators of an MJCF file: the analytic run against plain MuJoCo, which converges to it with its order."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.errors import InputError
+from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.subjects.law_text import with_controls
+
+ARM = """<mujoco><option gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody>
+<body name="a"><joint name="j1" axis="0 1 0" armature="0.01" damping="0.05"/>
+<geom type="capsule" size=".02" fromto="0 0 0 0.3 0 0" mass="1"/>
+<body name="b" pos=".3 0 0"><joint name="j2" axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass="1"/>
+<body name="c" pos=".4 0 0"><joint name="j3" type="slide" axis="1 0 0"/><geom size=".02" mass=".3"/>
+</body></body></body></worldbody>
+<tendon><fixed name="t"><joint joint="j1" coef="1"/><joint joint="j2" coef="-0.5"/></fixed></tendon>
+<actuator>{}</actuator></mujoco>"""
+# actuator, its control, and the order with which RK4 converges: limits and filterexact reduce it
+CASES = {
+    "motor": ('<motor joint="j1" gear="2"/>', "3*sin(5*t)", 4),
+    "position": ('<position joint="j2" kp="20" kv="1"/>', "20deg*sin(3*t)", 4),
+    "velocity": ('<velocity joint="j1" kv=".3"/>', "cos(t)", 4),
+    "intvelocity": ('<intvelocity joint="j3" kp="50" kv="2" actrange="-9 9"/>', "0.2*cos(t)", 4),
+    "damper": ('<damper joint="j2" kv="0.5" ctrlrange="0 9"/>', "1+sin(t)", 4),
+    "affine": (
+        '<general tendon="t" dyntype="filter" dynprm="0.05" gaintype="affine" gainprm="1 0.2 .1" '
+        'biastype="affine" biasprm="0.1 -2 -0.1" gear="1.5"/>',
+        "2*sin(2*t)",
+        4,
+    ),
+    "filterexact": ('<general joint="j3" dyntype="filterexact" dynprm="0.1" gainprm="5"/>', "1+t", 1),
+    "integrator": ('<general joint="j2" dyntype="integrator" gainprm="2"/>', "cos(3*t)", 4),
+    "ctrlrange": ('<motor joint="j2" ctrlrange="-1 1"/>', "2*sin(4*t)", 1),
+    "forcerange": ('<position joint="j2" kp="20" forcerange="-1 2"/>', "1*sin(3*t)", 1),
+    "actrange": ('<intvelocity joint="j3" kp="50" actrange="-.05 .05"/>', "0.4", 1),
+}
+TIME = 0.4
+
+
+def model_of(tmp_path, case, name="arm.xml"):
+    actuator, text, order = CASES[case]
+    path = tmp_path / name
+    path.write_text(ARM.format(actuator.replace(" ", ' name="u" ', 1)))
+    solver = ms.load(str(path), still=True)
+    forces = with_controls(solver.forces, {"u": text})
+    return ms.dynamics.dynamic_model(solver, forces), path, order
+
+
+def plainly_stepped(path, model, step):
+    """Return the final qpos of the user's file, stepped by RK4 with the control of the model's actuator."""
+    plain = mujoco.MjModel.from_xml_path(str(path))
+    plain.opt.integrator, plain.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, step
+    data, (actuator,) = mujoco.MjData(plain), model.forces.actuators
+
+    def control(_, state):
+        state.ctrl[0] = float(np.ravel(actuator.control(np.array([state.time]))[0])[0])
+
+    mujoco.set_mjcb_control(control)
+    try:
+        mujoco.mj_step(plain, data, nstep=round(TIME / step))
+    finally:
+        mujoco.set_mjcb_control(None)
+    return data.qpos.copy()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_plain_mujoco_converges_to_the_analytic_run(case, tmp_path):
+    model, path, order = model_of(tmp_path, case)
+    run = ms.dynamics.run(model, duration=TIME, samples=4)
+    exact = np.array([run.motion.joints[name].value[-1] for name in ("j1", "j2", "j3")])
+    coarse, fine = (np.abs(plainly_stepped(path, model, step) - exact).max() for step in (4e-3, 1e-3))
+    assert coarse > 1e-8 or order == 1
+    assert fine < max(coarse / (3.0 if order == 1 else 4.0**3.5), 1e-11)
+    assert run.energy_error < 1e-10
+
+
+@pytest.mark.parametrize("case", ["position", "affine", "intvelocity"])
+def test_the_check_passes_and_rejects_another_actuator(case, tmp_path):
+    model, _, _ = model_of(tmp_path, case)
+    run = ms.dynamics.run(model, duration=0.2, samples=10)
+    verdict = crosscheck_forward(run, model, initial_values(model, {}))
+    assert verdict.passed, str(verdict)
+    other = model.with_forces(with_controls(model.forces, {"u": "0.01+" + CASES[case][1]}))
+    assert not crosscheck_forward(run, other, initial_values(other, {})).passed
+
+
+def test_an_unknown_actuator_is_rejected(tmp_path):
+    model, _, _ = model_of(tmp_path, "motor")
+    with pytest.raises(InputError, match="--ctrl names 'w'; actuators are u"):
+        with_controls(model.forces, {"w": "1"})
+
+
+def test_an_actuator_that_is_not_computed_is_reported(tmp_path):
+    path = tmp_path / "muscle.xml"
+    path.write_text(
+        ARM.format('<muscle name="w" joint="j1" lengthrange="-1 1"/><motor name="u" joint="j2"/>')
+    )
+    read = ms.load(str(path), still=True)
+    assert [actuator.name for actuator in read.forces.actuators] == ["u"]
+    assert "actuators w" in read.source.left_out
