@@ -1,6 +1,6 @@
 """Trace every assembly as closed curves: catalogue, gallery, and linkages with change points or nearly so.
 
-    python validation/robustness/assembly_curves.py [--count 40] [--picture FILE.png]
+    python validation/robustness/assembly_curves.py [--count 40]
 
 References: for the catalogue the closed form of every assembly, at poses farther than 1e-3 from a singular
 one. For the gallery the constraint equations of all joints, which are independent of the spanning tree that
@@ -23,8 +23,6 @@ from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.pictures import plots
-from mechsim.report.assemblies import assembly_table, curve_tables
 from mechsim.studies.extremes.axes import special_designs
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import load
@@ -146,7 +144,6 @@ def main() -> int:
     """Print the table and the counts."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--picture")
     options = parser.parse_args()
     print("| mechanism | curves | rarest start | turning points | branch points | error | CPU s |")
     print("|---|---|---|---|---|---|---|")
@@ -164,19 +161,7 @@ def main() -> int:
         label = "near change point" if close else "change point"
         print(f"{label}: {correct} of {options.count} correct", *messages, sep="\n  ")
         failures += len(messages)
-    if options.picture:
-        draw(options.picture)
     return int(failures > 0)
-
-
-def draw(path: str) -> None:
-    """Draw the curves of a parallelogram over the angles of crank and rocker."""
-    result = trace(
-        replace(catalog.make("four_bar"), **special_designs("four_bar").change_points["parallelogram"])
-    )
-    plots.write(
-        path, plots.assembly_plot(assembly_table(result, curve_tables(result)), ("angle", "rocker.q"))
-    )
 
 
 if __name__ == "__main__":
