@@ -17,10 +17,10 @@ from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion_laws import MIN_TURNS
+from mechsim.numerics.rounding import EPS
 from mechsim.report.facts import study_facts
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict
-from mechsim.verdict.tolerances import EPS
 
 # limits of rows and turns
 MAX_ROWS, MAX_TURNS = 10_000_000, 1e4

@@ -8,9 +8,7 @@ import numpy as np
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-
-# violation of a range that counts as rounding, in [rad] or [m], relative to ranges longer than 1
-ROUNDING = 1e-9
+from mechsim.numerics.rounding import ROUNDING
 
 # instants per revolution of the crank or the path parameter at which ranges are checked, and their maximum
 INSTANTS, MAX_INSTANTS = 256, 65536

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.rounding import ROUNDING
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 # largest mass in [kg], and inverse of the smallest; more is an input error, and products of moments overflow
 MAX_MASS = 1e60
-# relative error of symmetry and triangle inequality of an inertia matrix: rounding of a rotated flat body
-INERTIA_TOLERANCE = 1e-9
 
 
 def vector(numbers: Array | Sequence[Any]) -> Vector:
@@ -118,16 +117,16 @@ def _checked(moments: Array) -> Matrix:
         )
     largest = float(np.abs(moments).max())
     skewed = float(np.abs(moments - moments.T).max())
-    if not skewed <= INERTIA_TOLERANCE * largest:
+    if not skewed <= ROUNDING * largest:
         raise InputError(
             f"inertia matrix of a link differs from its transpose by {skewed:.3g} kg m2 (of {largest:.3g}); "
             "give a symmetric matrix"
         )
     least, middle, most = (float(value) for value in np.linalg.eigvalsh(moments))
     principal = f"principal moments of inertia of a link are {least:.6g}, {middle:.6g}, {most:.6g} kg m2"
-    if not least >= -INERTIA_TOLERANCE * most:
+    if not least >= -ROUNDING * most:
         raise InputError(f"{principal}; none can be below 0: correct the matrix")
-    if not most - (least + middle) <= INERTIA_TOLERANCE * most:
+    if not most - (least + middle) <= ROUNDING * most:
         raise InputError(
             f"{principal}; no body has one above the sum of the others, {least + middle:.6g} kg m2: "
             "check units, axes, and that they are about the centre of mass"

@@ -14,9 +14,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-
-# lengths relative to the characteristic length, and cosines, that count as zero (rounding)
-ROUNDING = 1e-9
+from mechsim.numerics.rounding import ROUNDING
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,7 @@ from mechsim.numerics.path_segments import (
     PrescribedValues,
     Segment,
 )
+from mechsim.numerics.rounding import ROUNDING
 
 # radius of the singular neighbourhood of a change point, relative to the half length of its segment: poses in
 # it are taken from the polynomial, since the Jacobian is singular; and smallest distance of a start from a
@@ -52,8 +53,6 @@ NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
 # attempts in a row below `MIN_EXTRAPOLATED`, after which the path ends: the loops do not close beyond, but
 # within rounding of the residual they do; an end takes 100 attempts
 MAX_SHORT = 300
-# tolerance of equal parameters
-SAME_PARAMETER = 1e-9
 # shortest segment in spacings of floating-point numbers at its parameter
 LEAST_SPACINGS = 16.0
 # length of a step up to which the tangent is the predictor: rounding spoils the polynomial of a shorter
@@ -194,7 +193,7 @@ class ContinuationPath(PathStates[E, Q]):
         """Return the next segment, None if it is rejected, and the length to try next."""
         if self._upcoming is not None:
             remaining = direction * (float(self._upcoming[0].nodes[0]) - current)
-            if remaining < SAME_PARAMETER:
+            if remaining < ROUNDING:
                 return self._segment_past(self._upcoming, current, direction)
             step = min(step, remaining)
         solver = self._solver(current, direction)
@@ -262,9 +261,7 @@ class ContinuationPath(PathStates[E, Q]):
         if change_point is None or self._upcoming is None:
             return False
         first = float(self._upcoming[0].nodes[0])
-        while direction * (first - self.end(direction)) < -SAME_PARAMETER and self.drop_last_segment(
-            direction
-        ):
+        while direction * (first - self.end(direction)) < -ROUNDING and self.drop_last_segment(direction):
             pass
         return True
 

@@ -11,13 +11,12 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import Interpolant, interpolation_error
 from mechsim.numerics.loop_solver import E, Linearised, LoopSolver, Q
 from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.rounding import CLOSED
 from mechsim.numerics.step_control import StepControl
 
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)
 PrescribedValues = Callable[[Array], Array]
 
-# largest residual of a closed pose, in [rad] and characteristic lengths
-CLOSED = 1e-12
 # limits of segment lengths, and errors above which a segment is rejected
 CONTROL = StepControl()
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import EPS
 
-EPS = float(np.finfo(np.float64).eps)
 # a bound contains this multiple of the rounding of one operation
 ROUNDING = 8.0 * EPS
 # most iterations; from the eigenvalues of the companion matrix few are needed, near a multiple root many

@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.numerics.arrays import Array
-
-# lower bound of errors, to avoid division by zero
-TINY = 1e-300
+from mechsim.numerics.rounding import TINY
 
 
 @dataclass(frozen=True, slots=True)

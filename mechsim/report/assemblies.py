@@ -9,6 +9,7 @@ from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.pictures.plots import AssemblyTable
 from mechsim.subjects import catalog
 from mechsim.theory.continuation.assembly_curve import joint_columns
@@ -16,8 +17,6 @@ from mechsim.theory.continuation.mechanism_trace import AssemblyTrace
 
 # number of rows of a curve in tables and plots
 SAMPLES = 361
-# motion of a coordinate, in radians or metres, below which it gets no axis
-STILL = 1e-9
 
 
 def curve_tables(trace: AssemblyTrace, samples: int = SAMPLES) -> list[dict[str, Array]]:
@@ -120,4 +119,4 @@ def _others(trace: AssemblyTrace, driver: str) -> list[str]:
 
 
 def _moves(table: AssemblyTable, name: str) -> bool:
-    return any(float(np.ptp(curve[name])) > STILL for curve in table.curves)
+    return any(float(np.ptp(curve[name])) > ROUNDING for curve in table.curves)

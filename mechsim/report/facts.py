@@ -15,6 +15,7 @@ from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.subjects import gallery
 from mechsim.subjects.toml_values import head_comment
 from mechsim.verdict.record_errors import lengths
@@ -193,8 +194,6 @@ def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 
 
-# component of a reaction in undetermined directions, relative to the largest force, that is rounding
-UNDETERMINED = 1e-9
 VECTORS = ("force", "moment")
 
 
@@ -240,7 +239,7 @@ def _reaction_facts(result: ForceRecord, peak: Callable[[Array], dict[str, float
     largest = max(
         (float(lengths(reaction.force).max()) for reaction in result.reactions.values()), default=0.0
     )
-    least = UNDETERMINED * np.array([largest, largest * result.characteristic_length])
+    least = ROUNDING * np.array([largest, largest * result.characteristic_length])
     free = result.unbounded
 
     def carried(reaction: Reaction) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.shapes.body import Canvas, rod_radius, upright_end
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 
@@ -341,8 +342,6 @@ def _axes_intersection(a: End, b: End, max_distance: float) -> Array | None:
     return a.point + np.asarray(a.axis) * float(np.cross(off, b.axis) @ across / square)
 
 
-# cosine of the angle between slide and shaft below which they are perpendicular
-SQUARE = 1e-9
 # largest number of teeth of a rack that is drawn
 MAX_RACK_TEETH = 400
 
@@ -364,7 +363,7 @@ def racks_of(mechanism: Mechanism) -> Iterator[tuple[Coupling, Joint, Joint]]:
 
 
 def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
-    square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < SQUARE
+    square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < ROUNDING
     slide, hinge = KINDS[rack.kind], KINDS[pinion.kind]
     kinds = slide.single and not slide.turns and hinge.hinge and rack.a.link == pinion.a.link
     return kinds and square and len(coupling.coefficients) == 2 and coupling.ratio != 0.0

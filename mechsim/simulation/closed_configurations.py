@@ -17,6 +17,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos, parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
@@ -43,8 +44,6 @@ LOST_ERROR, CLOSED_ERROR = 0.1, 1e-12
 ROUNDED_RANK, ROUNDED_ERROR, CONVERGED = 1e-5, 1e-4, 1e-8
 # number of trial configurations for the joints of each group of loops
 PROBES = 3
-# rounding of joint limits, in [rad] or [m]
-LIMIT_TOLERANCE = 1e-9
 # largest number of draws for each requested configuration, and of configurations followed at once
 MAX_DRAWS, BATCH = 50, 4096
 # largest number of states, all in memory with their Jacobians: some 1 to 10 kB each
@@ -472,7 +471,7 @@ def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:
     """Return whether each joint is outside its limits at configurations (n, nq), (n, njnt)."""
     limited = np.isin(np.arange(model.njnt), limited_joints(model))
     values, (low, high) = qpos[:, model.jnt_qposadr], model.jnt_range.T
-    return limited & ((values < low - LIMIT_TOLERANCE) | (values > high + LIMIT_TOLERANCE))
+    return limited & ((values < low - ROUNDING) | (values > high + ROUNDING))
 
 
 def driver_ranges(path: StraightPath) -> tuple[Array, Array]:

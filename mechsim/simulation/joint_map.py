@@ -15,6 +15,7 @@ from mechsim.model.limits import require_count
 from mechsim.model.motion import short_repr
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.closed_configurations import (
     BATCH,
     StraightPath,
@@ -50,8 +51,6 @@ ARRAYS = (
     "holding_torque",
     "qpos",
 )
-# narrowest range of an input, in [rad] or characteristic lengths: the loops close to 1e-12
-NARROWEST = 1e-9
 AXES = "xyz"
 ROTATION_SUFFIXES = ("rx", "ry", "rz")
 
@@ -331,7 +330,7 @@ def _range(
         raise InputError(
             f"the range of {name} is {low:g} to {high:g}; give a lower and a higher finite value"
         )
-    if high - low < NARROWEST * path.loops.units[path.drivers[index]]:
+    if high - low < ROUNDING * path.loops.units[path.drivers[index]]:
         raise InputError(f"the range of {name}, {low:g} to {high:g}, is as narrow as rounding; widen it")
     return low, high
 

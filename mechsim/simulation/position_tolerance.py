@@ -11,6 +11,7 @@ import numpy as np
 from mechsim.errors import BudgetError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.convergence import plausible_order
+from mechsim.numerics.rounding import TINY
 from mechsim.simulation.configurations import lag_distance
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.result import Run
@@ -41,8 +42,6 @@ CONVERGED_FRACTION, WORTHWHILE_FRACTION = 0.75, 0.6
 # steps of a whole motion up to which the maximum per revolution may be exceeded: a linkage that passes a
 # nearly singular pose 450 times as fast as its crank requires a million (verdicts.py --case 235)
 MAX_STEPS_OF_MOTION = 2_000_000
-# error in [m] that avoids a division by zero
-TINY = 1e-300
 
 
 def run_within(driven: DrivenRun, settings: Settings, tolerance: float) -> Run:

@@ -24,6 +24,7 @@ from mechsim.model.motion_laws import CrankProfile, State, interval_around, swin
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
+from mechsim.numerics.rounding import EPS
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import Settings
 from mechsim.studies.agreement.agreement import (
@@ -51,7 +52,7 @@ from mechsim.verdict.checks import (
 )
 from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import EPS, RecordInstants, Requested, Tolerance
+from mechsim.verdict.tolerances import RecordInstants, Requested, Tolerance
 
 # Tolerance on positions of a stepped run, relative to the stroke: with 1,000 steps per revolution every
 # catalogue mechanism satisfies it (largest error measured: 2.6e-9), and a link 0.1 % long exceeds it 1e5

@@ -22,15 +22,13 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription, file_reader
 from mechsim.subjects.requested_start import started_near
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MjcfModel, MujocoInput
-
-# displacement of a locked joint that is rounding, in [rad] or [m]: the first Newton step removes it
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)

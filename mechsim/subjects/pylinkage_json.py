@@ -12,10 +12,9 @@ from mechsim.errors import InputError
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, IDENTITY, Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.subjects.planar_json import entries, in_plane, pins, point, slide, text
 
-# distance of a slider from its line, over the largest coordinate, up to which it counts as on the line
-ON_LINE = 1e-9
 DRIVERS = ("driver", "arc_driver")
 # keys that are read
 READ = (
@@ -106,7 +105,7 @@ def _slider(key: str, entry: Mapping[str, Any], position: tuple[float, float]) -
         raise InputError(f"the axis of joint {key!r} has length 0; give a direction")
     offset = np.array(position) - through
     distance = abs(float(axis[0] * offset[1] - axis[1] * offset[0])) / length
-    if not distance <= ON_LINE * max(np.abs([*position, *through]).max(), 1e-300):
+    if not distance <= ROUNDING * max(np.abs([*position, *through]).max(), 1e-300):
         raise InputError(
             f"joint {key!r} at {position} is {distance:g} from its line through {tuple(through.tolist())}; "
             "correct its position or line_point"

@@ -11,6 +11,7 @@ from mechsim.errors import InputError
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.theory.assur import AssurGroup, assur_groups
 from mechsim.theory.mobility_count import planar_pairs, plane_normal, rigid
 
@@ -18,11 +19,6 @@ from mechsim.theory.mobility_count import planar_pairs, plane_normal, rigid
 MIN_LEG = 0.03
 # discriminants of dyads within this of zero, relative to their terms, are zero by rounding
 DISCRIMINANT_ROUNDING = 1e-14
-
-
-# distance of two pins, relative to the group, below which they coincide, and difference of lengths that are
-# equal: poses that were solved before have errors of 1e-15 over the sine of their transmission angle
-COINCIDENT = 1e-9
 
 
 class UnsolvedGroupError(InputError):
@@ -216,8 +212,8 @@ def _dyad(first: Outer, second: Outer, inner: PlanePair, placed: Placed) -> Iter
     else:
         # two circles about Q1 and Q2
         a, b, d = inner.point - pin.point, inner.point - guide.point, q2 - q1
-        if abs(d) <= COINCIDENT * abs(a):
-            if abs(abs(a) - abs(b)) <= COINCIDENT * abs(a):
+        if abs(d) <= ROUNDING * abs(a):
+            if abs(abs(a) - abs(b)) <= ROUNDING * abs(a):
                 raise FamilyError("its outer pins coincide, so that it turns about them")
             return
         along = (abs(d) ** 2 + abs(a) ** 2 - abs(b) ** 2) / (2.0 * abs(d))
@@ -248,8 +244,8 @@ def _dyad_with_inner_slide(first: Outer, second: Outer, inner: PlanePair, placed
     # |Q2 - Q1| sin(gamma - alpha) = c, with gamma the angle of Q2 - Q1 from the slide
     ahead = (q2 - q1) * inner.direction.conjugate()
     offset = _cross(inner.direction, guide.point - pin.point)
-    if abs(ahead) <= COINCIDENT * abs(guide.point - pin.point):
-        if abs(offset) <= COINCIDENT * abs(guide.point - pin.point):
+    if abs(ahead) <= ROUNDING * abs(guide.point - pin.point):
+        if abs(offset) <= ROUNDING * abs(guide.point - pin.point):
             raise FamilyError("its outer pins coincide, so that it turns about them")
         return
     for along in _roots(abs(ahead) ** 2 - offset**2, abs(ahead) ** 2):
@@ -307,9 +303,9 @@ def _crossing(gap: complex, u: complex, v: complex) -> float | None:
         FamilyError: if all three are parallel.
     """
     sine = _cross(u, v)
-    if abs(sine) > COINCIDENT:
+    if abs(sine) > ROUNDING:
         return _cross(gap, v) / sine
-    if abs(_cross(gap, v)) <= COINCIDENT * abs(gap):
+    if abs(_cross(gap, v)) <= ROUNDING * abs(gap):
         raise FamilyError("its slides are parallel, so that it moves along them")
     return None
 

@@ -13,9 +13,10 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import rms, worst
 from mechsim.numerics.convergence import half_extent
+from mechsim.numerics.rounding import EPS
 from mechsim.verdict import record_errors as errors
 from mechsim.verdict.record_errors import Error, Subjects, field_error, field_value
-from mechsim.verdict.tolerances import EPS, FRACTION_OF, ToleranceRule
+from mechsim.verdict.tolerances import FRACTION_OF, ToleranceRule
 
 # a drive torque below this fraction of the kinetic energy counts as zero
 ZERO_TORQUE = 1e-3

@@ -15,9 +15,8 @@ import numpy as np
 
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import EPS
 
-# spacing of floating-point numbers at 1
-EPS = 2.0**-52
 # conditioning of the loops below which tolerances widen. Measured over random mechanisms:
 # validation/robustness/bounds.py
 WELL_CONDITIONED = 0.1

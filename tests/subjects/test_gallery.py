@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
+from mechsim.numerics.rounding import EPS
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import values_of_function
 from mechsim.studies.agreement.evaluation_points import evaluation_points
@@ -17,7 +18,6 @@ from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_values import head_comment
 from mechsim.verdict.quantities import reach_of
-from mechsim.verdict.tolerances import EPS
 
 FILES = gallery.files()
 

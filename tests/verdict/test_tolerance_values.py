@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from mechsim.numerics.rounding import EPS
 from mechsim.verdict.quantities import (
     ACCELERATION_GAIN,
     CRANK_DRIVE,
@@ -15,7 +16,7 @@ from mechsim.verdict.quantities import (
     RATE_GAIN,
     ZERO_TORQUE,
 )
-from mechsim.verdict.tolerances import EPS, WELL_CONDITIONED
+from mechsim.verdict.tolerances import WELL_CONDITIONED
 
 # quantity -> method -> fraction of the scale, factor of the requested tolerance, power of the conditioning
 DOCUMENTED = {

@@ -9,6 +9,7 @@ import pytest
 from mechsim.errors import InputError
 from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
+from mechsim.numerics.rounding import EPS
 from mechsim.verdict.checks import Verdict, check_of, combined, concluded, tolerances_of
 from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces
 from mechsim.verdict.quantities import (
@@ -18,7 +19,7 @@ from mechsim.verdict.quantities import (
     reach_of,
     stroke_of,
 )
-from mechsim.verdict.tolerances import EPS, RATES, WELL_CONDITIONED, Requested, Tolerance, ToleranceRule
+from mechsim.verdict.tolerances import RATES, WELL_CONDITIONED, Requested, Tolerance, ToleranceRule
 
 N = 5
 ANGLE = np.linspace(0.2, 3.0, N)

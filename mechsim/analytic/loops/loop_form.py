@@ -21,7 +21,7 @@ from mechsim.analytic.solvers import AssemblyPoints, KinematicSolver
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, SingularStartError
 from mechsim.model.forces import Forces
-from mechsim.model.limits import INSTANTS, ROUNDING, Ranges, check_instants, extremes, require_within
+from mechsim.model.limits import INSTANTS, Ranges, check_instants, extremes, require_within
 from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion, short_repr
@@ -29,6 +29,7 @@ from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.units import WrittenUnits
 
 

@@ -15,6 +15,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import (
     COLOURS,
@@ -301,7 +302,6 @@ def velocity_plan_plot(plan: DrawablePlan, title: str = "") -> "Figure":
 
 # smallest gap in the angles of all curves, in [rad], at which a revolution is cut
 GAP = 0.2
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, together
 from mechsim.simulation.dynamics.inverse_dynamics import loaded_state, row_scale
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -20,8 +21,6 @@ DeterminedComponents = Mapping[str, NDArray[np.bool_]]
 
 # crank angle between two evaluated poses, in [rad], and number of poses
 STEP, POSES = 0.05, 4
-# change of a component, relative to the self-stress, up to which the component is determined
-TINY = 1e-9
 
 
 def determined_components(loaded: LoadedModel) -> DeterminedComponents:
@@ -59,7 +58,7 @@ def determined_components(loaded: LoadedModel) -> DeterminedComponents:
     for k in range(rank, rows):
         stressed = carried(scale * u[:, :, k] * loaded.loops.characteristic_length)
         for name, stresses in stressed.items():
-            determined[name] &= np.abs(stresses - alone[name]).max(0) <= TINY
+            determined[name] &= np.abs(stresses - alone[name]).max(0) <= ROUNDING
     return determined
 
 

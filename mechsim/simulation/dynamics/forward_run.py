@@ -19,6 +19,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.rounding import CLOSED
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
@@ -42,8 +43,6 @@ FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
 REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
-# constraint violation in characteristic lengths up to which the loops are closed
-CLOSED = 1e-12
 NO_LINKS: Mapping[str, LinkMotion] = {}
 # minimum Newton iterations of MuJoCo's constraint solver in a step
 ITERATIONS = 20

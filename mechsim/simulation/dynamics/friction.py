@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 
 from mechsim.model.forces import Friction
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import TINY
 from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
-
-# smallest divisor of a speed, in [rad/s], which avoids a division by zero at rest
-TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)

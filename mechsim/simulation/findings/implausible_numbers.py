@@ -8,11 +8,10 @@ import numpy as np
 from mechsim.model.finding import Finding
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.state import SCALAR, SLIDE, gravity
 
-# relative tolerance of the triangle inequality of principal moments
-ROUNDING = 1e-9
 # largest plausible radius of gyration, in characteristic lengths; 10 times this for the centre of mass
 MAX_SPREAD = 3.0
 # largest plausible density in [kg/m3]: osmium has 22,600, invented masses of weightless scenes reach 2e7,

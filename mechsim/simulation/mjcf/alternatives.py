@@ -12,6 +12,7 @@ from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_with
 from mechsim.simulation.state import data_at, mass_matrix
@@ -21,8 +22,6 @@ MOTOR = "crank@motor"
 LENGTH = "@length"
 # inertia of a motor's rotor without its virtual inertia, in [kg m2]
 ROTOR_INERTIA = 1e-6
-# largest distance of coincident points of a link, relative to the mechanism's size
-COINCIDENCE_TOLERANCE = 1e-9
 
 
 def gear_to_motor(spec: mujoco.MjSpec) -> None:
@@ -85,8 +84,7 @@ def rod_of(mechanism: Mechanism) -> str | None:
         ends = [end.point for end in mechanism.ends(link.name)]
         tracked = [point for link_name, point in mechanism.points.values() if link_name == link.name]
         if all(
-            min(_distance(point, end) for end in ends)
-            <= COINCIDENCE_TOLERANCE * mechanism.characteristic_length
+            min(_distance(point, end) for end in ends) <= ROUNDING * mechanism.characteristic_length
             for point in tracked
         ):
             return link.name
@@ -110,7 +108,7 @@ def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
         body = spec.worldbody if other.link == GROUND else spec.body(other.link)
         sites.append(body.add_site(name=f"{joint.name}{LENGTH}", pos=other.point).name)
         for name, point in tracked.items():
-            if _distance(point, mine.point) <= COINCIDENCE_TOLERANCE * mechanism.characteristic_length:
+            if _distance(point, mine.point) <= ROUNDING * mechanism.characteristic_length:
                 spec.delete(spec.site(name))
                 body.add_site(name=name, pos=other.point)
         for equality in list(spec.equalities):

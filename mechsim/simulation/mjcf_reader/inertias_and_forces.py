@@ -10,6 +10,7 @@ from mechsim.model.actuators import NO_LIMIT, Actuator, Range
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia, Link, vector
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_names, listed
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
@@ -27,8 +28,6 @@ DYNAMICS = tuple(
         mujoco.mjtDyn.mjDYN_FILTEREXACT,
     )
 )
-# relative rounding of a sum of masses
-ROUNDING = 1e-9
 
 
 def with_inertias(

@@ -14,18 +14,13 @@ from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.continuation import ContinuationPath, PathNames
 from mechsim.numerics.loop_solver import loop_solver
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import ChangePoint, closed_near
 from mechsim.simulation.poses.equations import ModelEquations, ModelStates
 from mechsim.simulation.state import hinge_entries, quaternion_entries
-
-# difference of states before and after a revolution, in [rad] or characteristic lengths, up to which it is
-# rounding
-RETURN_TOLERANCE = 1e-9
-# change of the residuals, in [rad], below which the pose is the same
-MAX_RESIDUAL_CHANGE = 1e-9
 
 
 def revolution_gain(loops: ModelLoops, states: Array) -> Array | None:
@@ -35,10 +30,8 @@ def revolution_gain(loops: ModelLoops, states: Array) -> Array | None:
     whole_turns = np.where(hinge_entries(loops.model), REVOLUTION * np.round(gain / REVOLUTION), 0.0)
     # a link with ball joints may have spun, but the points on its axis must return
     positions = point_positions(loops, ends)
-    returns = (
-        np.abs(positions[1] - positions[0]).max(initial=0.0) < RETURN_TOLERANCE * loops.characteristic_length
-    )
-    return whole_turns if returns and np.abs(gain - whole_turns).max() < RETURN_TOLERANCE else None
+    returns = np.abs(positions[1] - positions[0]).max(initial=0.0) < ROUNDING * loops.characteristic_length
+    return whole_turns if returns and np.abs(gain - whole_turns).max() < ROUNDING else None
 
 
 def point_positions(loops: ModelLoops, states: Array) -> Array:
@@ -73,7 +66,7 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
         gain = coupling.target(shifted[None]) - coupling.target(state[None])
         shifted[driven] += REVOLUTION * np.round(gain / coupling.left.weights / REVOLUTION)
     residual_change = loops.closure_error(loops.residual(shifted[None]) - loops.residual(state[None]))
-    return shifted if residual_change.max() < MAX_RESIDUAL_CHANGE else None
+    return shifted if residual_change.max() < ROUNDING else None
 
 
 # number of poses closed at once: their arrays fit into the cache, and a long run needs little memory

@@ -12,6 +12,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.quantity import Quantity
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array, rms
+from mechsim.numerics.rounding import EPS
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import (
     EvaluationPoints,
@@ -22,7 +23,7 @@ from mechsim.studies.agreement.evaluation_points import (
 from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import force_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import EPS, Tolerance
+from mechsim.verdict.tolerances import Tolerance
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.quantity import AXES, TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sweep.measures import TurnMeasure, Turns, measure
 
@@ -87,8 +88,6 @@ SQUARES: dict[str, Callable[[Array], Array]] = {
     "rms": lambda values: values,
     "ripple": lambda values: values - values.mean(),
 }
-# largest difference of equal angles, in [rad]
-ANGLE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -187,12 +186,12 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as in examples/design/torque_ripple.py"
         )
-    whole = solver.motion_laws.crank and abs(angles[-1] - angles[0] - REVOLUTION) < ANGLE_TOLERANCE
+    whole = solver.motion_laws.crank and abs(angles[-1] - angles[0] - REVOLUTION) < ROUNDING
     index = None
     if measured.angle is not None:
         distance = np.abs(angles - measured.angle)
         index = int(np.argmin(distance))
-        if distance[index] > ANGLE_TOLERANCE:
+        if distance[index] > ROUNDING:
             raise InputError(
                 f"{text} is at {solver.motion_laws.instant_label(measured.angle)}, where the motion is "
                 "not solved; add this instant to those of `moved`"

@@ -28,6 +28,7 @@ from mechsim.model.motion_laws import interval_around, no_crank_range_error
 from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.sweep.measures import FACTS, MeasureError, Turns
 from mechsim.studies.sweep.stepped_runs import (
@@ -47,8 +48,6 @@ from mechsim.studies.sweep.task import (
 Rows = NDArray[np.intp]
 # poses solved at once: their arrays fit into a core's cache
 BLOCK = 8192
-# largest displacement of a point after a revolution, relative to its stroke: rounding, less than any assembly
-RETURN_TOLERANCE = 1e-9
 # largest length of a stored reason, in characters
 MAX_REASON = 240
 
@@ -258,7 +257,7 @@ def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
     same = np.ones(designs, dtype=np.bool_)
     for point in motion.points.values():
         path = point.position.reshape(designs, -1, 3)
-        same &= np.abs(path[:, -1] - path[:, 0]).max(1) <= RETURN_TOLERANCE * np.ptp(path, axis=1).max(1)
+        same &= np.abs(path[:, -1] - path[:, 0]).max(1) <= ROUNDING * np.ptp(path, axis=1).max(1)
     return same
 
 

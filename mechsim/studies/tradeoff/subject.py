@@ -13,6 +13,7 @@ from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import half_extent, plausible_order
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Model
 from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
@@ -98,8 +99,6 @@ def _divergence_message(name: str, count: int, stable: Sequence[int], sufficient
 
 # compared quantities; the drive is compared with its profile
 COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")
-# largest distance of equal positions, relative to the characteristic length
-POSITION_TOLERANCE = 1e-9
 # ratio of the crank speed to its target above which a run counts as diverged
 MAX_SPEED_RATIO = 1e6
 
@@ -202,7 +201,7 @@ def _variants(solver: KinematicSolver, angles: Array) -> dict[str, Mechanism]:
     for name, variant in solver.variants().items():
         others = variant.positions(angles)
         distance = max(worst(others[point] - position) for point, position in positions.items())
-        if distance <= POSITION_TOLERANCE * solver.mechanism.characteristic_length:
+        if distance <= ROUNDING * solver.mechanism.characteristic_length:
             variants[name] = variant.mechanism
     return variants
 

@@ -21,12 +21,11 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import Interpolant, Piecewise
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.theory.continuation.free_loops import FreeLoops
 from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, NODES, TracedCurve
 
 Extremum = Literal["highest", "lowest"]
-# a coordinate whose range is smaller, in radians or relative to the characteristic length, is constant
-CONSTANT = 1e-9
 # arcs in a segment at which rates are checked for a change of sign
 SAMPLES = 4 * NODES
 
@@ -130,7 +129,7 @@ class CurveJoints:
         turns: list[tuple[int, Extremum, float]] = []
         grid, values, rates = self._samples()
         units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
-        for i in np.flatnonzero(np.ptp(values, axis=0) > CONSTANT * units).tolist():
+        for i in np.flatnonzero(np.ptp(values, axis=0) > ROUNDING * units).tolist():
             rising = rates[:, i] > 0.0
             # the curve is closed: the last sample is followed by the first
             for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():

@@ -17,6 +17,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import NEARBY, Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import pivot_columns, significant
+from mechsim.numerics.rounding import CLOSED
 
 # component of a unit motion below which a coordinate or a point is at rest
 REST = 1e-6
@@ -140,8 +141,6 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
     )
 
 
-# residual of a converged pose, in [rad] and characteristic lengths
-MAX_RESIDUAL = 1e-12
 # Newton's method from the prediction of a node, to rounding; and two steps from a pose that is interpolated
 CORRECTOR = NewtonSettings(tolerance=1e-15, max_displacement=NEARBY.max_displacement)
 FINAL = NewtonSettings(max_iterations=2, last_step=0.0)
@@ -239,7 +238,7 @@ class FreeLoops:
             return None
         coordinates, system = result.q, result.linearised
         largest = float(np.abs(system.residual).max(initial=0.0))
-        if not (largest < MAX_RESIDUAL and np.isfinite(result.displacement).all()):
+        if not (largest < CLOSED and np.isfinite(result.displacement).all()):
             return None
         ahead = np.zeros(system.matrix.shape[1])
         ahead[self.rank] = 1.0

@@ -19,6 +19,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import Interpolant, Piecewise, extrapolated, integral, through
 from mechsim.numerics.newton import root
+from mechsim.numerics.rounding import ROUNDING
 from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
 
 # limits for a closed curve: displacement in characteristic lengths, and revolutions of a multi-turn angle
@@ -71,8 +72,6 @@ MIN_COSINE = 0.5
 # arc length that nodes keep from a branch point; a branch point has a singular value below SINGULAR_RATIO of
 # the largest and a residual of at most MAX_RESIDUAL; it is searched for below SEARCH_RATIO of the largest
 MIN_DISTANCE_FROM_BRANCH_POINT, SINGULAR_RATIO, MAX_RESIDUAL, SEARCH_RATIO = 2e-3, 1e-7, 2e-13, 0.3
-# distance of features below which two poses are the same
-SAME_POSE_TOLERANCE = 1e-9
 # limit on the number of segments of a curve
 MAX_SEGMENTS = 3000
 
@@ -280,7 +279,7 @@ def _closing_arc(segment: CurveSegment, start: Array, plane: Array, first: bool)
 
         low, high = float(segment.nodes[i]), float(segment.nodes[i + 1])
         root_arc = root(past, low, high) if past(low) < 0.0 < past(high) else high
-        if np.abs(segment.features.value_at(root_arc) - start).max() < SAME_POSE_TOLERANCE:
+        if np.abs(segment.features.value_at(root_arc) - start).max() < ROUNDING:
             return root_arc
     return None
 
