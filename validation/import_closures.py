@@ -14,7 +14,6 @@ import structure
 
 # (module, imported module) -> what asks for the import
 GATES = {
-    ("cli", "cli.former_spelling"): "mechsim dynamics MODEL",
     ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
     ("cli.simulate", "cli.scene_run"): "--ctrl",
     ("cli.validate", "report.validation"): "--report, --plot",

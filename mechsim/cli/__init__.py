@@ -2,6 +2,7 @@
 
 import inspect
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -175,6 +176,13 @@ GROUPS = {
     },
 }
 COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
+# sub-command of dynamics -> options that selected it when dynamics was one command; the others are of inverse
+FORMER = {
+    "statics": "--statics --assemblies",
+    "modes": "--modes",
+    "response": "--response",
+    "forward": "--initial --until --free --motor --controller --of --restitution --budget",
+}
 # commands that import MuJoCo only when they run, so that their help does not need it
 LATE = ("doctor", "extremes", "view")
 PLAIN: dict[str, Any] = {
@@ -212,11 +220,15 @@ class LazyCommands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the command named by the first words, and its arguments."""
         if self.prefix and args[0] not in self.commands and not ctx.resilient_parsing:
-            from mechsim.cli.former_spelling import present_spelling
-
+            former = {arg.partition("=")[0] for arg in args}
+            name = next((name for name, old in FORMER.items() if former & {*old.split()}), "inverse")
+            text = shlex.join(
+                arg for arg in args if arg not in ("--statics", "--modes", "--response", "--free")
+            )
+            text = text.replace("--speed ", "--initial crank.v=") if "--free" in former else text
             raise InputError(
-                f"dynamics has the sub-commands {', '.join(self.commands)}; write: mechsim dynamics "
-                f"{present_spelling(args)}"
+                f"dynamics has the sub-commands {', '.join(self.commands)}; write: mechsim dynamics {name} "
+                f"{text}"
             )
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else load_command(self.prefix + name), rest

@@ -203,7 +203,10 @@ def study_facts(study: "InverseDynamics") -> dict[str, Any]:
     timed = result.time if result.drives else None
 
     def peak(values: Array) -> dict[str, float]:
-        return _peak(values, angle, timed)
+        # the largest value and its crank angle, or under motion laws its time
+        index = int(np.argmax(np.abs(values)))
+        where = ("at_angle", angle) if timed is None else ("at_time", timed)
+        return {"largest": float(values[index]), where[0]: float(where[1][index])}
 
     def statistics(values: Array) -> dict[str, float]:
         return peak(values) | {"mean": _mean(values, angle), "rms": _mean(values**2, angle) ** 0.5}
@@ -296,13 +299,6 @@ def _mean(values: Array, angle: Array) -> float:
     if len(angle) < 2 or not (np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0.0).all():
         return float(values.mean())
     return float(np.trapezoid(values, angle) / (angle[-1] - angle[0]))
-
-
-def _peak(values: Array, angle: Array, time: Array | None) -> dict[str, float]:
-    """Return the largest value and its crank angle, or under motion laws its time."""
-    index = int(np.argmax(np.abs(values)))
-    where = ("at_angle", angle) if time is None else ("at_time", time)
-    return {"largest": float(values[index]), where[0]: float(where[1][index])}
 
 
 def run_facts(run: "FreeRun") -> dict[str, Any]:

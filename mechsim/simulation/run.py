@@ -62,7 +62,10 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
             f"{profile.min_instants} steps at least; take {most:.3g} s at the most"
         )
     if run.samples is not None and total % run.samples:
-        fitting = _divisors(total)
+        # the divisors of the number of steps, in ascending order
+        low = np.arange(1, int(np.sqrt(total)) + 1)
+        low = low[total % low == 0]
+        fitting = np.unique(np.concatenate([low, total // low]))
         counts = sorted(
             {fitting[fitting <= run.samples].max(), fitting[fitting >= min(run.samples, total)].min()}
         )
@@ -77,13 +80,6 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
         note = f"the run ends at {end:.9g} s, with the last whole step within {profile.duration:.9g} s"
     fixed = replace(run, profile=replace(profile, duration=end), total=total, ending=note)
     return fixed, replace(settings, steps_per_turn=steps)
-
-
-def _divisors(total: int) -> np.ndarray:
-    """Return all divisors of a number in ascending order."""
-    low = np.arange(1, int(np.sqrt(total)) + 1)
-    low = low[total % low == 0]
-    return np.unique(np.concatenate([low, total // low]))
 
 
 @quiet()

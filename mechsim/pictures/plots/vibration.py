@@ -59,7 +59,8 @@ def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -
         quantities: label with unit -> values, (n,) in SI; each has axes of its own.
     """
     motion, more = run.motion, dict(quantities or {})
-    time = _time(motion)
+    assert motion.time is not None
+    time = motion.time
     units = sorted({joint.unit for joint in motion.joints.values()}, reverse=True)
     figure, axes = blank(
         len(units) + len(more) + 1, 1, (6.4, 1.9 * (len(units) + len(more) + 1)), sharex=True
@@ -89,11 +90,6 @@ def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> Figure:
         flattened(ax, float(np.abs(values).max(initial=0.0)), "")
     along_axis(axes[-1, 0], bool(motion.drivers))
     return figure
-
-
-def _time(motion: Motion) -> Array:
-    assert motion.time is not None
-    return motion.time
 
 
 def _coordinates(ax: Axes, time: Array, motion: Motion, unit: str) -> None:

@@ -48,6 +48,7 @@ def page(view: View, library: str = "") -> str:
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
     )
     data = json.dumps(_data(view), separators=(",", ":"), allow_nan=False)
+    # no name of a mechanism, in a string or a comment of the script, may end its element
     return environment.get_template("view.html").render(
         title=view.title,
         version=__version__,
@@ -58,13 +59,8 @@ def page(view: View, library: str = "") -> str:
         three="" if library else three_js(),
         library=library,
         platform=view.platform.link if view.platform else "",
-        live=_script_text(view.live.code) if view.live else "",
+        live=view.live.code.replace("</", "<\\/").replace("<!", "<\\!") if view.live else "",
     )
-
-
-def _script_text(code: str) -> str:
-    """Return JavaScript in which no name of a mechanism, in a string or a comment, ends its element."""
-    return code.replace("</", "<\\/").replace("<!", "<\\!")
 
 
 def three_js() -> str:

@@ -118,7 +118,9 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
     in_order = sorted(spec.joints, key=lambda joint: joint.id)
     bodies = {body: in_order[j].parent for j, body in _bodies(model, joints)}
     for j, body in _bodies(model, joints):
-        quaternion = _quaternion(model, j, qpos)
+        end = int(model.jnt_qposadr[j]) + ROTATIONAL[int(model.jnt_type[j])][0]
+        stated = qpos[end - 4 : end]
+        quaternion = stated / np.linalg.norm(stated)
         if int(model.jnt_type[j]) == BALL and quaternion[0] == 1.0:
             del poses[body]
         else:
@@ -202,12 +204,6 @@ def pose_in_parent(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Arr
     mujoco.mju_negQuat(inverse, data.xquat[parent])
     position = data.xmat[parent].reshape(3, 3).T @ (data.xpos[body] - data.xpos[parent])
     return np.concatenate([position, _product(inverse, data.xquat[body])])
-
-
-def _quaternion(model: mujoco.MjModel, joint: int, qpos: Array) -> Array:
-    end = int(model.jnt_qposadr[joint]) + ROTATIONAL[int(model.jnt_type[joint])][0]
-    quaternion_ = qpos[end - 4 : end]
-    return quaternion_ / np.linalg.norm(quaternion_)
 
 
 def _product(first: Array, then: Array) -> Array:

@@ -277,10 +277,6 @@ def parametric(
     return model if isinstance(model, DesignFamily) else dimension_family(model)
 
 
-def _is_table(against: str | Path) -> bool:
-    return str(against).lower().endswith(".csv")
-
-
 def _candidates(
     solver: KinematicSolver, against: Against | None, speed: float
 ) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
@@ -291,7 +287,7 @@ def _candidates(
             raise InputError(
                 f"no formula to compare {solver.name} with; give a function, FILE.py:FUNC or FILE.csv"
             )
-    if isinstance(against, str | Path) and _is_table(against):
+    if isinstance(against, str | Path) and str(against).lower().endswith(".csv"):
         source, table = str(against), read_table(str(against))
         evaluation, used = points_of_table(solver, table, speed, source)
         return (

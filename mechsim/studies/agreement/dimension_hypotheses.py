@@ -109,19 +109,16 @@ def _first_order(hypothesis: Hypothesis) -> Values | None:
             return hypothesis.derivative()
     if hypothesis.tier == NAMED:
         with suppress(MechsimError, ValueError):
-            return _differences(hypothesis.predict)
+            # the central differences of predicted values by one size at zero
+            ahead, behind = (hypothesis.predict(np.array([direction * STEP])) for direction in (1.0, -1.0))
+            return [(a - b) / (2.0 * STEP) for a, b in zip(ahead, behind, strict=True)]
     return None
-
-
-def _differences(predict: Callable[[Array], Values]) -> Values:
-    """Return the central differences of predicted values by one size at zero."""
-    ahead, behind = (predict(np.array([direction * STEP])) for direction in (1.0, -1.0))
-    return [(a - b) / (2.0 * STEP) for a, b in zip(ahead, behind, strict=True)]
 
 
 def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: float) -> Hypothesis:
     evaluation, dimension = misfit.evaluation, designs.dimensions[name]
-    scale = _scale(dimension, misfit.length)
+    whole = misfit.length if dimension.unit == "m" else 1.0
+    scale = abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
 
     def predict(change: float) -> Values:
         _require_small(change)
@@ -174,11 +171,6 @@ def _with_laws_of(before: KinematicSolver, solver: KinematicSolver) -> Kinematic
     if before.motion_laws.crank:
         return solver
     return solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
-
-
-def _scale(dimension: Dimension, length: float) -> float:
-    whole = length if dimension.unit == "m" else 1.0
-    return abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
 
 
 def _kind(designs: DesignFamily, dimension: Dimension, solver: KinematicSolver) -> str:
