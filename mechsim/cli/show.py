@@ -249,6 +249,8 @@ def _sum(terms: Mapping[str, float]) -> str:
 
 def _polynomial(coupling: Coupling) -> str:
     """Return p(x) as text; x is the driver's side."""
+    if coupling.function is not None:
+        return f"{coupling.function.text}, q = {_sum(coupling.right_terms)}"
     x = _sum(coupling.right_terms)
     x = x if list(coupling.right_terms.values()) == [1.0] else f"({x})"
     powers = ["", x, *(f"{x}^{k}" for k in range(2, 6))]

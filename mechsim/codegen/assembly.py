@@ -24,7 +24,7 @@ from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.model.motion_laws import interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -106,6 +106,7 @@ def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
         InputError: if a link can spin in joints for which no code is generated, or the range cannot be
             certified.
     """
+    require_polynomials(source.mechanism, "compiled")
     mechanism = _rounded(with_closed_guess(source.mechanism))
     solver = LoopForm(mechanism, motion_laws=source.motion_laws, ranges=source.ranges)
     interval, parameters = _range(solver)

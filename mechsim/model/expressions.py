@@ -411,6 +411,11 @@ class Expression:
             by_name[name] = result.rate if isinstance(result, Jet) else np.zeros_like(array)
         return self(values), by_name
 
+    def jet(self, values: Mapping[str, Any]) -> Jet:
+        """Return the value and its derivatives along jets of variables, name -> jet or number."""
+        result = self._evaluate(values)
+        return result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
+
     def _evaluate(self, values: Mapping[str, Any]) -> Any:
         with np.errstate(all="ignore"):
             return Evaluator(lambda name: Term(values[name])).evaluate(self.tree).value

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.coupling_functions import CouplingFunction
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array
@@ -60,6 +61,7 @@ class Coupling:
         turns: whether the sides may differ by whole revolutions, as in gears.
         pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; at 0 the tooth force is
             tangential. None for an ideal transmission without teeth.
+        function: takes the place of p; the coefficients are then empty.
     """
 
     JSON: ClassVar[tuple[str, ...]] = ("name", "driven=left_terms", "driver=right_terms", "coefficients")
@@ -71,12 +73,14 @@ class Coupling:
     zeros: tuple[float, float] = (0.0, 0.0)
     turns: bool = False
     pressure_angle: float | None = None
+    function: CouplingFunction | None = None
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.coefficients) <= MAX_DEGREE + 1:
+        counts = (1, MAX_DEGREE + 1) if self.function is None else (0, 0)
+        if not counts[0] <= len(self.coefficients) <= counts[1]:
             raise InputError(
                 f"coupling {self.name!r} has {len(self.coefficients)} coefficients; "
-                f"give 1 to {MAX_DEGREE + 1}, constant first"
+                f"give {counts[0]} to {counts[1]}, constant first"
             )
         numbers = [*self.coefficients, *self.zeros, *self.left_terms.values(), *self.right_terms.values()]
         if not np.isfinite([number(value) for value in numbers]).all():
@@ -113,9 +117,11 @@ class Coupling:
         return f"{'+'.join(self.right_terms) or 'nothing'}-{'+'.join(self.left_terms)}"
 
     def polynomial(self, right: Array) -> tuple[Array, Array, Array]:
-        """Return p, p' and p'' at values of the right side."""
-        p = np.polynomial.Polynomial(self.coefficients)
+        """Return p, or the function, and its first two derivatives at values of the right side."""
         offset = right - self.zeros[1]
+        if self.function is not None:
+            return self.function(offset)
+        p = np.polynomial.Polynomial(self.coefficients)
         return p(offset), p.deriv(1)(offset), p.deriv(2)(offset)
 
 

@@ -323,6 +323,16 @@ class Mechanism:
         return replace(self, guess=dict(guess), start=start)
 
 
+def require_polynomials(mechanism: Mechanism, what: str) -> None:
+    """Raise InputError for a coupling by a function where only polynomials can be handled."""
+    for law in mechanism.laws:
+        if law.function is not None:
+            raise InputError(
+                f"{mechanism.name}: coupling {law.name!r} is a function, and only polynomials can be {what}; "
+                "give coefficients, of degree 4 at most"
+            )
+
+
 def described(source: object) -> Mechanism:
     """Return a mechanism, given itself or an object that has one, such as a catalogue mechanism.
 

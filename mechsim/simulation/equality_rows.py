@@ -1,7 +1,8 @@
 """The equality constraints that close a model's loops, read from the compiled model."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -124,22 +125,33 @@ class CouplingConstraint:
         right: the independent sum; None if the left sum is constant.
         coefficients: coefficients of the polynomial, from the constant up.
         equality: index of the equality in the model.
+        function: takes the place of the polynomial, whose coefficients are its expansion about one state.
     """
 
     left: Sum
     right: Sum | None
     coefficients: Array
     equality: int
-    _polynomials: tuple[np.polynomial.Polynomial, ...] = field(init=False, repr=False)
+    function: Callable[[Array], tuple[Array, Array, Array]] | None = None
+    _polynomials: tuple[Callable[[Array], Array], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if (function := self.function) is not None:
+            orders = tuple(partial(_derivative, function, order) for order in range(3))
+            object.__setattr__(self, "_polynomials", orders)
+            return
         polynomial = np.polynomial.Polynomial(self.coefficients)
         object.__setattr__(self, "_polynomials", (polynomial, polynomial.deriv(1), polynomial.deriv(2)))
+
+    def expanded(self, right: float) -> list[float]:
+        """Return the coefficients of the Taylor polynomial about a value of the right side."""
+        value, rate, second = (float(entry(np.array([right]))[0]) for entry in self._polynomials)
+        return [value - (rate - 0.5 * second * right) * right, rate - second * right, 0.5 * second, 0.0, 0.0]
 
     @property
     def nonlinear(self) -> bool:
         """Whether the polynomial has terms of second or higher degree."""
-        return self.right is not None and bool(np.any(self.coefficients[2:]))
+        return self.function is not None or (self.right is not None and bool(np.any(self.coefficients[2:])))
 
     def evaluate(self, right: Array) -> tuple[Array, Array]:
         """Return the polynomial and its derivative at values of the right side."""
@@ -171,6 +183,10 @@ class CouplingConstraint:
             return np.zeros(len(qpos))
         rate = qvel[:, self.right.dofs] @ self.right.weights
         return self._polynomials[2](self.right.value(qpos)) * rate**2
+
+
+def _derivative(function: Callable[[Array], tuple[Array, ...]], order: int, right: Array) -> Array:
+    return function(right)[order]
 
 
 def constraints(

@@ -179,8 +179,9 @@ def _evaluated(
     links, points = link_motions(model, track, fields), _point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
-    if crank_acceleration is None and has_dry_friction(model):
-        # while friction sticks or reverses, soft loops oscillate about the motion
+    if crank_acceleration is None and (has_dry_friction(model) or followers(loops)):
+        # while friction sticks or reverses, soft loops oscillate about the motion; the force of a follower is
+        # constant over each step
         crank_acceleration = qacc[:, loops.crank].copy()
         driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
+from mechsim.model.joints import Coupling
 from mechsim.model.link_poses import guessed_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
@@ -19,6 +20,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint
+from mechsim.simulation.equality_rows import CouplingConstraint
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.generator import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
@@ -150,7 +152,7 @@ def _custom_model(
     if holds:
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
-        loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
+        loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)), {})
         loops, initial_qpos = _closed_at_drivers(loops, _start_qpos(loops, start))
         assert loops.drivers is not None
         stands = zip(loops.drivers.names, initial_qpos[loops.drivers.addresses].tolist(), strict=True)
@@ -166,9 +168,8 @@ def from_mechanism(
 ) -> ClosedModel:
     """Return the model generated from a mechanism; `follows_laws` if its drivers follow motion laws."""
     names = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if follows_laws else CRANK
-    closed = from_spec(
-        spec, points, names, coordinates=_coordinate_names(mechanism, follows_laws=follows_laws)
-    )
+    named = _coordinate_names(mechanism, follows_laws=follows_laws)
+    closed = from_spec(spec, points, names, coordinates=named, laws=mechanism.named_laws)
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
     return replace(closed, track=replace(closed.track, hidden=hidden))
 
@@ -194,6 +195,7 @@ def from_spec(
     drivers: Sequence[str] | str = CRANK,
     *,
     coordinates: Mapping[str, tuple[str, int | None]] | None = None,
+    laws: Mapping[str, Coupling] | None = None,
     start: Array | None = None,
 ) -> ClosedModel:
     """Return the model of a specification with sensors for the tracked points.
@@ -203,10 +205,11 @@ def from_spec(
         points: sites to track.
         drivers: the hinge that is the crank, or the joints that follow motion laws.
         coordinates: joint of the model -> name of its coordinate, as in `Track`.
+        laws: equality -> the coupling that it stands for, whose function its polynomial only approximates.
         start: initial state, (nq,); None for the reference configuration.
     """
     track = replace(add_sensors(spec, points), coordinates=coordinates or {})
-    loops = closed_loops(spec, drivers)
+    loops = closed_loops(spec, drivers, laws or {})
     if loops.drivers is not None:
         names = tuple(track.name(name)[0] for name in loops.drivers.names)
         loops = replace(loops, drivers=replace(loops.drivers, names=names))
@@ -214,12 +217,37 @@ def from_spec(
     return ClosedModel(loops, track, closed)
 
 
-def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
+def closed_loops(
+    spec: mujoco.MjSpec, drivers: Sequence[str] | str, laws: Mapping[str, Coupling]
+) -> ModelLoops:
     """Return the loops of a specification with a crank, or with drivers locked at their reference values."""
     if isinstance(drivers, str):
-        return read_loops(compiled(spec), drivers)
-    model = compiled(with_parameter_joint(spec))
-    return read_loops(model, drivers=find_drivers(model, tuple(drivers)))
+        loops = read_loops(compiled(spec), drivers)
+    else:
+        model = compiled(with_parameter_joint(spec))
+        loops = read_loops(model, drivers=find_drivers(model, tuple(drivers)))
+    return with_functions(loops, laws)
+
+
+def with_functions(loops: ModelLoops, laws: Mapping[str, Coupling]) -> ModelLoops:
+    """Return loops whose couplings are the functions of laws, equality -> law, instead of polynomials."""
+    names = [str(loops.model.equality(row.equality).name) for row in loops.couplings]
+    rows = [_with_function(row, laws.get(name)) for row, name in zip(loops.couplings, names, strict=True)]
+    return replace(loops, couplings=rows)
+
+
+def _with_function(row: CouplingConstraint, law: Coupling | None) -> CouplingConstraint:
+    """Return a constraint with the function of its coupling, both sides relative to the reference."""
+    if law is None or law.function is None or row.right is None:
+        return row
+    reference = float(row.right.zeros @ row.right.weights)
+    difference = row.coefficients[0] - law.polynomial(np.array([reference]))[0]
+
+    def function(right: Array) -> tuple[Array, Array, Array]:
+        value, rate, second = law.polynomial(reference + right)
+        return value + difference, rate, second
+
+    return replace(row, function=function)
 
 
 def _closed(loops: ModelLoops, guess: Array) -> Array:
@@ -320,11 +348,11 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
     """
     spec = generate(mechanism, scene, guessed_poses(mechanism))
     if mechanism.has_crank:
-        loops = closed_loops(spec, CRANK)
+        loops = closed_loops(spec, CRANK, mechanism.named_laws)
         guess = loops.model.qpos0.copy()
         guess[loops.crank_address] = mechanism.start
         return loops, guess
-    loops = closed_loops(spec, mechanism.drivers)
+    loops = closed_loops(spec, mechanism.drivers, mechanism.named_laws)
     assert loops.drivers is not None
     guess = loops.model.qpos0.copy()
     for name, address in zip(loops.drivers.names, loops.drivers.addresses, strict=True):

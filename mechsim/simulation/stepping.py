@@ -107,6 +107,7 @@ def step(
         controls: of the model's actuators at the start of each step, (total, nu); None without controls.
         progress: callback after every block.
     """
+    _require_followers(loops)
     timestep = profile.duration / total
     driven = not profile.steady or len(recording.actuated_dofs(loops)) > 1 or loops.drivers is not None
     if driven:
@@ -221,6 +222,24 @@ def _add_drive_inertia(loops: ModelLoops) -> None:
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
     model.eq_active0[[coupling.equality for coupling in recording.followers(loops)]] = 0
     rescale_coupled_tendons(loops, model)
+
+
+def expand_functions(loops: ModelLoops, qpos: Array) -> None:
+    """Set the polynomials of couplings that are functions to their Taylor polynomials at a state, (nq,)."""
+    for row in loops.couplings:
+        if row.function is not None and row.right is not None:
+            loops.model.eq_data[row.equality, :5] = row.expanded(float(row.right.value(qpos[None])[0]))
+
+
+def _require_followers(loops: ModelLoops) -> None:
+    """Reject functions of coordinates that do not follow from the drivers alone: they change every step."""
+    kept = {row.equality for row in recording.followers(loops)}
+    for row in loops.couplings:
+        if row.function is not None and row.equality not in kept:
+            raise InputError(
+                f"coupling {loops.model.equality(row.equality).name!r} is a function between coordinates "
+                "that move with a loop, which MuJoCo cannot step along drivers; take --method pose"
+            )
 
 
 def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Level, Scene
 from mechsim.simulation import mjcf
@@ -207,6 +207,7 @@ def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
     """
+    require_polynomials(mechanism, "written as MJCF")
     spec = assembled(mechanism, scene)
     if scene.holds("picture"):
         from mechsim.pictures.render.scenery import add_picture

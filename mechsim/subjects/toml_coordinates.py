@@ -1,10 +1,13 @@
 """Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 from mechsim.errors import InputError
+from mechsim.files import read
+from mechsim.model.coupling_functions import CouplingFunction, TabledFunction, WrittenFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Coupling, Gear, state_variable
 from mechsim.numerics.angles import REVOLUTION
@@ -220,6 +223,8 @@ _KEYS_OF_KIND = {
     "radius": ("phase", "pressure_angle"),
     "travel": ("phase", "pressure_angle"),
     "coefficients": ("zeros", "turns", "pressure_angle"),
+    "function": ("zeros", "turns", "periodic"),
+    "radii": ("crossed", "phase"),
 }
 
 
@@ -241,7 +246,8 @@ def _coupling(
     if len(kind_keys) != 1:
         has = " and ".join(kind_keys) or "none"
         reason = (
-            f"has {has} of ratio (a gear), radius or travel (a rack), coefficients (a polynomial); give one"
+            f"has {has} of ratio (a gear), radius or travel (a rack), coefficients (a polynomial), function, "
+            "radii (a belt); give one"
         )
         raise coordinates.error(path, reason)
     for key in table:
@@ -254,9 +260,16 @@ def _coupling(
     teeth = table.get("pressure_angle")
     if kind_keys[0] == "coefficients":
         return _polynomial(coordinates, name, table, path, teeth)
+    if kind_keys[0] == "function":
+        pair = _zeros(coordinates, table, path)
+        made = _function(coordinates, table, path)
+        driven, driver = table["driven"], table.get("driver", {})
+        return Coupling(name, driven, driver, (), pair, table.get("turns", False), function=made)
     driver, driven = (_single_coordinate(coordinates, table, side, path) for side in ("driver", "driven"))
     phase = coordinates.value(driven, table.get("phase", 0.0), (*path, "phase"))
     units = coordinates.units[driver], coordinates.units[driven]
+    if kind_keys[0] == "radii":
+        return _belt(coordinates, name, table, path, (driver, driven, phase))
     if kind_keys[0] == "ratio":
         if units[0] != units[1]:
             raise coordinates.error(path, "is between an angle and a displacement; give radius or travel")
@@ -304,14 +317,50 @@ def _polynomial(
             coefficients.append(coordinates.value(driven, written, entry_path))
         else:
             coefficients.append(values.plain_number(written, entry_path) * (factor / right**power))
-    zeros = [
-        _zero(coordinates, side, written, (*path, "zeros", i))
-        for i, (side, written) in enumerate(
-            zip((driven, driver), table.get("zeros", (0.0, 0.0)), strict=True)
-        )
-    ]
-    pair, turns = (zeros[0], zeros[1]), table.get("turns", False)
+    pair, turns = _zeros(coordinates, table, path), table.get("turns", False)
     return Coupling(name, driven, driver, tuple(coefficients), pair, turns, teeth)
+
+
+def _zeros(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> tuple[float, float]:
+    written = zip((table["driven"], table.get("driver", {})), table.get("zeros", (0.0, 0.0)), strict=True)
+    first, second = (
+        _zero(coordinates, side, value, (*path, "zeros", i)) for i, (side, value) in enumerate(written)
+    )
+    return first, second
+
+
+def _function(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> CouplingFunction:
+    """Return the function of a coupling: an expression of q and the file's parameters, or a table."""
+    text, values = table["function"], coordinates.values
+    if not table.get("driver"):
+        raise coordinates.error(path, "is a function without a driver; name the coordinate q")
+    if not is_table(text):
+        if (values.length, values.angle) != ("m", "rad"):
+            raise coordinates.error((*path, "function"), "is in SI; give the file the units m and rad")
+        names = [name for name in values.parameters if re.search(rf"\b{re.escape(name)}\b", text)]
+        return WrittenFunction(text, tuple(names), tuple(values.parameters[name] for name in names))
+    columns = read(values.source.sibling(text))
+    if set(columns) != {"q", "value"}:
+        raise coordinates.error((*path, "function"), f"has columns {', '.join(columns)}; give q and value")
+    positions, targets = (tuple(columns[name].tolist()) for name in ("q", "value"))
+    return TabledFunction(str(values.source.sibling(text)), positions, targets, table.get("periodic", False))
+
+
+def _belt(
+    coordinates: FileCoordinates,
+    name: str,
+    table: Mapping[str, Any],
+    path: KeyPath,
+    sides: tuple[str, str, float],
+) -> Coupling:
+    """Return a belt or chain: angles with the ratio of the radii, opposite if it is crossed."""
+    driver, driven, phase = sides
+    if "m" in (coordinates.units[driver], coordinates.units[driven]):
+        raise coordinates.error(path, "is a belt between coordinates that are no angles; name two rotations")
+    if not min(table["radii"]) > 0.0:
+        raise coordinates.error((*path, "radii"), "is no pair of radii above 0; give driver and driven")
+    ratio = table["radii"][0] / table["radii"][1] * (-1.0 if table.get("crossed") else 1.0)
+    return Coupling(name, driven, driver, (phase, ratio), turns=True)
 
 
 def _zero(coordinates: FileCoordinates, side: Side, written: Any, path: KeyPath) -> float:

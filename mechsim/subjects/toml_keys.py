@@ -259,6 +259,10 @@ _COUPLING = Table(
             JointNumber("coefficient of a power of the driver's coordinate"),
             "of a polynomial: driven as a function of driver, constant first, five at most",
         ),
+        "function": Text("driven as an expression of q, the driver, in SI, or FILE.csv with q and value"),
+        "periodic": Boolean("whether the table repeats after its last row"),
+        "radii": ListOf(Number("m", "a radius"), "of a belt or chain: radii of driver and driven", 2),
+        "crossed": Boolean("whether the belt is crossed"),
         "phase": JointNumber("driven coordinate at zero of the driver's; default 0"),
         "zeros": ListOf(
             JointNumber("a coordinate"), "zero positions of driven and driver of a polynomial", 2
@@ -268,7 +272,7 @@ _COUPLING = Table(
             "rad", "pressure angle of a gear or rack, 0 to 90 deg; default 0: the tooth force is tangential"
         ),
     },
-    "driven = ratio * driver + phase, a rack, or a polynomial, selected by its keys",
+    "driven = ratio * driver + phase, a rack, a belt, a polynomial or a function, selected by its keys",
     ("driven",),
 )
 _GUESS = Table(

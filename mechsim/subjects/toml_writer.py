@@ -11,6 +11,7 @@ import numpy as np
 from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
+from mechsim.model.coupling_functions import CouplingFunction, TabledFunction
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import Link
@@ -214,4 +215,18 @@ def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:
 def _coupling(coupling: Coupling) -> dict[str, Any]:
     sides = {"driven": coupling.left, "driver": coupling.right}
     table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle")
-    return _stated(table, driver={}, zeros=(0.0, 0.0), turns=False, pressure_angle=None)
+    table |= _function(coupling.function)
+    defaults = {"driver": {}, "zeros": (0.0, 0.0), "turns": False, "pressure_angle": None}
+    return _stated(table, coefficients=(), periodic=False, **defaults)
+
+
+def _function(function: CouplingFunction | None) -> dict[str, Any]:
+    """Return the keys of a function, its parameters as numbers."""
+    if isinstance(function, TabledFunction):
+        return {"function": _absolute(function.text), "periodic": function.periodic}
+    if function is None:
+        return {}
+    text = function.text
+    for name, value in zip(function.names, function.values, strict=True):
+        text = re.sub(rf"\b{re.escape(name)}\b", f"({value!r})", text)
+    return {"function": text}

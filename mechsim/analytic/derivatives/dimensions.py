@@ -10,6 +10,7 @@ import numpy as np
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
+from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, End, Joint
@@ -23,7 +24,9 @@ from mechsim.numerics.arrays import Array
 NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     Joint: ("a", "b", "cross_angle", "length"),
     End: ("point", "axis", "reference"),
-    Coupling: ("left", "right", "coefficients", "zeros", "pressure_angle"),
+    Coupling: ("left", "right", "coefficients", "zeros", "pressure_angle", "function"),
+    WrittenFunction: ("values",),
+    TabledFunction: ("positions", "targets"),
     Link: ("inertia",),
     Inertia: ("mass", "centre", "moments"),
     Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "loads"),

@@ -32,8 +32,9 @@ from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
-from mechsim.simulation.source import assembled
+from mechsim.simulation.source import assembled, with_functions
 from mechsim.simulation.state import HINGE, SLIDE
+from mechsim.simulation.stepping import expand_functions
 
 # RK4 with stiff equalities
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
@@ -175,6 +176,7 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
     loops = loops_with_crank(
         compiled_model, 0 if crank is None else int(compiled_model.joint(crank).dofadr[0])
     )
+    loops = with_functions(loops, described.named_laws)
     closed = ClosedModel(loops, track, compiled_model.qpos0.copy())
     return LoadedModel(
         loops=closed.loops,
@@ -299,7 +301,12 @@ def _steps(
     records = [(data.qpos.copy(), data.qvel.copy(), data.act.copy())]
     with controls.installed(data):
         for time in times[1:].tolist():
-            mujoco.mj_step(stepped, data, nstep=substeps)
+            if any(row.function for row in controls.loops.couplings):
+                for _ in range(substeps):
+                    expand_functions(controls.loops, data.qpos)
+                    mujoco.mj_step(stepped, data)
+            else:
+                mujoco.mj_step(stepped, data, nstep=substeps)
             finished = (time - times[0]) / (times[-1] - times[0])
             progress(f"{substeps * (len(times) - 1):,} steps, {time:.4g} s", finished)
             if any(warning.number for warning in data.warning):
@@ -327,6 +334,7 @@ def _recorded(
         for i in range(n):
             data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
             data.act[:] = activations[i]
+            expand_functions(controls.loops, data.qpos)
             mujoco.mj_forward(stepped, data)
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
+from mechsim.model.joints import Coupling, Joint
 from mechsim.model.link_poses import initial_coordinates, plane_normals, with_rods, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
@@ -233,8 +233,8 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
             for side, zero in zip(sides, law.zeros, strict=False)
         ]
         # p(right - zero) about the reference configuration
-        curve = np.polynomial.Polynomial(law.coefficients)
-        if len(zeros) == 2:
+        curve = np.polynomial.Polynomial(law.coefficients or _taylor(law, -zeros[1]))
+        if len(zeros) == 2 and law.coefficients:
             curve = curve(np.polynomial.Polynomial([-zeros[1], 1.0]))
         shifted = np.zeros(5)
         shifted[: len(curve.coef)] = curve.coef
@@ -250,6 +250,12 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         made.data[:5] = shifted
     for name, value in mechanism.locked.items():
         lock_joint(spec, name_of[name], value - float(spec.joint(name_of[name]).ref))
+
+
+def _taylor(law: Coupling, argument: float) -> tuple[float, ...]:
+    """Return the Taylor polynomial of the function of a coupling about an argument, constant first."""
+    value, rate, second = (float(entry[0]) for entry in law.polynomial(np.array([argument + law.zeros[1]])))
+    return value, rate, 0.5 * second
 
 
 def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:

@@ -19,7 +19,7 @@ from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import with_rods
 from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.exact_numbers import exact_unit_vector, rational, unknown_numbers
@@ -428,6 +428,7 @@ def loop_equations(
     Raises:
         AssemblyError: if a link is disconnected from the ground without the rods.
     """
+    require_polynomials(mechanism, "proved")
     mechanism, radii = with_rods(mechanism, {})[0], {**radii, **_of_rods(radii)}
     rods = {
         link.name: [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
