@@ -15,6 +15,9 @@ from mechsim.simulation.state import cross_matrices, rotation_matrix
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 # 4 cos²(angle/2) below which two frames count as rotated by half a revolution
 HALF_TURN = 1e-6
+# step of the differences that give the third and fourth derivative of a function from its second, in [m] or
+# [rad]: their errors are 1e-7 of the fifth and sixth derivative
+DIFFERENCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,8 +148,12 @@ class CouplingConstraint:
 
     def expanded(self, right: float) -> list[float]:
         """Return the coefficients of the Taylor polynomial about a value of the right side."""
-        value, rate, second = (float(entry(np.array([right]))[0]) for entry in self._polynomials)
-        return [value - (rate - 0.5 * second * right) * right, rate - second * right, 0.5 * second, 0.0, 0.0]
+        value, rate = (float(entry(np.array([right]))[0]) for entry in self._polynomials[:2])
+        before, second, after = self._polynomials[2](right + DIFFERENCE * np.arange(-1.0, 2.0)).tolist()
+        third, fourth = (after - before) / (2.0 * DIFFERENCE), (after - 2.0 * second + before) / DIFFERENCE**2
+        about = np.polynomial.Polynomial([value, rate, second / 2.0, third / 6.0, fourth / 24.0])
+        coefficients = about(np.polynomial.Polynomial([-right, 1.0])).coef.tolist()
+        return [*coefficients, 0.0, 0.0, 0.0, 0.0][:5]
 
     @property
     def nonlinear(self) -> bool:
