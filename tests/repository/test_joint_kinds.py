@@ -27,6 +27,11 @@ DEFINING_MODULES = {
     "mechsim.subjects.planar_json",  # types of joints in files of other programs
     "mechsim.subjects.pylinkage_json",  # types of joints in files of other programs
     "mechsim.studies.robots.serial_twin",  # types of joints in URDF
+    "mechsim.model.link_poses",  # the ends of the links that stand for rods
+    "mechsim.model.quantities",  # "distance" is a quantity there
+    "mechsim.simulation.mjcf.generator",  # the ends of the links that stand for rods
+    "mechsim.simulation.mjcf_reader.equality_constraints",  # a tendon's equality is a rod
+    "mechsim.studies.release",  # "distance" is a quantity there
     "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
 }
 
