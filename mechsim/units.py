@@ -51,6 +51,7 @@ Unit = Literal[
     "N m s/rad",
     "V",
     "ohm",
+    "H",
     "N m/A",
 ]
 
@@ -84,6 +85,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "N m s/rad": ("a torsional damping", "1e-3 N m s/rad"),
     "V": ("a voltage", "24 V"),
     "ohm": ("an electric resistance", "0.5 ohm"),
+    "H": ("an inductance", "1 mH"),
     "N m/A": ("a motor constant", "0.05 N m/A"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
@@ -386,6 +388,8 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
 
 def converted(written: str, unit: Unit, text: str, name: str) -> float:
     """Return the factor from a written unit to an SI unit, by pint."""
+    # a power without its sign, as in kg m2
+    written = re.sub(r"(?<=[^\W\d_])([23])\b", r"^\1", written)
     if len(written) > MAX_UNIT_LENGTH or not _UNIT.fullmatch(written):
         raise _unit_error(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()

@@ -24,6 +24,7 @@ from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Mo
 from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
+from mechsim.subjects.toml_motors import actuators_of, expression_controllers
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
 from mechsim.units import Unit
 
@@ -54,7 +55,11 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
             crank_torque=_crank_torque(values, mechanism, table),
             flywheel=table.get("flywheel", 0.0),
             motor=_motor(values, table["motor"]) if "motor" in table else None,
-            controllers=tuple(_controllers(values, table)),
+            controllers=(*_controllers(values, table), *expression_controllers(values, table)),
+            actuators=tuple(actuators_of(values, mechanism, table)),
+            armature={
+                ".".join(p[2:]): x for p, x in leaves(table.get("armature", {}), ("forces", "armature"))
+            },
         )
         forces.check(mechanism)
     return forces

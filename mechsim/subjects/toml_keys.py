@@ -169,8 +169,70 @@ MOTOR_PARAMETERS = {
     "dc": ("voltage", "resistance", "constant"),
 }
 
+_THREE = ListOf(Number("1", "in SI"), "in SI: constant, by length and by rate of length", 3)
+_LIMITS = ListOf(Number("1", "in SI"), "lower and upper limit, in SI", 2)
+# kind of motor on a joint -> its required keys, and those that it may have
+JOINT_MOTORS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "constant": (("torque",), ()),
+    "line": (("stall", "no_load"), ()),
+    "dc": (("voltage", "resistance", "constant"), ("inductance", "gear")),
+    "pd": (("target", "proportional"), ("derivative",)),
+    "pid": (("target", "proportional", "integral"), ("derivative",)),
+    "expression": (("torque",), ()),
+    "general": (
+        (),
+        (
+            "joint",
+            "gear",
+            "control",
+            "gain",
+            "bias",
+            "direct",
+            "inflow",
+            "start",
+            "control_range",
+            "state_range",
+        ),
+    ),
+}
+JOINT_MOTOR = Table(
+    {
+        "kind": Text("what determines the torque or force", tuple(JOINT_MOTORS)),
+        "joint": Text("coordinate on which it acts"),
+        "torque": JointNumber("constant torque or force, or an expression of J.q, J.v and t in SI"),
+        "stall": JointNumber("torque or force at rest"),
+        "no_load": JointNumber("rate of zero torque"),
+        "voltage": AnyOf((Text("of t"), Number("V", "constant")), "a voltage, or an expression of t in V"),
+        "resistance": Number("ohm", "of the armature"),
+        "inductance": Number("H", "of the armature; default 0"),
+        "constant": Number("N m/A", "motor constant"),
+        "gear": AnyOf(
+            (Number("1", "a ratio"), TableOf(Number("1", "a ratio"), "by coordinate")),
+            "revolutions of the motor per revolution of the joint; of `general` a table by coordinate",
+        ),
+        "rotor": Number("kg m^2", "moment of inertia before the gear; default 0"),
+        "target": JointNumber("coordinate to reach: a number, or an expression of t"),
+        "proportional": Number("1", "torque per error, in SI"),
+        "integral": Number("1", "torque per error and time, in SI"),
+        "derivative": Number("1", "torque per rate of the error, in SI; default 0"),
+        "limit": JointNumber("largest torque or force; default: none"),
+        "control": AnyOf((Text("of t"), Number("1", "constant")), "of `general`, in SI"),
+        "gain": _THREE,
+        "bias": _THREE,
+        "direct": ListOf(Number("1", "in SI"), "factors of the control and its rate, in SI", 2),
+        "inflow": ListOf(Number("1", "in SI"), "of control, state, length and rate of length, in SI", 4),
+        "start": Number("1", "initial state, in SI"),
+        "control_range": _LIMITS,
+        "state_range": _LIMITS,
+        "force_range": _LIMITS,
+    },
+    "a motor or actuator on joints",
+    ("kind",),
+)
 FORCES = Table(
     {
+        "motors": TableOf(JOINT_MOTOR, "by name of your choice, fed by --ctrl"),
+        "armature": by_coordinate(Number("1", "in kg m2 or kg"), "inertia that moves with a coordinate"),
         "gravity": vector("m/s^2", "in the ground's axes; default 0, -9.81, 0"),
         "friction": TableOf(_FRICTION, "by joint"),
         "springs": TableOf(_SPRING, "by name of your choice"),

@@ -11,6 +11,7 @@ import numpy as np
 from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
+from mechsim.model.actuators import NO_LIMIT, Actuator, no_control
 from mechsim.model.coupling_functions import CouplingFunction, TabledFunction
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import Coupling, End, Gear, Joint
@@ -22,6 +23,8 @@ from mechsim.model.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import MotionLaw, WrittenLoad
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+# limit in place of an infinite one on one side
+UNLIMITED = 1e30
 
 
 def _value(value: Any) -> str:
@@ -121,6 +124,10 @@ def _forces(forces: Forces) -> dict[Any, Any]:
         table["controllers", *controller.coordinate.split(".")] = controller.text
     if forces.motor is not None:
         table["motor"] = _motor(forces.motor)
+    for coordinate, inertia in forces.armature.items():
+        table["armature", *coordinate.split(".")] = inertia
+    for actuator in forces.actuators:
+        table["motors", actuator.name] = _actuator(actuator)
     for friction in forces.friction:
         values = _fields(friction, "viscous", "coulomb", "viscous_turn", "coulomb_turn")
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
@@ -134,6 +141,30 @@ def _forces(forces: Forces) -> dict[Any, Any]:
         table["loads", f"load{i}"] = {"at": _point(load.location), "force": force}
     for couple in forces.couples:
         table["couples", couple.link] = _components(couple.moment, f"the couple on {couple.link}")
+    return table
+
+
+def _actuator(actuator: Actuator) -> dict[str, Any]:
+    """Return a motor of kind "general"; infinite limits are left out."""
+    if isinstance(actuator.control, MotionLaw):
+        text = _absolute(actuator.control.text)
+    elif actuator.control is no_control:
+        text = "0"
+    else:
+        raise InputError(f"the control of {actuator.name} is a function without text; give it as text")
+    table: dict[str, Any] = {
+        "kind": "general",
+        "control": text,
+        "gear": dict(actuator.gear),
+        "rotor": actuator.inertia,
+    }
+    table |= _fields(actuator, "gain", "bias", "direct", "start")
+    if actuator.inflow is not None:
+        table["inflow"] = actuator.inflow
+    for name in ("control_range", "state_range", "force_range"):
+        low, high = getattr(actuator, name)
+        if (low, high) != NO_LIMIT:
+            table[name] = [max(low, -UNLIMITED), min(high, UNLIMITED)]
     return table
 
 

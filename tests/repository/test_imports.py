@@ -94,7 +94,7 @@ REACHED = {
     "solve": 15000,
     "simulate": 22500,
     "validate": 25500,
-    "export": 25200,
+    "export": 25700,
     "check": 21000,
     "sample": 18700,
     "map": 19220,
