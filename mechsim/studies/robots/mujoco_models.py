@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 
 from mechsim.analytic.loops.rounded_geometry import corrected
-from mechsim.errors import MechsimError
+from mechsim.errors import InputError, MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
@@ -46,6 +46,8 @@ def started_model(
         from mechsim.subjects.readers import load
 
         return mujoco_model(load(model, set, start=start, key=key, still=True)), None
+    if set:
+        raise InputError(f"{model}: a MuJoCo model has no parameters; leave out --set")
     compiled_model = mujoco_model(model, set, loops)
     try:
         read = read_mjcf(own, key=key, start=start, still=True).source
