@@ -29,6 +29,7 @@ GATES = {
     ("studies.export", "studies.robots.menagerie"): "--style menagerie",
     ("studies.export", "studies.robots.serial_twin"): "--format urdf, mjcf-tree",
     ("studies.export", "studies.scene.tune_model"): "--tolerance, --speed",
+    ("studies.robots.mujoco_models", "simulation.source"): "a MODEL that is no file of MuJoCo",
     ("studies.robots.mujoco_models", "subjects.readers"): "a MODEL that is no file of MuJoCo",
     ("subjects.mjcf_source", "simulation.findings"): "a MODEL in MJCF",
 }

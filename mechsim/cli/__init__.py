@@ -264,8 +264,7 @@ def _without_mujoco_log(function: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(function)
     def run(**values: Any) -> None:
-        from mechsim.simulation.mjcf import quiet
-        from mechsim.simulation.mujoco_loading import PROBLEM
+        from mechsim.simulation.mujoco_loading import PROBLEM, quiet
 
         if PROBLEM:
             print_stderr(f"mechsim: {PROBLEM}")

@@ -9,8 +9,8 @@ import typer
 
 from mechsim._version import __version__
 from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.options import Loops, writable
 from mechsim.cli.output import in_colour, print_json, print_table, wrapped
+from mechsim.cli.output_paths import writable
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.findings.rule_table import RULES
@@ -46,7 +46,7 @@ def check_files(
     fix: str | None = option(None, "Write a repaired copy of the file.", metavar="OUT"),
     output_format: str = option("text", "Format of the findings.", metavar="text|json|github|sarif"),
     target: str | None = option(None, "Also report what this format cannot express.", metavar="urdf"),
-    loops: Loops = None,
+    loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE"),
     explain_equalities: bool = option(
         False, "Also print stiffness, damping and gap per newton of each equality.", name="--explain"
     ),

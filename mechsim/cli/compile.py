@@ -6,7 +6,8 @@ from typing import Annotated, TypedDict
 import typer
 
 from mechsim.cli.command import Result, Without, command
-from mechsim.cli.options import ModelOptions, output_file, require_other_drivers, writable
+from mechsim.cli.options import ModelOptions, require_other_drivers
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test

@@ -15,11 +15,10 @@ from mechsim.cli.options import (
     changed_parameters,
     joint_ranges,
     load_model,
-    output_file,
     require_other_drivers,
     scene_of,
-    writable,
 )
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene

@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import complete_models, load_model, output_folder, require_motion
+from mechsim.cli.options import complete_models, load_model, require_motion
 from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.output_paths import output_folder
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
 from mechsim.studies.extremes.results import StabilityMap

@@ -9,8 +9,9 @@ import numpy as np
 from mechsim import files, units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.options import SPEED, ModelOptions, output_file, writable
+from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.studies.calibration import Fit, fit_dimensions

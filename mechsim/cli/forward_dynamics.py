@@ -26,8 +26,9 @@ from mechsim.cli.dynamics_report import (
 )
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
-from mechsim.cli.options import ModelOptions, output_file, pair_of, require_distinct, writable
+from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome

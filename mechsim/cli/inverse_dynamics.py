@@ -25,7 +25,7 @@ from mechsim.cli.dynamics_report import (
 )
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
-from mechsim.cli.options import ModelOptions, output_file, writable
+from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import (
     SI_UNITS,
     OutputUnits,
@@ -36,6 +36,7 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import InputError
 from mechsim.model.force_record import Fluctuation

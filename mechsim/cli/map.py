@@ -6,8 +6,9 @@ from typing import Annotated, NotRequired, TypedDict
 import numpy as np
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import joint_ranges, output_file, writable
+from mechsim.cli.options import joint_ranges
 from mechsim.cli.output import Value, print_table, print_text
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.sample import ClosedModelOptions, closed_model
 from mechsim.files import atomic_path

@@ -1,21 +1,19 @@
 """Options that several commands share: values, shell completion, and numbers without a unit."""
 
-import os
 import sys
 import tomllib
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from mechsim import files
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
-from mechsim.errors import InputError, OutputError, require_extra
+from mechsim.cli.output_paths import paths_from
+from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
@@ -78,12 +76,7 @@ def _without_unit(text: str) -> float | None:
 def complete_models(incomplete: str) -> list[str]:
     """Return the names of mechanisms, and folders and files that may contain one."""
     names = [name for name in (*catalog.MECHANISMS, *gallery.files()) if name.startswith(incomplete)]
-    return names + _paths(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
-
-
-def complete_files(incomplete: str) -> list[str]:
-    """Return folders and files."""
-    return _paths(incomplete, ())
+    return names + paths_from(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
 
 
 def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
@@ -103,25 +96,6 @@ def _parameter_names(model: str) -> list[str]:
     except (OSError, ValueError):
         return []
     return list(read) if isinstance(read, dict) else []
-
-
-def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
-    folder, _, start = incomplete.rpartition("/")
-    paths: list[str] = []
-    try:
-        entries = sorted(Path(f"{folder}/" if "/" in incomplete else ".").iterdir())
-    except OSError:
-        return []
-    for path in entries:
-        hidden = path.name.startswith(".") and not start.startswith(".")
-        if not path.name.startswith(start) or hidden:
-            continue
-        shown = f"{folder}/{path.name}" if "/" in incomplete else path.name
-        if path.is_dir():
-            paths.append(f"{shown}/")
-        elif not suffixes or path.suffix.lower() in suffixes:
-            paths.append(shown)
-    return paths
 
 
 Model = Annotated[
@@ -146,15 +120,6 @@ Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks,
 SPEED = "600rpm"
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
 
-
-def output_file(contents: str) -> Any:
-    """Declare the option for the output file; its help states the contents and the suffixes."""
-    return typer.Option("-o", "--output", metavar="FILE", help=contents, autocompletion=complete_files)
-
-
-Loops = Annotated[
-    str | None, typer.Option("--loops", metavar="FILE", help="Loop closures of a URDF file, in YAML.")
-]
 
 ChangePointOption = Annotated[
     str | None,
@@ -349,33 +314,3 @@ def scene_of(level: str, cut: str | None = None, forces: Forces | None = None) -
     """Return a scene of a level, with loops cut at named joints, and with forces if they are known."""
     joints = tuple(cut.split(",")) if cut else None
     return Scene(level=level, cut=joints, forces=forces)  # pyright: ignore[reportArgumentType]
-
-
-def writable(path: str, *extensions: str) -> Path:
-    """Return an output path, checked before any computation."""
-    target = Path(path)
-    if os.path.isdir(target):
-        raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
-    if extensions and target.suffix.lower() not in extensions:
-        extensions_text = ", ".join(filter(None, extensions))
-        raise InputError(f"{path!r} ends in {target.suffix or 'no suffix'}; choose from {extensions_text}")
-    folder = target.parent
-    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise OutputError(f"cannot write {path!r}: {str(folder)!r} is not a writable folder; create it first")
-    files.require_writable(target)
-    return target
-
-
-@contextmanager
-def output_folder(path: str | None) -> Generator[Path | None]:
-    """Yield a folder for the files of a report, which appear in `path` together; None without a path.
-
-    Raises:
-        OutputError: before any computation, as `files.atomic_folder`.
-    """
-    if path is None:
-        yield None
-        return
-    require_extra("pictures", "jinja2", "matplotlib", "mediapy")
-    with files.atomic_folder(path) as unfinished:
-        yield unfinished

@@ -11,7 +11,8 @@ from mechsim.cli.load_options import (
     print_masses,
     released_model,
 )
-from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed, output_file, writable
+from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError

@@ -8,8 +8,9 @@ import typer
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, output_file, require_distinct, writable
+from mechsim.cli.options import DriveOptions, require_distinct
 from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.reduction.search import Reduction

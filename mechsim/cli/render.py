@@ -19,8 +19,9 @@ from mechsim.cli.load_options import (
     print_masses,
     released_model,
 )
-from mechsim.cli.options import ModelOptions, output_file, warn_about_angle, writable
+from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import number
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError

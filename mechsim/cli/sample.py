@@ -8,7 +8,8 @@ import typer
 
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import ModelOptions, changed_parameters, output_file, writable
+from mechsim.cli.options import ModelOptions, changed_parameters
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations

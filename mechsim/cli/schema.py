@@ -25,8 +25,8 @@ import typer
 from mechsim import files
 from mechsim.cli.command import Result, command, data_type
 from mechsim.cli.motion_warnings import AccuracyWarning
-from mechsim.cli.options import output_file, writable
 from mechsim.cli.output import print_json
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass

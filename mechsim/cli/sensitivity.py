@@ -9,8 +9,9 @@ import numpy as np
 from mechsim import files, units
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import masses_in_json, print_masses
-from mechsim.cli.options import SPEED, ModelOptions, output_file, warn_about_angles, writable
+from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError

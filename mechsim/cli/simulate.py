@@ -13,17 +13,9 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command, option_names
 from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
-from mechsim.cli.options import (
-    SPEED,
-    ChangePointOption,
-    ModelOptions,
-    output_file,
-    require_motion,
-    scene_of,
-    with_policy,
-    writable,
-)
+from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, scene_of, with_policy
 from mechsim.cli.output import Units, in_units, number, output_units, print_text
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import RunJson
 from mechsim.cli.verdict_text import (

@@ -17,11 +17,9 @@ from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
     ModelOptions,
-    output_file,
     require_motion,
     warn_about_angles,
     with_policy,
-    writable,
 )
 from mechsim.cli.output import (
     SI_UNITS,
@@ -32,6 +30,7 @@ from mechsim.cli.output import (
     print_table,
     without_noise,
 )
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion

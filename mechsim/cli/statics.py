@@ -13,8 +13,9 @@ from mechsim.analytic.dynamics import Equilibrium, Mode, equilibria, holding, ne
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
 from mechsim.cli.load_options import InitialOptions, LoadOptions
-from mechsim.cli.options import ModelOptions, output_file, writable
+from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, print_text, without_noise
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism

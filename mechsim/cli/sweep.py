@@ -11,8 +11,9 @@ import typer
 
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import InitialOptions, masses_in_json, print_masses
-from mechsim.cli.options import ModelOptions, Speed, changed_parameters, output_file
+from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError, OutputError

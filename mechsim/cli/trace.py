@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypedDict
 
 from mechsim import files
 from mechsim.cli.command import Result, Stated, Without, command
-from mechsim.cli.options import ModelOptions, output_file, writable
+from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import (
     Units,
     Value,
@@ -16,6 +16,7 @@ from mechsim.cli.output import (
     print_table,
     print_text,
 )
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
 from mechsim.pictures import plots

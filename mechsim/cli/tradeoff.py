@@ -11,8 +11,9 @@ from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.control_options import ControlOptions, user_scene
-from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model, output_file, writable
+from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model
 from mechsim.cli.output import Value, number, print_table, print_text, width
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Settings
 from mechsim.errors import InputError

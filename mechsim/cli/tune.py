@@ -9,8 +9,9 @@ from mechsim import units
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, require_distinct, writable
+from mechsim.cli.options import DriveOptions, require_distinct
 from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.output_paths import writable
 from mechsim.cli.progress import progress
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.errors import SceneErrors, SceneTrial

@@ -14,16 +14,9 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
-from mechsim.cli.options import (
-    DriveOptions,
-    Sets,
-    Speed,
-    Verbose,
-    load_parametric,
-    output_folder,
-    writable,
-)
+from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json, print_text
+from mechsim.cli.output_paths import output_folder, writable
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
     findings_in_json,

@@ -18,7 +18,8 @@ from mechsim.cli.load_options import (
     exclude_without_effect,
     released_model,
 )
-from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric, output_file, writable
+from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric
+from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.files import atomic_path

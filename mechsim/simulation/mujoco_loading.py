@@ -3,12 +3,14 @@
 import ctypes
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from mechsim.errors import MissingToolError
 
@@ -103,6 +105,22 @@ def _forget_back_end(platform: str | None) -> None:
         os.environ.pop("PYOPENGL_PLATFORM", None)
     for name in [name for name in sys.modules if name.split(".")[0] == "OpenGL"]:
         del sys.modules[name]
+
+
+@contextmanager
+def quiet() -> Generator[None]:
+    """Silence MuJoCo's log; its warnings are read from its counters and reported as an outcome.
+
+    By default MuJoCo writes MUJOCO_LOG.TXT into the current folder.
+    """
+    mujoco: Any = import_module("mujoco")
+    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    silent.logto_console = silent.logto_file = False
+    silent.set()
+    try:
+        yield
+    finally:
+        before.set()
 
 
 PROBLEM = import_mujoco()

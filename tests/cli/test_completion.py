@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from mechsim.cli.options import complete_files, complete_models, complete_parameters
+from mechsim.cli.options import complete_models, complete_parameters
+from mechsim.cli.output_paths import complete_files
 
 
 @pytest.fixture(autouse=True)

@@ -296,3 +296,10 @@ def test_an_open_file_starts_in_the_assembly_of_every_command(tmp_path) -> None:
     # the other assembly on request
     other = ms.sample(str(path), 20, start={"rocker": -float(start["rocker"])}).qpos[:, 2]
     assert np.sign(other).mean() != np.sign(float(start["rocker"]))
+
+
+def test_parameters_of_a_model_without_parameters_are_rejected(model: mujoco.MjModel) -> None:
+    with pytest.raises(ms.InputError, match="has no parameters; leave out --set"):
+        ms.sample(model, 3, set={"crank": "30mm"})
+    with pytest.raises(ms.InputError, match="has no parameters; leave out --set"):
+        ms.closed_qpos(model, {"crank": 0.1}, set={"crank": "30mm"})

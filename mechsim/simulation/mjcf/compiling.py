@@ -12,21 +12,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-
-
-@contextmanager
-def quiet() -> Generator[None]:
-    """Silence MuJoCo's log; its warnings are read from its counters and reported as an outcome.
-
-    By default MuJoCo writes MUJOCO_LOG.TXT into the current folder.
-    """
-    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
-    silent.logto_console = silent.logto_file = False
-    silent.set()
-    try:
-        yield
-    finally:
-        before.set()
+from mechsim.simulation.mujoco_loading import quiet as quiet
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.source import assembled
 from mechsim.subjects.mjcf_source import mujoco_input, printed, read_mjcf
 from mechsim.subjects.model_source import Prescription
 from mechsim.units import Unit, si
@@ -65,6 +64,7 @@ def mujoco_spec(
     own = mujoco_input(model, loops)
     if own is not None:
         return parse_file(own)[0]
+    from mechsim.simulation.source import assembled
     from mechsim.subjects.readers import load
 
     solver = load(model, set, still=True)

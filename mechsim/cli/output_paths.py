@@ -1,0 +1,72 @@
+"""Paths of files that commands write: options, shell completion, and checks before any computation."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from mechsim import files
+from mechsim.errors import InputError, OutputError, require_extra
+
+
+def paths_from(incomplete: str, suffixes: tuple[str, ...] = ()) -> list[str]:
+    """Return the folders, and the files of these suffixes, whose paths begin so; () stands for all files."""
+    folder, _, start = incomplete.rpartition("/")
+    paths: list[str] = []
+    try:
+        entries = sorted(Path(f"{folder}/" if "/" in incomplete else ".").iterdir())
+    except OSError:
+        return []
+    for path in entries:
+        hidden = path.name.startswith(".") and not start.startswith(".")
+        if not path.name.startswith(start) or hidden:
+            continue
+        shown = f"{folder}/{path.name}" if "/" in incomplete else path.name
+        if path.is_dir():
+            paths.append(f"{shown}/")
+        elif not suffixes or path.suffix.lower() in suffixes:
+            paths.append(shown)
+    return paths
+
+
+def complete_files(incomplete: str) -> list[str]:
+    """Return folders and files."""
+    return paths_from(incomplete)
+
+
+def output_file(contents: str) -> Any:
+    """Declare the option for the output file; its help states the contents and the suffixes."""
+    return typer.Option("-o", "--output", metavar="FILE", help=contents, autocompletion=complete_files)
+
+
+def writable(path: str, *extensions: str) -> Path:
+    """Return an output path, checked before any computation."""
+    target = Path(path)
+    if os.path.isdir(target):
+        raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
+    if extensions and target.suffix.lower() not in extensions:
+        extensions_text = ", ".join(filter(None, extensions))
+        raise InputError(f"{path!r} ends in {target.suffix or 'no suffix'}; choose from {extensions_text}")
+    folder = target.parent
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+        raise OutputError(f"cannot write {path!r}: {str(folder)!r} is not a writable folder; create it first")
+    files.require_writable(target)
+    return target
+
+
+@contextmanager
+def output_folder(path: str | None) -> Generator[Path | None]:
+    """Yield a folder for the files of a report, which appear in `path` together; None without a path.
+
+    Raises:
+        OutputError: before any computation, as `files.atomic_folder`.
+    """
+    if path is None:
+        yield None
+        return
+    require_extra("pictures", "jinja2", "matplotlib", "mediapy")
+    with files.atomic_folder(path) as unfinished:
+        yield unfinished
