@@ -182,13 +182,15 @@ def proven_segments(
     rest: list[tuple[float, float]] = []
     while waiting or untested:
         if waiting:
-            segments = waiting.pop()
+            halved = waiting.pop()
+            segments = tested_segments(motion, *halves(halved, motion.equations))
+            segments = replace(segments, misses=np.tile(halved.misses, 2))
         else:
             batch = untested.pop()
             segments = tested_segments(motion, edges[batch], edges[batch + 1], guess.select(batch))
         proven.append(segments.select(segments.proven))
         finished += float((proven[-1].high - proven[-1].low).sum())
-        progress(f"{len(proven)} tests", finished / (motion.high - motion.low))
+        progress(f"{count:,} segments, at most {MAX_SEGMENTS:,}", finished / (motion.high - motion.low))
         failed = segments.select(~segments.proven)
         if failed.half.max(initial=0.0) < COARSE * (motion.high - motion.low):
             failed = with_misses(motion, failed)
@@ -196,9 +198,7 @@ def proven_segments(
         final = (failed.half < shortest) | (failed.misses >= MAX_MISSES) | (count > MAX_SEGMENTS)
         rest += [*zip(failed.low[final].tolist(), failed.high[final].tolist(), strict=True)]
         failed = failed.select(~final)
-        if len(failed):
-            tested = tested_segments(motion, *halves(failed, motion.equations))
-            waiting.append(replace(tested, misses=np.tile(failed.misses, 2)))
+        waiting += [failed.select(batch) for batch in batches(len(failed)) if len(batch)]
     segments = join(proven)
     return segments.select(np.argsort(segments.low)), _merged(rest), count > MAX_SEGMENTS
 
