@@ -164,6 +164,8 @@ def forward(
     model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
     if options.turns is not None:
         stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank")
+    if not model.solver.ranges:
+        stated.exclude(["restitution"], "without limits of joints")
     ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}
     if options.turns is None:
         ends["restitution"] = options.restitution

@@ -136,6 +136,8 @@ def solve(
     mechsim solve arm.xml --drive 'left=30deg*sin(2*pi*t)' --samples 101
     """
     path = None if output is None else writable(output, ".csv", ".npz")
+    if as_json and path is None and units is not None:
+        raise InputError("--units has no effect with --json, which is in SI, without -o; leave it out")
     solver = with_policy(source.load(), change_point)
     if options.poses is not None:
         options.check(solver)

@@ -22,6 +22,8 @@ STATICS, MODES = "dynamics statics four_bar", "dynamics modes four_bar"
 RESPONSE = "dynamics response four_bar crank:rocker"
 CASES = [
     (RUN, "--speed 100rpm"),
+    (RUN, "--restitution 0.5"),
+    ("solve four_bar --json", "--units mm,deg"),
     (RUN, "--actuators nosuch=1"),
     (RUN + " --turns 2", "--drive crank=1rad/s"),
     (RUN + " --turns 2", "--restitution 0.5"),
