@@ -312,6 +312,8 @@ def _notes(case: "Validation") -> list[str]:
             f"stepped with compliance scale {case.compliance:.2g} of the loops, not {COMPLIANCE:.2g}"
         )
     run = case.run
+    if run.note.startswith("not stepped"):
+        notes.append(run.note)
     if case.published is not None and run.settings is not None and run.timestep is not None:
         own = ", ".join(f"{name} {value}" for name, value in run.settings.rows().items())
         notes.append(f"stepped with mechsim's settings: timestep {1e3 * run.timestep:.3g} ms, {own}")

@@ -36,6 +36,7 @@ KindName = Literal[
     "parallel_axes",
     "perpendicular_axes",
     "distance",
+    "cartesian",
 ]
 
 # column of a joint frame -> name, in messages, of the directions that must not be antiparallel
@@ -154,6 +155,7 @@ KINDS: dict[KindName, Kind] = {
     "parallel_axes": Kind(slides=("x", "y", "z"), turns=("a",)),
     "perpendicular_axes": Kind(slides=("x", "y", "z"), turns=("a", "b")),
     "distance": Kind(slides=("x", "y", "z"), turns=("x", "y", "z"), rod=True),
+    "cartesian": Kind(slides=("x", "y", "z"), turns=()),
 }
 
 # the kinds with no degree of freedom, with one rotation, and with no constraint

@@ -102,11 +102,16 @@ def rotated(rotation: Array, vector: Array) -> Array:
 def initial_coordinates(mechanism: Mechanism) -> dict[str, float]:
     """Return the coordinates at the guess that the description states, in [m] and [rad].
 
-    The angle of a screw between guessed links follows from its displacement.
+    The angle of a screw between guessed links follows from its displacement, and a coordinate that is a
+    function of others from these.
     """
     coordinates = {**_screw_angles(mechanism), **mechanism.guess_coordinates, **mechanism.locked}
     if mechanism.has_crank:
         coordinates[mechanism.crank.name] = mechanism.start
+    for law in mechanism.laws:
+        if law.function is not None and isinstance(law.left, str) and law.left not in coordinates:
+            right = sum(weight * coordinates.get(name, 0.0) for name, weight in law.right_terms.items())
+            coordinates[law.left] = law.zeros[0] + float(law.polynomial(np.array([right]))[0][0])
     return coordinates
 
 
@@ -159,12 +164,12 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
 
 
 def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
-    """Return the pose of a link that a joint with one coordinate connects to another link."""
+    """Return the pose of a link without body that a joint without ball connects to another link."""
     joint = next(candidate for candidate in mechanism.joints if candidate.b.link == name)
-    carrier, value = poses[joint.a.link], motion.joints[joint.name].value
-    shift, relative = displaced(KINDS[joint.kind], (value,), joint.cross_angle)
+    carrier, values = poses[joint.a.link], [motion.joints[name].value for name in joint.coordinates]
+    shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
     frame = carrier.rotation @ joint.a.frame
-    rotation = np.broadcast_to(frame @ relative @ joint.b.frame.T, (len(value), 3, 3))
+    rotation = np.broadcast_to(frame @ relative @ joint.b.frame.T, (len(values[0]), 3, 3))
     position = carrier.point(joint.a.point) + (frame @ shift[..., None])[..., 0]
     return Pose(position - rotation @ joint.b.point, rotation)
 

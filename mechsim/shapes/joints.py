@@ -196,6 +196,7 @@ DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
     "planar": plate,
     "fixed": weld,
     "floating": lambda canvas, joint: None,
+    "cartesian": lambda canvas, joint: None,
     "parallel_axes": lambda canvas, joint: None,
     "perpendicular_axes": lambda canvas, joint: None,
     # drawn as a link between two balls
@@ -227,8 +228,11 @@ def link_shapes(
     canvas = Canvas(mechanism, dict(travel or {}), dict(outward))
     for link in mechanism.links:
         _body(canvas, link.name)
+    bodies = {link.name for link in mechanism.links if link.is_body or len(mechanism.ends(link.name)) > 1}
     for joint in mechanism.joints:
-        DRAW[joint.kind](canvas, joint)
+        # the parameter of a curve moves nothing
+        if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
+            DRAW[joint.kind](canvas, joint)
     draw_gears(canvas)
     return canvas.out
 

@@ -231,12 +231,16 @@ def expand_functions(loops: ModelLoops, qpos: Array) -> None:
             loops.model.eq_data[row.equality, :5] = row.expanded(float(row.right.value(qpos[None])[0]))
 
 
+class NotSteppedError(InputError):
+    """MuJoCo cannot step the motion; its solved configurations are exact."""
+
+
 def _require_followers(loops: ModelLoops) -> None:
     """Reject functions of coordinates that do not follow from the drivers alone: they change every step."""
     kept = {row.equality for row in recording.followers(loops)}
     for row in loops.couplings:
         if row.function is not None and row.equality not in kept:
-            raise InputError(
+            raise NotSteppedError(
                 f"coupling {loops.model.equality(row.equality).name!r} is a function between coordinates "
                 "that move with a loop, which MuJoCo cannot step along drivers; take --method pose"
             )

@@ -27,6 +27,7 @@ from mechsim.numerics.resources import ProcessorBudget
 from mechsim.numerics.rounding import EPS
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.stepping import NotSteppedError
 from mechsim.studies.agreement.agreement import (
     SPEED,
     Against,
@@ -240,6 +241,8 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
         position = position_tolerance(exact, solver.mechanism, tolerance)
         try:
             run, verdicts["step"] = _stepped(solver, profile, speed, position, work)
+        except NotSteppedError as error:
+            run = replace(run, note=f"not stepped: {error}")
         except BudgetError as error:
             verdicts["step"] = Verdict("failed", (), str(error))
         if solver.source is not None:

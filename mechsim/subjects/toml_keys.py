@@ -258,6 +258,7 @@ _END = Table(
         "link": Text("name of a link, or ground"),
         "at": vector("m", "position of the joint in the link's frame; default: the origin"),
         "axis": vector("1", "direction of the joint's axis in the link's frame; default z"),
+        "curve": Text("of side a of a joint of kind curve: a curve of the file"),
         "reference": vector(
             "1",
             "direction of zero joint angle, perpendicular to the axis; default x. If both sides of a slide "
@@ -291,7 +292,7 @@ _LINK = Table(
 )
 _JOINT = Table(
     {
-        "kind": Text("kind of the joint, its free motions", tuple(KINDS)),
+        "kind": Text("kind of the joint, its free motions", (*KINDS, "curve")),
         "a": _END,
         "b": _END,
         "cross_angle": Number(
@@ -395,6 +396,10 @@ ROOT = Table(
         "links": TableOf(_LINK, "moving links; a link that several joints name needs no table"),
         "joints": TableOf(_JOINT, "joints"),
         "couplings": TableOf(_COUPLING, "gears, racks and polynomials between coordinates"),
+        "curves": TableOf(
+            Table({axis: Text(f"{axis} in m as an expression of s") for axis in "xyz"}, "a curve of a link"),
+            "curves for joints of kind curve",
+        ),
         "points": TableOf(
             Table(
                 {"link": Text("name of a link"), "at": vector("m", "in the link's frame")},

@@ -1,0 +1,69 @@
+"""Points on curves in TOML files, against closed forms."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics import dynamic_model, prescribed
+from mechsim.errors import InputError
+
+# a slider block on the ellipse (0.3 + 0.05 cos s, 0.2 sin s), whose rod is driven by a crank or by s
+MODEL = """name = "rail"
+drivers = ["rail"]
+start = {{ rail = 0.5 }}
+motion_laws.rail = "0.5 + 0.3*sin(2*pi*t)"
+[links.crank]
+inertia = {{ mass = 0.2, centre = [0.05, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
+[links.rod]
+inertia = {{ mass = 0.3, centre = [0.15, 0, 0], moments = [1e-5, 1e-3, 1e-3] }}
+[curves.ellipse]
+x = "0.3 + 0.05*cos(s)"
+y = "0.2*sin(s)"
+[joints.crank]
+kind = "revolute"
+a.link = "ground"
+b.link = "crank"
+[joints.pin]
+kind = "revolute"
+a = {{ link = "crank", at = [0.1, 0, 0] }}
+b.link = "rod"
+[joints.rail]
+kind = "curve"
+a = {{ link = "ground", curve = "{curve}" }}
+b = {{ link = "rod", at = [0.3, 0, 0] }}
+[points]
+P = {{ link = "rod", at = [0.3, 0, 0] }}
+"""
+
+
+def load(folder, curve="ellipse"):
+    path = folder / "rail.toml"
+    path.write_text(MODEL.format(curve=curve))
+    return ms.load(str(path))
+
+
+def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
+    model, times = load(tmp_path), np.linspace(0.0, 1.0, 41)
+    point = model.solve(t=times).points["P"]
+    w, s = 2 * np.pi, 0.5 + 0.3 * np.sin(2 * np.pi * times)
+    v, a = 0.3 * w * np.cos(w * times), -0.3 * w**2 * np.sin(w * times)
+    zero = np.zeros(41)
+    first, second = (
+        np.stack([-0.05 * np.sin(s), 0.2 * np.cos(s), zero], 1),
+        np.stack([-0.05 * np.cos(s), -0.2 * np.sin(s), zero], 1),
+    )
+    exact = np.stack([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s), zero], 1)
+    assert np.abs(point.position - exact).max() < 1e-14
+    assert np.abs(point.velocity - first * v[:, None]).max() < 1e-12
+    assert np.abs(point.acceleration - first * a[:, None] - second * v[:, None] ** 2).max() < 1e-11
+    result = prescribed(dynamic_model(model), t=times)
+    force = result.forces.reactions["rail.point"].force
+    # the drive of s does the work of the tangential force
+    driving = result.forces.drives["rail"]
+    assert np.abs((force * first).sum(1) - driving).max() < 1e-10 * np.abs(driving).max()
+    assert ms.validate(model).passed
+
+
+def test_an_unknown_curve_is_rejected(tmp_path):
+    with pytest.raises(InputError, match=r"joint 'rail' is of kind curve; .*a curve of the file \(ellipse\)"):
+        load(tmp_path, "circle")
