@@ -194,9 +194,6 @@ def test_plots_of_studies_are_drawn(mechsim, tmp_path, monkeypatch):
         code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")
         assert code == 0, err
         assert ET.parse(tmp_path / f"{kind}.svg").getroot().tag.endswith("svg")
-    code, _, err = mechsim("plot", "slider_crank", "--kind", "stability", "--set", "rod=0.3", "-o", "a.svg")
-    assert code == 2
-    assert "leave out --set" in err
 
 
 @draws
