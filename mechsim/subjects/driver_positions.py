@@ -98,6 +98,8 @@ def driver_path(
         mechanism.characteristic_length if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers
     ]
     lengths = np.abs(np.diff(values) / np.array(scales)[:, None]).max(0, initial=0.0)
+    # rows within rounding of a revolution are one: the squares of their distances underflow
+    lengths[lengths < np.finfo(np.float64).eps] = 0.0
     if lengths.any():
         row = int(lengths.argmax()) + 1
         require_travel(f"{solver.name} in {source}", f"row {row}", f"row {row + 1}", float(lengths.max()))

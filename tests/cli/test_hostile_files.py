@@ -287,3 +287,12 @@ def test_loops_that_close_only_within_rounding_end_in_seconds(run, tmp_path):
     assert code == 0
     # it took more than 60 s
     assert time.process_time() - start < 20.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_rows_of_positions_closer_than_rounding_are_one_position(run, tmp_path):
+    """The crank of 32 mm lies along x in both rows; the square of their distance is 0 in floating point."""
+    (tmp_path / "at.csv").write_text("crank\n0\n1e-300\n")
+    code, shown = run(["solve", "four_bar", "--at", "at.csv", "--json"])
+    assert code == 0
+    assert json.loads(shown.out)["columns"]["A.x"] == pytest.approx([0.032, 0.032], rel=1e-12)
