@@ -86,7 +86,7 @@ def test_a_controller_that_is_not_finite_is_one_line(run, recwarn):
             ]
         )
     assert code == 2
-    assert "controllers of crank" in shown.err
+    assert "crank are not finite" in shown.err
     assert not [warning for warning in recwarn if warning.category is RuntimeWarning]
 
 
