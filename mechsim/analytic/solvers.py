@@ -37,6 +37,7 @@ class KinematicSolver(ABC):
         forces: forces of the description; None if it defines none.
         formula: FILE.py:FUNCTION of the user's own model; empty if there is none.
         ranges: joint -> limits of its coordinate, in [m] or [rad].
+        restitution: joint -> coefficient of restitution at its limits; others have that of the run.
         written: units that its file declares.
         initial: initial state of forward dynamics, J.q and J.v of coordinates, in SI; empty for none.
         facts: sentences on what of its file is not read, on changes, and on the assembly.
@@ -55,6 +56,7 @@ class KinematicSolver(ABC):
     forces: Forces | None = None
     formula: str = ""
     ranges: Ranges = NO_RANGES
+    restitution: Mapping[str, float] = MappingProxyType({})
     written: WrittenUnits = WrittenUnits()
     initial: Mapping[str, float | tuple[float, ...]] = MappingProxyType({})
     facts: tuple[str, ...] = ()

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+import numpy as np
+
 from mechsim.errors import InputError
 from mechsim.files import read
 from mechsim.model.coupling_functions import CouplingFunction, TabledFunction, WrittenFunction
@@ -174,6 +176,37 @@ def initial_of(coordinates: FileCoordinates) -> dict[str, float | tuple[float, .
         unit = coordinates.units[name] if letter == "q" else rate
         initial[f"{name}.{letter}"] = coordinates.values.quantity(written, unit, path)
     return initial
+
+
+def limits_of(coordinates: FileCoordinates) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
+    """Return the limits of coordinates in SI, and the coefficients of restitution that the file states."""
+    ranges: dict[str, tuple[float, float]] = {}
+    restitution: dict[str, float] = {}
+    for joint, table in coordinates.read["joints"].items():
+        limits = table.get("limits")
+        if limits is None:
+            continue
+        whole = ("joints", joint, "limits")
+        by_coordinate = any(isinstance(entry, dict) for entry in limits.values())
+        for suffix, entry in limits.items() if by_coordinate else [("", limits)]:
+            name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
+            coordinates.require(name, path)
+            if not isinstance(entry, dict) or not {*entry} <= {"lower", "upper", "restitution"}:
+                raise coordinates.error(path, "has other keys; give lower, upper and restitution")
+            low, high = (
+                coordinates.value(name, entry[side], (*path, side)) if side in entry else otherwise
+                for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
+            )
+            if not low < high:
+                reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
+                raise coordinates.error(path, reason)
+            ranges[name] = low, high
+            if "restitution" in entry:
+                value = coordinates.values.quantity(entry["restitution"], "1", (*path, "restitution"))
+                if not 0.0 <= value <= 1.0:
+                    raise coordinates.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
+                restitution[name] = value
+    return ranges, restitution
 
 
 @dataclass(frozen=True)

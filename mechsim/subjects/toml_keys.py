@@ -300,6 +300,10 @@ _JOINT = Table(
         ),
         "lead": Number("m", "displacement of a screw per revolution"),
         "length": Number("m", "of a distance joint, between the points of both sides"),
+        "limits": TableOf(
+            AnyOf((JointNumber("a limit"), TableOf(JointNumber("a limit"), "of a coordinate")), "a limit"),
+            "lower and upper limit of the coordinate, and restitution, 0 to 1; or these by coordinate",
+        ),
     },
     "a joint",
     ("kind", "a", "b"),

@@ -20,6 +20,7 @@ from mechsim.subjects.toml_coordinates import (
     couplings_of,
     drivers_of,
     initial_of,
+    limits_of,
     locked_of,
     motion_laws_of,
     start_of,
@@ -72,12 +73,15 @@ class TomlModel(ModelSource):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
             mechanism = mechanism_of(coordinates, drivers)
         require_pitch_points(source, mechanism, read)
+        ranges, restitution = limits_of(coordinates)
         solver = LoopForm(
             mechanism,
             parameters=values.parameters,
             formula=formula_path(source, read.get("formula", {}).get("python", "")),
             forces=forces_of(values, mechanism, read),
             initial=initial_of(coordinates),
+            ranges=ranges,
+            restitution=restitution,
             written=WrittenUnits(values.length, values.angle),
             facts=implausible_lengths(values, mechanism),
         )

@@ -74,8 +74,9 @@ def to_toml(source: Mechanism | KinematicSolver) -> str:
         lines += _table({"up": mechanism.up}, "display")
     for link in mechanism.links:
         lines += _table(_link(link), "links", link.name)
+    solver = None if isinstance(source, Mechanism) else source
     for joint in mechanism.joints:
-        lines += _table(_joint(joint), "joints", joint.name)
+        lines += _table(_joint(joint) | _limits(joint, solver), "joints", joint.name)
     names = [coupling.name for coupling in mechanism.couplings]
     for i, gear in enumerate(mechanism.gears):
         lines += _table(_gear(gear), "couplings", _gear_name(mechanism, i, names))
@@ -225,6 +226,20 @@ def _joint(joint: Joint) -> dict[str, Any]:
     ends = {"a": _end(joint.a), "b": _end(joint.b)}
     table = {"kind": joint.kind, **ends, **_fields(joint, "cross_angle", "lead", "length")}
     return _stated(table, cross_angle=np.pi / 2, lead=0.0, length=0.0)
+
+
+def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
+    """Return the limits of a joint's coordinates and their restitution; infinite ones are left out."""
+    limits: dict[str, Any] = {}
+    for name in joint.coordinates:
+        if solver is None or name not in solver.ranges:
+            continue
+        pairs = zip(("lower", "upper"), solver.ranges[name], strict=True)
+        entry = {side: value for side, value in pairs if abs(value) < np.inf}
+        if name in solver.restitution:
+            entry["restitution"] = solver.restitution[name]
+        limits |= entry if name == joint.name else {name.removeprefix(f"{joint.name}."): entry}
+    return {"limits": limits} if limits else {}
 
 
 def _end(end: End) -> dict[str, Any]:

@@ -10,7 +10,7 @@ Source: C. Glocker, Set-Valued Force Laws (2001); F. Pfeiffer and C. Glocker, Mu
 Unilateral Contacts (1996), section 5.4 (Newton's law of impact).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -63,15 +63,19 @@ EventFunction = Callable[[Kinematics, Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A joint coordinate's limit: its index in the tree, the limit in units, and +1 (upper) or -1 (lower)."""
+    """A joint coordinate's limit: its index in the tree, the limit in units, and +1 (upper) or -1 (lower).
+
+    `restitution` is its coefficient of restitution; None for that of the run.
+    """
 
     index: int
     limit: float
     side: float
+    restitution: float | None = None
 
 
 class JammedError(MechsimError):
-    """A joint that prescribed motion drives beyond its stop."""
+    """A joint that prescribed motion drives beyond its stop, or impacts that add energy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +161,10 @@ class Contacts:
     def _sides(self, stops: Sequence[int]) -> Array:
         return np.array([self.stops[i].side for i in stops])
 
+    def _restitutions(self, stops: Sequence[int]) -> Array:
+        own = (self.stops[i].restitution for i in stops)
+        return np.array([self.restitution if value is None else value for value in own])
+
     def gaps(self, values: Array) -> Array:
         """Return the gaps of the stops, (stops, n), at coordinates in units, (count, n)."""
         return np.array([stop.side * (stop.limit - values[stop.index]) for stop in self.stops])
@@ -195,7 +203,7 @@ class Contacts:
             before = self.gap_rates(rates)[closed, 0]
             if not (before < -still).any():
                 break
-            rebound = np.maximum(-self.restitution * before, 0.0)
+            rebound = np.maximum(-self._restitutions(closed) * before, 0.0)
             rebound[rebound <= slowest] = 0.0
             last = number == MAX_IMPACTS - 1
             taking_part = np.flatnonzero((before <= still) | last)
@@ -383,14 +391,16 @@ def _least_largest(values: Array, directions: Array) -> float:
     return float(result.fun)
 
 
-def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, float]]) -> tuple[Stop, ...]:
-    """Return the stops of joints with a range in [m] or [rad], if the tree has their coordinate."""
+def stops_of(equations: EquationsOfMotion) -> tuple[Stop, ...]:
+    """Return the stops of joints with a range, if the tree has their coordinate."""
+    solver = equations.model.solver
     stops: list[Stop] = []
-    for name, limits in ranges.items():
+    for name, limits in solver.ranges.items():
         index = equations.loops.tree.index_of.get(name)
         if index is None or index not in equations.free:
             continue
         for limit, side in zip(limits, (-1.0, 1.0), strict=True):
             if abs(limit) < np.inf:
-                stops.append(Stop(index, limit / equations.loops.units[index], side))
+                own = solver.restitution.get(name)
+                stops.append(Stop(index, limit / equations.loops.units[index], side, own))
     return tuple(stops)

@@ -209,7 +209,7 @@ def run(
     q, rates = initial_state(equations, values)
     require_regular(equations, q, rates)
     equations, rates = with_determined_motion(equations, q, rates)
-    stops = stops_of(equations, ranges)
+    stops = stops_of(equations)
     _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution, progress, budget)
     trajectory = integration.run(end) if event is None else _run_until(integration, end, event, until)

@@ -86,6 +86,8 @@ class EnergyBalance:
         return rates * np.sqrt(target / kinetic)
 
 
+# relative rounding of the kinetic energy after an impact
+IMPACT_ROUNDING = 1e-9
 # names of events: end of a contact mode, and an end of the run at which both directions of crossing count
 MODE, UNTIL = "mode", "until"
 # work budget: largest number of states that a run evaluates. A step or an impact takes 170 to 300, all of
@@ -555,6 +557,8 @@ class Integration:
         mass = self.equations.mass(state)
         free = self.equations.free
         before, new = (kinetic_energy(mass, value[free].T)[0] for value in (rates, after))
+        if new > before * (1.0 + IMPACT_ROUNDING) and not self.equations.prescribed:
+            raise JammedError("impacts of joints with different coefficients of restitution add energy")
         self.state = self.layout.replaced(self.state[None], q, after)[0]
         self.state[-1] += float(before - new)
         return True

@@ -68,7 +68,8 @@ class JointRanges:
         if end < start:
             parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
         excess = self._excess(values)
-        slack = ROUNDING * max(1.0, *(high - low for low, high in (self.ranges[name] for name in values)))
+        widths = (high - low for low, high in (self.ranges[name] for name in values))
+        slack = ROUNDING * max([1.0, *(width for width in widths if width < np.inf)])
         if not (excess > slack).any():
             return end
         first = int(np.argmax(excess > slack))
@@ -134,7 +135,8 @@ class LoopForm(KinematicSolver):
         forces: applied forces; None if the file defines none.
         initial: initial state of forward dynamics, J.q and J.v of coordinates in SI; empty for none.
         motion_laws: motion laws of the drivers; `CRANK` for a crank at any speed.
-        ranges: joint -> lower and upper limit, in [m] or [rad].
+        ranges: joint -> lower and upper limit, in [m] or [rad]; infinite where there is none.
+        restitution: joint -> coefficient of restitution at its limits; others have that of the run.
         written: units that its file declares.
         facts: sentences on what of its file is not read, on changes, and on the assembly.
         source: the MJCF model as read (`MjcfModel`): the specification that MuJoCo runs, actuators, remarks;
@@ -152,6 +154,7 @@ class LoopForm(KinematicSolver):
     )
     motion_laws: MotionLaws = CRANK
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
+    restitution: Mapping[str, float] = field(default_factory=dict[str, float])
     written: WrittenUnits = WrittenUnits()
     facts: tuple[str, ...] = ()
     source: Any = None

@@ -26,7 +26,12 @@ from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_o
 from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import compiled, quiet
-from mechsim.simulation.mjcf.force_elements import MASSLESS_FREE, actuator_slices, with_accepted_inertia
+from mechsim.simulation.mjcf.force_elements import (
+    MASSLESS_FREE,
+    UNLIMITED,
+    actuator_slices,
+    with_accepted_inertia,
+)
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
@@ -194,7 +199,8 @@ def _limit(model: LoadedModel, ranges: Ranges) -> None:
     names = without_cuts(model, {name: low for name, (low, _) in ranges.items()})
     joints = model.model.dof_jntid[dofs_of(model, names)[1]]
     model.model.jnt_limited[joints] = True
-    model.model.jnt_range[joints] = np.reshape([ranges[name] for name in names], (-1, 2))
+    limits = np.reshape([ranges[name] for name in names], (-1, 2))
+    model.model.jnt_range[joints] = np.clip(limits, -UNLIMITED, UNLIMITED)
 
 
 def _cuts_elsewhere(mechanism: Mechanism, forces: Forces, kept: set[str]) -> tuple[str, ...] | None:

@@ -1,0 +1,79 @@
+"""Limits of joints in a TOML file: stops with a coefficient of restitution of their own."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.subjects.toml_writer import to_toml
+
+BALL = """name = "ball"
+drivers = ["height"]
+[joints.height]
+kind = "prismatic"
+a = {{ link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }}
+b = {{ link = "ball", axis = [0, 1, 0], reference = [1, 0, 0] }}
+limits = {}
+[links.ball]
+inertia = {{ mass = "1 kg", centre = [0, 0, 0], moments = [1, 1, 1] }}
+[points.P]
+link = "ball"
+at = [0.1, 0, 0]
+[initial]
+height.q = "1 m"
+"""
+
+
+def ball(tmp_path, limits, name="ball.toml"):
+    path = tmp_path / name
+    path.write_text(BALL.format(limits))
+    return ms.load(str(path), still=True)
+
+
+def test_a_bouncing_ball(tmp_path):
+    """Dropped from H it hits the floor at sqrt(2 H / g), and after its n-th rebound 2 e^n of that later."""
+    e, fall = 0.5, np.sqrt(2.0 / 9.81)
+    run = ms.dynamics.run(ball(tmp_path, f"{{ lower = 0, restitution = {e} }}"), duration="1.3s", samples=40)
+    first = np.array(run.events[:4])
+    exact = fall * (1.0 + 2.0 * np.cumsum([0.0, e, e**2, e**3]))
+    assert np.abs(first - exact).max() < 1e-9
+    assert run.energy_error < 1e-10
+    # all impacts end at sqrt(2 H / g) (1 + e) / (1 - e)
+    rests = ms.dynamics.run(ball(tmp_path, f"{{ lower = 0, restitution = {e} }}"), duration="2s")
+    assert rests.outcome == "stopped"
+    assert abs(rests.events[-1] - fall * (1.0 + e) / (1.0 - e)) < 1e-6
+
+
+def test_each_joint_has_its_own_restitution(tmp_path):
+    """Without one of its own a joint has that of the run."""
+    own, plain = (ball(tmp_path, text) for text in ("{ lower = 0, restitution = 0.5 }", "{ lower = 0 }"))
+    events = [ms.dynamics.run(x, duration="1.3s", restitution=0.8).events[1] for x in (own, plain)]
+    fall = np.sqrt(2.0 / 9.81)
+    assert np.abs(np.array(events) - fall * np.array([2.0, 2.6])).max() < 1e-9
+
+
+def test_limits_are_written_and_read_back(tmp_path):
+    solver = ball(tmp_path, '{ lower = "-1 mm", upper = "2 m", restitution = 0.25 }')
+    again = tmp_path / "again.toml"
+    again.write_text(to_toml(solver))
+    read = ms.load(str(again), still=True)
+    assert (read.ranges, read.restitution) == ({"height": (-0.001, 2.0)}, {"height": 0.25})
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ("{ lower = 1, upper = 0 }", "from 1 to 0; give a lower limit below"),
+        ("{ lower = 0, restitution = 2 }", "is 2; give 0 to 1"),
+        ("{ low = 0 }", "give lower, upper and restitution"),
+        ("{ way = { lower = 0 } }", "height.way"),
+    ],
+)
+def test_invalid_limits_are_rejected(limits, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        ball(tmp_path, limits)
+
+
+def test_limits_that_exclude_the_start_are_rejected(tmp_path):
+    with pytest.raises(InputError, match=r"height starts at 1, beyond its stop at 0\.5"):
+        ms.dynamics.run(ball(tmp_path, "{ upper = 0.5 }"), duration="1s")
