@@ -294,7 +294,8 @@ BAD = {
     ),
     "a tendon through sites": (
         LOOPS.replace("EQUALITY", '<tendon tendon1="s"/>').replace(
-            "<tendon>", '<tendon><spatial name="s"><site site="out"/><site site="in"/></spatial>'
+            "<tendon>",
+            '<tendon><spatial name="s"><site site="out"/><site site="in"/><site site="out"/></spatial>',
         ),
         "tendon 's' runs through sites",
     ),
