@@ -71,7 +71,7 @@ def test_parts_that_are_not_read_are_reported(run, arguments):
 
 
 def test_a_controller_that_is_not_finite_is_one_line(run, recwarn):
-    with np.errstate(all="warn"):
+    with np.errstate(all="warn", under="ignore"):
         code, shown = run(
             [
                 "dynamics",
