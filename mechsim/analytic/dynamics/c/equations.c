@@ -89,7 +89,8 @@ typedef struct {
 typedef struct {
     double *q, *turns, *position, *rotation, *unit_twist, *twist, *bias, *force, *inertia;
     double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
-    int *order;
+    /* rows in the order of elimination; whether a row depends on others, so that stages leave it out */
+    int *order, *dependent;
     double potential, kinetic, power_in, power_lost, smallest;
     int rank;
 } Work;
@@ -315,18 +316,29 @@ static void set_coupling_row(const Model *m, Work *w, int i, int row, const doub
     w->gamma[row] = -second * rate * rate / c->unit;
 }
 
-/* rows of the loops, then those of coordinates at rest; without rates, no velocity-product terms */
-static int set_rows(const Model *m, Work *w, const double *rates, int resting, const int *at_rest) {
-    int row = 0;
+/* rows of the loops, then those of coordinates at rest, without dependent ones if they are known; without
+   rates, no velocity-product terms */
+static int set_rows(const Model *m, Work *w, const double *rates, int resting, const int *at_rest, int known) {
+    int row = 0, count = 0;
     for (int c = 0; c < m->cuts; c++)
-        for (int i = 0; i < m->cut[c].rows; i++) set_cut_row(m, w, m->cut + c, i, row++, rates != NULL);
-    for (int i = 0; i < m->couplings; i++) set_coupling_row(m, w, i, row++, rates);
+        for (int i = 0; i < m->cut[c].rows; i++, row++) {
+            if (known && w->dependent[row]) continue;
+            set_cut_row(m, w, m->cut + c, i, row, rates != NULL);
+            w->order[count++] = row;
+        }
+    for (int i = 0; i < m->couplings; i++, row++) {
+        if (known && w->dependent[row]) continue;
+        set_coupling_row(m, w, i, row, rates);
+        w->order[count++] = row;
+    }
     for (int i = 0; i < resting; i++, row++) {
+        if (known && w->dependent[row]) continue;
+        w->order[count++] = row;
         memset(w->rows + row * m->free, 0, m->free * sizeof(double));
         w->rows[row * m->free + m->coordinates[at_rest[i]].column] = 1.0;
         w->gamma[row] = w->residual[row] = 0.0;
     }
-    return row;
+    return count;
 }
 
 static void add_force(const Work *w, int link, const double *point, double size, const double *direction) {
@@ -511,7 +523,6 @@ static void set_equations(const Model *m, Work *w, const double *rates) {
 static void factor(int count, int n, Work *w) {
     double largest = 0.0;
     w->rank = 0, w->smallest = 1.0;
-    for (int i = 0; i < count; i++) w->order[i] = i;
     for (int k = 0; k < count && k < n; k++) {
         double norm = 0.0;
         int best = k;

@@ -94,7 +94,7 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, reduced), n * n}};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i].count;
-    char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + rows * sizeof(int));
+    char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + 2 * rows * sizeof(int));
     if (!memory) return NULL;
     double *next = (double *)(memory + sizeof(Work));
     for (size_t i = 0; i < count; i++) {
@@ -102,19 +102,21 @@ static Work *workspace(const Model *m, int resting) {
         next += parts[i].count;
     }
     ((Work *)memory)->order = (int *)next;
+    ((Work *)memory)->dependent = (int *)next + rows;
     return (Work *)memory;
 }
 
-/* derivative of a state; FINISHED if it is defined */
-static int derive(const Model *m, Work *w, Run *run, const double *state, double *out) {
+/* derivative of a state; FINISHED if it is defined. At `stages` of a step the dependent rows remain the same */
+static int derive(const Model *m, Work *w, Run *run, const double *state, double *out, int stages) {
     const double *rates = state + positions(m);
     run->evaluations++;
     set_poses(m, w, state);
     set_velocities(m, w, rates);
-    int rows = set_rows(m, w, rates, run->resting, run->at_rest);
+    int rows = set_rows(m, w, rates, run->resting, run->at_rest, stages);
     set_forces(m, w, rates, run->sliding);
     set_equations(m, w, rates);
     if (!accelerate(m, w, rows)) return FAILED;
+    for (int i = 0; i < rows && !stages; i++) w->dependent[w->order[i]] = i >= w->rank;
     if (!run->resting && (w->rank < run->rank || w->smallest < run->nearest)) return SINGULAR;
     memcpy(out, rates, m->count * sizeof(double));
     double *turning = out + m->count, *acceleration = out + positions(m);
@@ -166,7 +168,7 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
     for (int i = 0;; i++) {
         double before = worst;
         set_poses(m, w, state);
-        int rows = set_rows(m, w, NULL, 0, NULL);
+        int rows = set_rows(m, w, NULL, 0, NULL, 0);
         worst = 0.0;
         for (int k = 0; k < rows; k++) worst = fmax(worst, fabs(w->residual[k]));
         if (!(worst > ROUNDING) || i == ITERATIONS || (i && worst > 0.5 * before)) break;
@@ -175,10 +177,10 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
         displace(m, w->vector, state);
     }
     if (!(worst <= CLOSED)) return FAILED;
-    int rows = set_rows(m, w, NULL, run->resting, run->at_rest);
+    int rows = set_rows(m, w, NULL, run->resting, run->at_rest, 0);
     for (int k = 0; k < m->count; k++)
         if (m->coordinates[k].column >= 0) w->effort[m->coordinates[k].column] = rates[k];
-    for (int k = 0; k < rows; k++) w->gamma[k] = inner(m->free, w->rows + k * m->free, w->effort);
+    for (int k = 0; k < m->rows + run->resting; k++) w->gamma[k] = inner(m->free, w->rows + k * m->free, w->effort);
     factor(rows, m->free, w);
     least_norm(m->free, w, -1.0, w->gamma, w->vector);
     for (int k = 0; k < m->count; k++)
@@ -250,7 +252,7 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
         status = FINISHED;
         for (int s = 1; s < 12 && status == FINISHED; s++) {
             stage(size, s, length, run->state, slopes, trial);
-            status = derive(m, w, run, trial, slopes + s * size);
+            status = derive(m, w, run, trial, slopes + s * size, 1);
         }
         if (status == SINGULAR) return status;
         double error = NAN;
@@ -268,10 +270,10 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
         memcpy(trial, after, size * sizeof(double));
         if (project(m, w, run, trial)) return FAILED;
         balance(m, w, run, trial);
-        if ((status = derive(m, w, run, trial, slopes + 12 * size))) return status;
+        if ((status = derive(m, w, run, trial, slopes + 12 * size, 0))) return status;
         for (int s = 13; s < 16; s++) {
             stage(size, s, length, run->state, slopes, dense);
-            if ((status = derive(m, w, run, dense, slopes + s * size))) return status;
+            if ((status = derive(m, w, run, dense, slopes + s * size, 1))) return status;
         }
         set_dense(size, length, run->state, after, slopes, dense);
         numbers[0] = run->time, numbers[1] = length;
@@ -290,7 +292,7 @@ int integrate(const Model *m, Run *run) {
     Work *w = workspace(m, run->resting);
     double *slopes = malloc((size_t)size * 18 * sizeof(double));
     run->steps = run->evaluations = 0, run->status = FAILED;
-    if (w && slopes) run->status = derive(m, w, run, run->state, slopes);
+    if (w && slopes) run->status = derive(m, w, run, run->state, slopes, 0);
     if (run->status == FINISHED && !(run->length > 0.0)) {
         double change = 0.0;
         for (int i = 0; i < size; i++) change = fmax(change, fabs(slopes[i]) / run->scale[i]);
@@ -309,7 +311,7 @@ int integrate(const Model *m, Run *run) {
 /* derivative of one state, and its energies; sets rank and smallest pivot of the loops */
 int evaluate(const Model *m, Run *run, double *derivative, double *energies) {
     Work *w = workspace(m, run->resting);
-    int status = w ? derive(m, w, run, run->state, derivative) : FAILED;
+    int status = w ? derive(m, w, run, run->state, derivative, 0) : FAILED;
     if (w) energies[0] = w->kinetic, energies[1] = w->potential, run->rank = w->rank, run->nearest = w->smallest;
     free(w);
     return status;
