@@ -42,6 +42,7 @@ modes = _loading(dynamics.modes)
 nearest_equilibrium = _loading(dynamics.nearest_equilibrium)
 response = _loading(dynamics.response)
 run = _loading(dynamics.run)
+run_many = _loading(dynamics.run_many)
 
 __all__: list[str] = []
 __all__ += dynamics.__all__

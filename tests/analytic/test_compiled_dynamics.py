@@ -9,7 +9,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.dynamics import compiled_model as in_c
-from mechsim.analytic.dynamics.compiled_motion import StepSettings, derivative
+from mechsim.analytic.dynamics.compiled_motion import StepSettings, evaluated
 from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.equations_of_motion import equations_of_motion
 from mechsim.analytic.dynamics.initial_state import StateLayout, projected
@@ -69,9 +69,11 @@ def both(model, seed, forces=None):
     sliding = np.sign(random.normal(size=len(equations.frictions)))
     right = RightHandSide(equations, Contacts(equations), layout, ContactMode(sliding))
     settings = StepSettings(1e-9, np.ones(len(state)), np.inf, 0, 0.0, sliding, (), True)
-    result, rank, _ = derivative(in_c.compiled_model(equations), settings, state)
-    assert rank == equations.rank
-    return right.derivatives(np.zeros(1), state[None])[0], result
+    result = evaluated(in_c.compiled_model(equations), settings, state)
+    assert result.rank == equations.rank
+    energies = equations.energy(equations.kinematics(q, rates))
+    np.testing.assert_allclose([result.kinetic, result.potential], energies, rtol=1e-11, atol=1e-13)
+    return right.derivatives(np.zeros(1), state[None])[0], result.derivative
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: Path(model).stem)
@@ -195,3 +197,35 @@ def test_a_damaged_library_is_compiled_again(fresh_library):
     path.write_bytes(b"\x7fELF damaged")
     in_c.library_or_error.cache_clear()
     assert run_of().executed == "C"
+
+
+def test_many_runs_are_the_runs_one_by_one():
+    angles = np.linspace(-1.0, 1.0, 5)
+    runs = ms.dynamics.run_many(
+        "four_bar", initial={"crank.q": angles, "crank.v": 2.0}, duration="0.3s", samples=6
+    )
+    assert set(runs["executed"].values) == {"C"}
+    for i, angle in enumerate(angles):
+        single = run_of(initial={"crank.q": angle, "crank.v": 2.0})
+        position, energy = single.motion.points["B"].position[-1, 0], single.kinetic[-1]
+        np.testing.assert_allclose(runs["B.x"][i, -1], position, atol=1e-12)
+        np.testing.assert_allclose(runs["kinetic"][i, -1], energy, rtol=1e-9)
+
+
+def test_many_runs_with_friction_are_taken_one_by_one():
+    friction = Forces(friction=(Friction("crank", coulomb=1e-3),))
+    runs = ms.dynamics.run_many(
+        "four_bar", friction, initial={"crank.q": [0.0, 0.5]}, duration=0.1, samples=4
+    )
+    single = ms.dynamics.run("four_bar", friction, initial={"crank.q": 0.5}, duration=0.1, samples=4)
+    np.testing.assert_allclose(runs["lost"][1], single.lost, rtol=1e-12)
+    assert float(runs["lost"][1, -1]) > 0.0
+
+
+def test_many_runs_reject_columns_that_do_not_fit():
+    with pytest.raises(ms.InputError, match="different numbers"):
+        ms.dynamics.run_many(
+            "four_bar", initial={"crank.q": [0.0, 0.5, 1.0], "crank.v": [1.0, 2.0]}, duration=0.1
+        )
+    with pytest.raises(ms.InputError, match="are missing"):
+        ms.dynamics.run_many("four_bar", initial={}, duration=0.1)

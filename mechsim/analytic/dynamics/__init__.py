@@ -3,6 +3,7 @@
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
 from mechsim.analytic.dynamics.free_motion import FreeRun, free_run
 from mechsim.analytic.dynamics.linearization import Mode
+from mechsim.analytic.dynamics.many_runs import run_many
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
@@ -43,4 +44,5 @@ __all__ = [
     "reduced",
     "response",
     "run",
+    "run_many",
 ]

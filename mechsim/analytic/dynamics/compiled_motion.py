@@ -2,14 +2,14 @@
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mechsim.analytic.dynamics.compiled_model import CompiledModel, NotCompiledError
 from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
-from mechsim.analytic.dynamics.initial_state import projected
+from mechsim.analytic.dynamics.initial_state import StateLayout, projected
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide
 from mechsim.numerics.arrays import Array
 
@@ -82,7 +82,7 @@ class DenseSteps:
         return chosen[:, 0] + result
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class StepSettings:
     """What a call of the C code keeps: tolerance, scale and longest step, and singular configurations.
 
@@ -206,18 +206,37 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array) -> fl
     sample = layout.pack(q, moving, work, lost)
     frictionless = np.zeros(len(equations.frictions))
     settings = StepSettings(0.0, np.ones(len(state)), 0.0, 0, 0.0, frictionless, (), False)
-    result, _, pivot = derivative(model, settings, sample)
+    result = evaluated(model, settings, sample)
     sliding = Contacts(equations).accelerate(
         equations.kinematics(q, moving), np.zeros(1), ContactMode(frictionless)
     )
     expected = layout.derivatives(sample[None], equations.kinematics(q, moving), sliding)[0]
-    if not np.abs(result - expected).max() <= AGREED * np.abs(expected).max():
+    if not np.abs(result.derivative - expected).max() <= AGREED * np.abs(expected).max():
         raise NotCompiledError("an element that changes the accelerations at the start")
-    return pivot
+    return result.pivot
 
 
-def derivative(model: CompiledModel, settings: StepSettings, state: Array) -> tuple[Array, int, float]:
-    """Return the derivative of a state, (size,), the rank of its constraints and their smallest pivot."""
+@dataclass(frozen=True, slots=True)
+class StateInC:
+    """What the C code gives for one state.
+
+    Attributes:
+        derivative: derivative by time, (size,).
+        rank: rank of the loop constraints.
+        pivot: their smallest pivot.
+        kinetic: kinetic energy in [J].
+        potential: potential energy in [J].
+    """
+
+    derivative: Array
+    rank: int
+    pivot: float
+    kinetic: float
+    potential: float
+
+
+def evaluated(model: CompiledModel, settings: StepSettings, state: Array) -> StateInC:
+    """Return what the C code gives for a state, (size,)."""
     result, energies, state = np.full(len(state), np.nan), np.zeros(2), state.copy()
     scale, sliding, at_rest = _arrays(settings)
     run = RunData(
@@ -233,7 +252,25 @@ def derivative(model: CompiledModel, settings: StepSettings, state: Array) -> tu
         ctypes.c_void_p(result.ctypes.data),
         ctypes.c_void_p(energies.ctypes.data),
     )
-    return result, run.rank, run.nearest
+    return StateInC(result, run.rank, run.nearest, float(energies[0]), float(energies[1]))
+
+
+def scaled(
+    model: CompiledModel,
+    settings: StepSettings,
+    layout: StateLayout,
+    state: Array,
+    fastest: float,
+    duration: float,
+) -> tuple[StepSettings, StateInC]:
+    """Return settings with the scale of a run of a duration in [s] from a state, and that state.
+
+    The rate of the scale is the fastest so far, or one that the accelerations or the duration give.
+    """
+    start = evaluated(model, settings, state)
+    accelerations = start.derivative[layout.positions : layout.positions + layout.count]
+    rate = max(fastest, float(np.sqrt(np.abs(accelerations).max(initial=0.0))), 1.0 / duration)
+    return replace(settings, scale=layout.scale(rate)), start
 
 
 def _arrays(settings: StepSettings) -> tuple[Array, Array, Any]:

@@ -197,8 +197,8 @@ def run(
     """
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial or {})
-    end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
-    _require_settings(samples, tolerance, restitution, budget)
+    end = units.si(duration, "s", "the duration")
+    require_settings(end, samples, tolerance, restitution, budget)
     laws = _prescribed_laws(model, prescribed)
     ranges = getattr(model.solver, "ranges", {})
     names = {*values.coordinates, *values.rates, *ranges}
@@ -427,8 +427,12 @@ def _require_later(event: Event, text: str | None, equations: EquationsOfMotion,
         )
 
 
-def _require_settings(samples: int, tolerance: float, restitution: float, budget: int) -> None:
+def require_settings(
+    duration: float, samples: int, tolerance: float, restitution: float = 0.0, budget: int = BUDGET
+) -> None:
     """Raise InputError for invalid settings of a run."""
+    if not 0.0 < duration < np.inf:
+        raise InputError(f"duration of a run is {duration} s; give a finite number above 0")
     if not budget >= 1:
         raise InputError(f"budget of a run is {budget} states; give at least 1")
     if not samples >= 1:
@@ -437,9 +441,3 @@ def _require_settings(samples: int, tolerance: float, restitution: float, budget
         raise InputError(f"coefficient of restitution is {restitution}; give 0 to 1")
     if not 1e-14 <= tolerance <= 1e-2:
         raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
-
-
-def _positive(value: float, name: str, unit: str) -> float:
-    if not 0.0 < value < np.inf:
-        raise InputError(f"{name} of a run is {value} {unit}; give a finite number above 0")
-    return float(value)

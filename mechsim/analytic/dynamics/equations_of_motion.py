@@ -7,7 +7,7 @@ Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 8 (close
 matrix is summed over the links from their spatial inertias at the ground's origin.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -431,7 +431,7 @@ def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:
 
 def equations_of_motion(
     model: DynamicModel,
-    coordinates: Mapping[str, float] | None = None,
+    coordinates: Iterable[str] | None = None,
     prescribed: Mapping[str, State] | None = None,
 ) -> EquationsOfMotion:
     """Return the equations of motion of a dynamic model, assembled at its guess.

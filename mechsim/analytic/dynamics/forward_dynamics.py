@@ -25,6 +25,7 @@ from mechsim.analytic.dynamics.compiled_motion import (
     StepsInC,
     agreed_pivot,
     integrated,
+    scaled,
 )
 from mechsim.analytic.dynamics.contacts import (
     CLOSED_GAP,
@@ -271,6 +272,17 @@ class Integration:
             self.note,
         )
 
+    def prepared(self, duration: float) -> CompiledModel | None:
+        """Return the model in C for runs of a duration in [s]; None if numpy must integrate them."""
+        decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
+        self.implicit = decay * duration > MAX_DECAYS
+        self._compile()
+        return self.compiled
+
+    def nearest_pivot(self) -> float:
+        """Return the smallest pivot of the loop constraints at which C continues."""
+        return SINGULAR * self.pivot * self.nearest / self.regular
+
     def _compile(self) -> None:
         """Let C integrate the motion, unless it does not contain the model, or there is no compiler."""
         if self.implicit:
@@ -302,9 +314,16 @@ class Integration:
         `locked` are the coordinates that stops and sticking frictions hold.
         """
         self.executed, self.passing = "C", True
-        nearest, rank = SINGULAR * self.pivot * self.nearest / self.regular, self.equations.rank
-        settings = StepSettings(
-            self.tolerance, self._scale(), np.inf, rank, nearest, self.right.mode.sliding, locked, True
+        nearest, rank = self.nearest_pivot(), self.equations.rank
+        settings, _ = scaled(
+            model,
+            StepSettings(
+                self.tolerance, self.state, np.inf, rank, nearest, self.right.mode.sliding, locked, True
+            ),
+            self.layout,
+            self.state,
+            self.fastest,
+            self.duration,
         )
         eventful = bool(self.ends or self.contacts.stops or self.equations.frictions)
         max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0

@@ -32,20 +32,20 @@ class InitialValues:
     """Requested coordinates in [m] or [rad], and rates per second, by coordinate name.
 
     Attributes:
-        coordinates: coordinate -> value in [m] or [rad].
-        rates: coordinate -> rate per second.
+        coordinates: coordinate -> value in [m] or [rad]; (n,) for n runs.
+        rates: coordinate -> rate per second; (n,) for n runs.
         rotations: spherical or floating joint -> rotation of side b's frame in side a's, (3, 3).
         spins: the same -> angular velocity of side b relative to side a, in side a's frame, (3,) in [rad/s].
     """
 
-    coordinates: Mapping[str, float]
-    rates: Mapping[str, float]
+    coordinates: Mapping[str, float | Array]
+    rates: Mapping[str, float | Array]
     rotations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     spins: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
 
 def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[Coordinates, Array]:
-    """Return coordinates and rates in units, (count, 1), that satisfy the loops and the requested values.
+    """Return coordinates and rates in units, (count, n), that satisfy the loops and the requested values.
 
     The coordinates move to their values in short steps from the assembled configuration, within its assembly
     mode. Independent coordinates without a value keep theirs; those without a rate are at rest.
@@ -91,11 +91,12 @@ def projected(
 
 
 def _moved(
-    equations: EquationsOfMotion, coordinates: Mapping[str, float], rotations: Mapping[str, Array]
+    equations: EquationsOfMotion, coordinates: Mapping[str, float | Array], rotations: Mapping[str, Array]
 ) -> Coordinates:
     from scipy.spatial.transform import Rotation
 
-    named, q = [_index(equations, name) for name in coordinates], equations.start
+    wanted = _columns(coordinates)
+    named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(wanted.shape[1])
     balls = {name: _ball_index(equations, name) for name in rotations}
     constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
     kept = _independent(equations, q, [*named, *constant])
@@ -105,18 +106,24 @@ def _moved(
         for target, start in zip(rotations.values(), first_rotations, strict=True)
     ]
     indices = [*named, *kept.values()]
-    units = equations.loops.units[indices]
-    begin = q.values[indices, 0] / units
+    units = equations.loops.units[indices][:, None]
+    begin = q.values[indices] / units
     target = begin.copy()
-    target[: len(named)] = np.array([*coordinates.values()]) / units[: len(named)]
+    target[: len(named)] = wanted / units[: len(named)]
     widest = np.abs([*(target - begin), *np.ravel(changes)]).max(initial=0.0)
     steps = max(1, int(np.ceil(widest / STEP)))
     for k in range(1, steps + 1):
         q = Coordinates(q.values, q.turns.copy())
         for (_, number), start, change in zip(balls.values(), first_rotations, changes, strict=True):
-            q.turns[number, ..., 0] = (Rotation.from_rotvec(change * k / steps) * start).as_matrix()
-        q = _closed(equations, q, indices, (begin + (target - begin) * (k / steps))[:, None], kept, constant)
+            q.turns[number] = (Rotation.from_rotvec(change * k / steps) * start).as_matrix()[..., None]
+        q = _closed(equations, q, indices, begin + (target - begin) * (k / steps), kept, constant)
     return q
+
+
+def _columns(values: Mapping[str, float | Array]) -> Array:
+    """Return values of names, (names, n)."""
+    rows = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values.values()]
+    return np.stack(np.broadcast_arrays(*rows)) if rows else np.empty((0, 1))
 
 
 def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[int]) -> dict[str, int]:
@@ -167,21 +174,33 @@ def _closed(
 
 
 def _rates(
-    equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, float], spins: Mapping[str, Array]
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    rates: Mapping[str, float | Array],
+    spins: Mapping[str, Array],
 ) -> Array:
     loops, free = equations.loops, equations.free
     indices = [_index(equations, name) for name in rates]
     for name in spins:
         first, _ = _ball_index(equations, name)
         indices += range(first, first + 3)
-    requested = np.array([*rates.values(), *np.ravel([*spins.values()])]) / loops.units[indices]
+    spinning = np.concatenate([np.empty(0), *spins.values()])[:, None]
+    columns = _columns(rates)
+    count = max(columns.shape[1], len(q))
+    rows_wanted = [np.broadcast_to(part, (len(part), count)) for part in (columns, spinning)]
+    requested = np.concatenate(rows_wanted) / loops.units[indices][:, None]
     kept = [*_independent(equations, q, indices).values()]
-    jacobian = loops.linearise(q)[1][:, :, 0]
-    rows = np.concatenate([jacobian, np.eye(loops.tree.count)[[*indices, *kept]]])[:, free]
-    right = np.concatenate([np.zeros(loops.rows), requested, np.zeros(len(kept))])
-    result = np.zeros((loops.tree.count, 1))
-    result[free, 0] = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
-    violation = np.abs(rows @ result[free, 0] - right).max(initial=0.0)
+    if len(q) < count:
+        q = q.repeated(count)
+    jacobian = loops.linearise(q)[1].transpose(2, 0, 1)
+    fixed = np.eye(loops.tree.count)[[*indices, *kept]]
+    rows = np.concatenate([jacobian, np.broadcast_to(fixed, (count, *fixed.shape))], 1)[:, :, free]
+    closed, still = np.zeros((loops.rows, count)), np.zeros((len(kept), count))
+    right = np.concatenate([closed, requested, still]).T[..., None]
+    solution = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
+    result = np.zeros((loops.tree.count, count))
+    result[free] = solution[..., 0].T
+    violation = np.abs(rows @ solution - right).max(initial=0.0)
     if violation > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
         raise InputError(
             f"{equations.model.mechanism.name}: initial rates of {', '.join([*rates, *spins])} contradict "

@@ -1,0 +1,213 @@
+"""Many runs of forward dynamics of one mechanism: C integrates them in threads."""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim import units
+from mechsim.analytic.dynamics.compiled_model import CompiledModel
+from mechsim.analytic.dynamics.compiled_motion import FINISHED, FULL, StepSettings, integrated, scaled
+from mechsim.analytic.dynamics.dynamic_run import (
+    TOLERANCE,
+    DynamicRun,
+    initial_values,
+    require_regular,
+    require_settings,
+    run,
+)
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET, MANY_STEPS, Integration
+from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
+from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
+from mechsim.analytic.dynamics.state_quantities import motion_of
+from mechsim.errors import InputError, needs
+from mechsim.model.forces import Forces
+from mechsim.numerics.arrays import Array
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# number of states whose motion is computed at once: their arrays take some 100 MB
+TOGETHER = 20_000
+ENERGIES = ("kinetic", "potential", "work", "lost")
+
+
+def run_many(
+    source: Any,
+    forces: Forces | None = None,
+    *,
+    initial: Mapping[str, ArrayLike],
+    duration: float | str,
+    samples: int = 100,
+    tolerance: float = TOLERANCE,
+    threads: int | None = None,
+) -> "Dataset":
+    """Integrate the motion of a mechanism from many initial states, as `run` does from one.
+
+    Args:
+        source: as `run` takes it.
+        forces: as `run` takes them.
+        initial: initial coordinates `J.q` and rates `J.v` in SI, (n,) each or one number.
+        duration: time in [s], or text.
+        samples: instants after the first at which the results are evaluated.
+        tolerance: relative error of an integration step.
+        threads: number of threads; the default is the number of processors.
+
+    Returns:
+        The columns of `run` over the dimensions `run` and `t`, the energies in [J], and the outcome and
+        execution ("C" or "numpy") of each run. A run that ends early has no values (NaN).
+
+    Raises:
+        InputError: for invalid values.
+        AssemblyError: if the loops do not close at the initial values of a run.
+    """
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    end, columns = units.si(duration, "s", "the duration"), _columns(initial)
+    count = len(next(iter(columns.values())))
+    require_settings(end, samples, tolerance)
+    times = np.linspace(0.0, end, samples + 1)
+    together = _in_c(model, columns, times, tolerance, threads)
+    settings: dict[str, Any] = {"duration": end, "samples": samples, "tolerance": tolerance}
+    singles = {
+        i: run(model, initial={name: float(column[i]) for name, column in columns.items()}, **settings)
+        for i in range(count)
+        if together is None or together[1][i] is None
+    }
+    return _dataset(times, count, columns, together, singles)
+
+
+def _columns(initial: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """Return the initial values as columns of equal length."""
+    if not initial:
+        raise InputError("initial values of many runs are missing; give those that differ, such as J.q")
+    try:
+        rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, np.float64)) for v in initial.values()))
+    except ValueError:
+        lengths = {name: np.size(value) for name, value in initial.items()}
+        raise InputError(f"initial values have different numbers {lengths}; give equally many") from None
+    if rows[0].ndim != 1 or not len(rows[0]):
+        raise InputError(f"initial values of many runs have the shape {rows[0].shape}; give (n,)")
+    return dict(zip(initial, rows, strict=True))
+
+
+def _values(model: DynamicModel, columns: Mapping[str, Array]) -> InitialValues | None:
+    """Return the initial values of all runs together; None if they contain rotations."""
+    count = len(next(iter(columns.values())))
+    rows = [
+        initial_values(model, {name: float(column[i]) for name, column in columns.items()})
+        for i in range(count)
+    ]
+    if rows[0].rotations or rows[0].spins:
+        return None
+    return InitialValues(
+        {name: np.array([row.coordinates[name] for row in rows]) for name in rows[0].coordinates},
+        {name: np.array([row.rates[name] for row in rows]) for name in rows[0].rates},
+    )
+
+
+def _in_c(
+    model: DynamicModel, columns: Mapping[str, Array], times: Array, tolerance: float, threads: int | None
+) -> tuple[EquationsOfMotion, list[Array | None]] | None:
+    """Return the states (samples, size) of each run that C integrates to its end; None if it integrates none.
+
+    Ranges, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
+    """
+    values = _values(model, columns)
+    if values is None or getattr(model.solver, "ranges", {}) or model.forces.controllers:
+        return None
+    equations = equations_of_motion(model, dict.fromkeys([*values.coordinates, *values.rates], 0.0))
+    q, rates = initial_state(equations, values)
+    count = len(next(iter(columns.values())))
+    q, rates = (q if len(q) == count else q.repeated(count)), np.broadcast_to(rates, (len(rates), count))
+    first = Integration(equations, q.select(np.arange(1)), rates[:, :1], tolerance)
+    require_regular(equations, q, rates)
+    moved, _ = with_determined_motion(equations, q.select(np.arange(1)), rates[:, :1])
+    if equations.frictions or moved is not equations:
+        return None
+    compiled = first.prepared(float(times[-1]))
+    if compiled is None:
+        return None
+    nearest = first.nearest_pivot()
+    settings = StepSettings(tolerance, first.state, np.inf, equations.rank, nearest, np.zeros(0), (), True)
+    blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
+    states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        results = pool.map(lambda state: _sampled(compiled, settings, first.layout, state, times), states)
+        return equations, [*results]
+
+
+def _sampled(
+    model: CompiledModel, settings: StepSettings, layout: StateLayout, state: Array, times: Array
+) -> Array | None:
+    """Return the states of a run at instants (n,) in [s], (n, size); None if C does not reach its end."""
+    fastest = float(np.abs(state[layout.positions :]).max(initial=0.0))
+    settings, start = scaled(model, settings, layout, state, fastest, float(times[-1]))
+    energy, balance = start.kinetic + start.potential, (0.0, start.kinetic, 0.0, fastest)
+    result, time, length, evaluations = np.empty((len(times), len(state))), 0.0, 0.0, 0
+    while evaluations < BUDGET:
+        steps = integrated(
+            model, settings, time, state, float(times[-1]), MANY_STEPS, energy, balance, length
+        )
+        if steps.solution is not None:
+            inside = (times >= time) & (times <= steps.time)
+            result[inside] = steps.solution(times[inside])
+            balance = tuple(steps.balances[-1].tolist())
+        if steps.status != FULL:
+            return result if steps.status == FINISHED else None
+        time, state, length = steps.time, steps.state, steps.length
+        evaluations += steps.evaluations
+    return None
+
+
+def _evaluated(equations: EquationsOfMotion, states: Array, times: Array) -> dict[str, Array]:
+    """Return the columns of states (n, size) at times (n,) in [s]."""
+    layout, blocks = StateLayout(equations), list[dict[str, Array]]()
+    for first in range(0, len(states), TOGETHER):
+        block, instants = states[first : first + TOGETHER], times[first : first + TOGETHER]
+        q, rates = projected(equations, *layout.unpack_states(block), instants)
+        kinematics = equations.kinematics(q, rates)
+        dynamics = equations.accelerate(kinematics, instants, np.zeros(0))
+        columns = dict(motion_of(equations, kinematics, dynamics.acceleration, instants).columns())
+        energies = (dynamics.kinetic, dynamics.potential, block[:, -2], block[:, -1])
+        blocks.append(columns | dict(zip(ENERGIES, energies, strict=True)))
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def _dataset(
+    times: Array,
+    count: int,
+    columns: Mapping[str, Array],
+    together: tuple[EquationsOfMotion, list[Array | None]] | None,
+    singles: Mapping[int, DynamicRun],
+) -> "Dataset":
+    """Return the runs as variables over `run` and `t`."""
+    table: dict[str, Array] = {}
+    done = [i for i in range(count) if i not in singles]
+    if done and together is not None:
+        equations, states = together
+        chosen = np.concatenate([state for state in states if state is not None])
+        for name, values in _evaluated(equations, chosen, np.tile(times, len(done))).items():
+            table[name] = np.full((count, len(times)), np.nan)
+            table[name][done] = values.reshape(len(done), len(times))
+    for i, single in singles.items():
+        if single.outcome == "done":
+            for name, values in single.columns():
+                table.setdefault(name, np.full((count, len(times)), np.nan))[i] = values
+    outcomes = [singles[i].outcome if i in singles else "done" for i in range(count)]
+    executed = [singles[i].executed if i in singles else "C" for i in range(count)]
+    with needs("tables"):
+        library: Any = import_module("xarray")
+    variables: dict[str, Any] = {
+        name: (("run", "t"), values) for name, values in table.items() if name not in ("t", "angle")
+    }
+    variables |= {"outcome": ("run", outcomes), "executed": ("run", executed)}
+    return library.Dataset(
+        variables,
+        {"t": times} | {f"initial {name}": ("run", values) for name, values in columns.items()},
+    )
