@@ -213,7 +213,7 @@ def test_many_runs_are_the_runs_one_by_one():
 
 
 def test_many_runs_with_friction_are_taken_one_by_one():
-    friction = Forces(friction=(Friction("crank", coulomb=1e-3),))
+    friction = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("crank", coulomb=1e-5),))
     runs = ms.dynamics.run_many(
         "four_bar", friction, initial={"crank.q": [0.0, 0.5]}, duration=0.1, samples=4
     )

@@ -95,8 +95,8 @@ def _moved(
 ) -> Coordinates:
     from scipy.spatial.transform import Rotation
 
-    wanted = _columns(coordinates)
-    named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(wanted.shape[1])
+    requested = _columns(coordinates)
+    named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(requested.shape[1])
     balls = {name: _ball_index(equations, name) for name in rotations}
     constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
     kept = _independent(equations, q, [*named, *constant])
@@ -109,7 +109,7 @@ def _moved(
     units = equations.loops.units[indices][:, None]
     begin = q.values[indices] / units
     target = begin.copy()
-    target[: len(named)] = wanted / units[: len(named)]
+    target[: len(named)] = requested / units[: len(named)]
     widest = np.abs([*(target - begin), *np.ravel(changes)]).max(initial=0.0)
     steps = max(1, int(np.ceil(widest / STEP)))
     for k in range(1, steps + 1):
@@ -187,8 +187,8 @@ def _rates(
     spinning = np.concatenate([np.empty(0), *spins.values()])[:, None]
     columns = _columns(rates)
     count = max(columns.shape[1], len(q))
-    rows_wanted = [np.broadcast_to(part, (len(part), count)) for part in (columns, spinning)]
-    requested = np.concatenate(rows_wanted) / loops.units[indices][:, None]
+    requested_rows = [np.broadcast_to(rates_of, (len(rates_of), count)) for rates_of in (columns, spinning)]
+    requested = np.concatenate(requested_rows) / loops.units[indices][:, None]
     kept = [*_independent(equations, q, indices).values()]
     if len(q) < count:
         q = q.repeated(count)

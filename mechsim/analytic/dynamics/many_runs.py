@@ -188,13 +188,13 @@ def _dataset(
 ) -> "Dataset":
     """Return the runs as variables over `run` and `t`."""
     table: dict[str, Array] = {}
-    done = [i for i in range(count) if i not in singles]
-    if done and together is not None:
+    complete = [i for i in range(count) if i not in singles]
+    if complete and together is not None:
         equations, states = together
         chosen = np.concatenate([state for state in states if state is not None])
-        for name, values in _evaluated(equations, chosen, np.tile(times, len(done))).items():
+        for name, values in _evaluated(equations, chosen, np.tile(times, len(complete))).items():
             table[name] = np.full((count, len(times)), np.nan)
-            table[name][done] = values.reshape(len(done), len(times))
+            table[name][complete] = values.reshape(len(complete), len(times))
     for i, single in singles.items():
         if single.outcome == "done":
             for name, values in single.columns():
