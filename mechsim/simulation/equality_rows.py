@@ -235,12 +235,15 @@ def constraints(
 
 
 def is_rod(model: mujoco.MjModel, i: int) -> bool:
-    """Whether an equality keeps the length of one tendon from a site to another."""
+    """Whether an equality keeps the length above 0 of one tendon from a site of a body to one of another."""
     tendon = int(model.eq_obj1id[i])
     if model.eq_type[i] != int(mujoco.mjtEq.mjEQ_TENDON) or model.eq_obj2id[i] >= 0:
         return False
     rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-    return model.wrap_type[rows].tolist() == [int(mujoco.mjtWrap.mjWRAP_SITE)] * 2
+    if model.wrap_type[rows].tolist() != [int(mujoco.mjtWrap.mjWRAP_SITE)] * 2:
+        return False
+    rod = rod_pair(model, i)
+    return rod.length > 0.0 and rod.bodies[0] != rod.bodies[1]
 
 
 def rod_pair(model: mujoco.MjModel, i: int) -> RodPair:

@@ -351,4 +351,4 @@ def test_a_controller_that_is_not_finite_is_rejected(expression, monkeypatch, ca
     with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 2
-    assert "the controllers of crank are not finite" in capsys.readouterr().err
+    assert "crank are not finite" in capsys.readouterr().err

@@ -15,6 +15,8 @@ from mechsim.simulation.mjcf import compiled, generate
 from mechsim.simulation.mjcf.joints import part_names
 
 CROSS_ANGLE = 1.1
+# coordinates of a joint in [m] and [rad]
+VALUES = (0.13, -0.7, 0.4, -0.3, 0.6)
 
 
 def arm_with(kind, reversed_sides):
@@ -34,6 +36,7 @@ def arm_with(kind, reversed_sides):
                 b,
                 cross_angle=CROSS_ANGLE if KINDS[kind].crossed else np.pi / 2,
                 lead=0.01 if KINDS[kind].helical else 0.0,
+                length=float(np.linalg.norm(VALUES[:3])) if KINDS[kind].rod else 0.0,
             ),
         ),
         driver="crank",
@@ -61,14 +64,14 @@ def values_of(kind, *sizes):
 @pytest.mark.parametrize("kind", KINDS)
 def test_loop_equations_constrain_the_fixed_directions_of_a_kind(kind, reversed_sides):
     mechanism = arm_with(kind, reversed_sides)
-    values = values_of(kind, 0.13, -0.7, 0.4)
+    values = values_of(kind, *VALUES)
     if KINDS[kind].helical:
         values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
     poses = poses_at(mechanism, values)
     poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
     rows = loops.equations(mechanism, poses, 0.0)
     assert np.abs(rows.residual).max() <= 1e-15
-    constrained = 6 - KINDS[kind].dof + KINDS[kind].helical
+    constrained = 6 - KINDS[kind].dof + KINDS[kind].helical + KINDS[kind].rod
     assert rows.residual.shape == (1, 5 + constrained + 1)
     assert np.linalg.matrix_rank(rows.jacobian[0]) == 6 + constrained
 
@@ -77,7 +80,7 @@ def test_loop_equations_constrain_the_fixed_directions_of_a_kind(kind, reversed_
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.units and not kind.ball])
 def test_joint_coordinates_of_the_model_match_the_kind(kind, reversed_sides):
     mechanism = arm_with(kind, reversed_sides)
-    first, second = values_of(kind, 0.13, -0.7, 0.4), values_of(kind, -0.21, 0.5, 1.1)
+    first, second = values_of(kind, *VALUES), values_of(kind, -0.21, 0.5, 1.1, 0.7, -0.2)
     model = compiled(generate(mechanism, Scene(level="pose"), poses_at(mechanism, first)))
     data = mujoco.MjData(model)
     addresses = [model.joint(name).qposadr[0] for name in part_names(mechanism, mechanism.joint("J"))]
@@ -89,7 +92,7 @@ def test_joint_coordinates_of_the_model_match_the_kind(kind, reversed_sides):
         assert np.abs(data.body("tip").xmat.reshape(3, 3) - expected.rotation).max() <= 2e-15
 
 
-@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.dof < 6])
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if len(kind.slides) < 3])
 def test_every_kind_has_a_drawing_of_its_joint(kind, monkeypatch):
     mechanism = arm_with(kind, False)
     drawn = link_shapes(mechanism)

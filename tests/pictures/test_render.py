@@ -323,7 +323,8 @@ def test_each_back_end_draws_the_same_picture(name, linkage, motion, tmp_path):
     script = f"""
 import mujoco, sys
 import numpy as np
-from mechsim import catalog, render
+from mechsim import catalog
+from mechsim.pictures import render
 drive = catalog.make("rssr")
 motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 37), 60.0)
 picture = render.still(drive.mechanism, motion, size={SIZE}, backend="{name}")

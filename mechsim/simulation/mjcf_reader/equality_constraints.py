@@ -54,14 +54,13 @@ def equalities(
         name, kind = model.equality(i).name, int(model.eq_type[i])
         if off or not model.eq_active0[i]:
             result.remarks.append(f"equality {name!r} is not active and was left out")
-        elif kind in (CONNECT, WELD):
-            joint = _closing_joint(model, i, carriers, f"{name}_loop" if name in names else name)
+        elif kind in (CONNECT, WELD) or is_rod(model, i):
+            read = _rod_joint if kind == TENDON else _closing_joint
+            joint = read(model, i, carriers, f"{name}_loop" if name in names else name)
             if joint is None:
                 result.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
             else:
                 result.joints.append(joint)
-        elif is_rod(model, i):
-            result.joints.append(_rod_joint(model, i, carriers, f"{name}_loop" if name in names else name))
         elif skip_others and not is_readable(model, i):
             result.remarks.append(f"equality {name!r} is neither a joint nor a coupling and was left out")
         elif kind in (JOINT, TENDON):
@@ -106,11 +105,11 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
     return Joint(name, kind, ends[0], ends[1])
 
 
-def _rod_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint:
-    """Return the distance joint of an equality that keeps the length of a tendon between two sites."""
+def _rod_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
+    """Return the distance joint of a tendon between two sites; None if both belong to one link."""
     rod = rod_pair(model, i)
     a, b = (End(carried[body].link, carried[body].point(local)) for body, local in rod.ends)
-    return Joint(name, "distance", a, b, length=rod.length)
+    return None if a.link == b.link else Joint(name, "distance", a, b, length=rod.length)
 
 
 def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:
