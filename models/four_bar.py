@@ -59,7 +59,6 @@ class FourBar(TwoBranchForm):
 
         At the change point A lies on O4, and coupler and rocker coincide. O4A, of signed length 2 r sin(f/2),
         points along (-sin(f/2), cos(f/2)), which is continuous there. A rhombus also lies flat at f = pi.
-        sign, points along (-sin(f/2), cos(f/2)), which leads through. A rhombus lies flat at f = pi, too.
         """
         if self.change_point == "branch":
             raise AssemblyError(

@@ -58,8 +58,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (
         PATH,
-        "while direction * (first - self.end(direction)) < -SAME_PARAMETER and self.drop_last_segment(direction):",
-        "while direction * (first - self.end(direction)) < +SAME_PARAMETER and self.drop_last_segment(direction):",
+        "while direction * (first - self.end(direction)) < -ROUNDING and self.drop_last_segment(direction):",
+        "while direction * (first - self.end(direction)) < +ROUNDING and self.drop_last_segment(direction):",
     ): SPEED,
     (
         PATH,

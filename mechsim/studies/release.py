@@ -259,10 +259,11 @@ class Release:
                 f"turns of the crank are counted from {name}.q and {name}.v, and an initial value of "
                 f"{others[0]} is given; leave it out"
             )
+        angle = values.coordinates.get(name)
         return free_run(
             self.model,
-            angle=values.coordinates.get(name),
-            speed=values.rates.get(name, 0.0),
+            angle=None if angle is None else float(angle),
+            speed=float(values.rates.get(name, 0.0)),
             turns=self.turns,
             duration=self.duration if self.duration < np.inf else None,
             samples=samples + 1,

@@ -8,6 +8,7 @@ choice is true.
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -23,7 +24,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
-from mechsim.subjects.python_object import run_object, run_user_code
+from mechsim.subjects.python_object import PythonObject, run_object, run_user_code
 from mechsim.subjects.toml_coordinates import coordinates_of, drivers_of
 from mechsim.subjects.toml_keys import PARAMETER_UNITS, PARAMETERS, ROOT
 from mechsim.subjects.toml_reader import MAX_BYTES, TomlModel, formula_path, mechanism_of
@@ -48,19 +49,65 @@ class FormulaFile(ModelSource):
 
 
 def open_toml(path: str) -> ModelSource:
-    """Return the source of a TOML file: with formulas if its parameters are tables.
+    """Return the source of a TOML file. Data run no code: formulas that solve are named as a Python object.
 
     Raises:
-        InputError: for a file that is no TOML, or formulas that cannot be used.
+        InputError: for a file that is no TOML, or has parameters as tables.
     """
     model = TomlModel(path)
-    rows = model.source.document.get("parameters")
-    tables = list(cast(dict[str, Any], rows).values()) if isinstance(rows, dict) else []
-    if not any(isinstance(row, dict) for row in tables):
-        return model
-    mechanism = mechanism_in(model.source)
+    if _has_tables(model.source):
+        code = _formulas_address(model.source) or "FILE.py:CLASS"
+        raise model.source.error(
+            ("parameters",),
+            f"are tables, for formulas in Python that solve; to run them, name {code} as the model",
+        )
+    return model
+
+
+def open_python(address: str) -> ModelSource:
+    """Return the source of FILE.py:OBJECT: its formulas with FILE.toml, or any other object.
+
+    Raises:
+        InputError: for formulas that cannot be used with their description.
+    """
+    path, _, _ = address.rpartition(":")
+    described = Path(path).with_suffix(".toml")
+    if not described.is_file():
+        return PythonObject(address)
+    source = TomlModel(str(described)).source
+    if not _has_tables(source) or _formulas_address(source).rpartition(":")[0] != Path(path).name:
+        return PythonObject(address)
+    mechanism = mechanism_in(source)
     run_user_code(path, lambda: _try_formulas(mechanism))
     return FormulaFile(mechanism)
+
+
+def _tables(source: TomlSource, path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Return a table of tables of a file; empty without one."""
+    table: Any = source.document
+    for key in path:
+        table = table.get(key, {})
+        if not isinstance(table, dict):
+            raise source.error(path, "is no table; give one")
+    rows = cast(dict[str, Any], table)
+    for key, row in rows.items():
+        if not isinstance(row, dict):
+            raise source.error((*path, key), "is no table; give one")
+    return rows
+
+
+def _formulas_address(source: TomlSource) -> str:
+    """Return FILE.py:CLASS as the table `[formula]` has it; empty without one."""
+    table = source.document.get("formula")
+    address = cast(dict[str, Any], table).get("python") if isinstance(table, dict) else None
+    return address if isinstance(address, str) else ""
+
+
+def _has_tables(source: TomlSource) -> bool:
+    """Whether parameters of a file are tables, as those of formulas that solve."""
+    rows = source.document.get("parameters")
+    tables = list(cast(dict[str, Any], rows).values()) if isinstance(rows, dict) else []
+    return any(isinstance(row, dict) for row in tables)
 
 
 def _try_formulas(mechanism: type[ClosedForm]) -> None:
@@ -84,13 +131,15 @@ def mechanism_in(source: TomlSource) -> type[ClosedForm]:
     for key in source.document.keys() - TABLES:
         raise source.error((key,), f"is not read in a file with formulas; it has {', '.join(TABLES)}")
     rows = Values(source, "m", "rad", {}).checked(PARAMETERS, source.document["parameters"], ("parameters",))
-    address = source.document.get("formula", {}).get("python", "")
+    address = _formulas_address(source)
     formulas = run_object(formula_path(source, address)) if address else None
     if not (isinstance(formulas, type) and issubclass(formulas, ClosedForm)):
         raise source.error(("formula",), "names no class of formulas, which parameters with tables need")
-    for choice in source.document.get("when", {}):
+    for choice, tables in _tables(source, ("when",)).items():
         if choice not in rows:
             raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")
+        for key in tables:
+            _tables(source, ("when", choice, key))
     members = {
         "__doc__": head_comment(source.path),
         "declaration": replace(formulas.declaration, name=str(source.document.get("name", ""))),

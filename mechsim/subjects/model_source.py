@@ -124,7 +124,7 @@ READERS: list[Reader] = [
         "mechsim.subjects.mjcf_source:MujocoSource",
         types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
     ),
-    Reader("mechsim.subjects.python_object:PythonObject", suffixes=(".py",)),
+    Reader("mechsim.subjects.formula_file:open_python", suffixes=(".py",)),
     Reader("mechsim.subjects.planar_json:PlanarJson", suffixes=(".json", ".pmks")),
     Reader(
         "mechsim.subjects.python_object:GivenObject",

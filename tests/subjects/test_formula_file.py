@@ -71,12 +71,12 @@ class Inverted(ClosedForm):
 
 @pytest.fixture
 def written(tmp_path):
-    """Return a function that writes the file with a replaced text and returns its path."""
+    """Return a function that writes the file with a replaced text and returns the address of its formulas."""
 
     def write(old="", new="", *, code=("", "")):
         (tmp_path / "inverted.toml").write_text(FILE.replace(old, new) if old else FILE)
         (tmp_path / "inverted.py").write_text(CODE.replace(*code) if code[0] else CODE)
-        return str(tmp_path / "inverted.toml")
+        return str(tmp_path / "inverted.py:Inverted")
 
     return write
 
@@ -99,6 +99,12 @@ def test_formulas_of_a_file_are_validated(written):
     assert not case_of(load(written('"pivot_x+ground"', '"pivot_x+1.01*ground"')), quick=True).passed
 
 
+def test_a_description_alone_runs_no_code(written, tmp_path):
+    written(code=("import numpy as np", "raise SystemExit('was run')"))
+    with pytest.raises(InputError, match=r"name inverted\.py:Inverted as the model"):
+        load(str(tmp_path / "inverted.toml"))
+
+
 def test_a_choice_replaces_a_joint(written):
     path = written()
     kinds = [load(path, {"loose": text}).described.joint("slot").kind for text in ("off", "on")]
@@ -117,6 +123,7 @@ def test_a_choice_replaces_a_joint(written):
         ("when.loose", "when.lose", "when.lose is no parameter; did you mean 'loose'"),
         ('["crank", 0, 0] }\n[when', '["krank", 0, 0] }\n[when', "points.A.at[0] is 'krank'"),
         ("inverted.py:Inverted", "inverted.py:np", "formula names no class of formulas"),
+        ('{ kind = "planar", a = { link = "lever" }, b = { link = "block" } }', "3", "loose.joints.slot"),
         ('[parameters]', 'duration = 1\n[parameters]', "duration is not read in a file with formulas"),
     ],
 )  # fmt: skip
