@@ -110,7 +110,7 @@ def _moved(
     begin = q.values[indices] / units
     target = begin.copy()
     target[: len(named)] = requested / units[: len(named)]
-    widest = np.abs([*(target - begin), *np.ravel(changes)]).max(initial=0.0)
+    widest = np.abs(np.concatenate([np.ravel(target - begin), np.ravel(changes)])).max(initial=0.0)
     steps = max(1, int(np.ceil(widest / STEP)))
     for k in range(1, steps + 1):
         q = Coordinates(q.values, q.turns.copy())
