@@ -5,6 +5,7 @@ its file is run. Numbers are in m and rad. A table in `[when.CHOICE]` replaces t
 choice is true.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
@@ -71,10 +72,10 @@ def open_python(address: str) -> ModelSource:
         InputError: for formulas that cannot be used with their description.
     """
     path, _, _ = address.rpartition(":")
-    described = Path(path).with_suffix(".toml")
-    if not described.is_file():
+    described = os.path.splitext(path)[0] + ".toml"
+    if not os.path.isfile(described):
         return PythonObject(address)
-    source = TomlModel(str(described)).source
+    source = TomlModel(described).source
     if not _has_tables(source) or _formulas_address(source).rpartition(":")[0] != Path(path).name:
         return PythonObject(address)
     mechanism = mechanism_in(source)
