@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.model.forces import Forces, Friction, JointSpring
 
 WEIGHT = (0.0, -9.81, 0.0)
@@ -58,5 +59,4 @@ def test_a_run_that_needs_a_thousand_budgets_ends_after_its_first_steps(rod, for
     assert run.outcome == "work budget spent"
     assert "at this pace" in run.reason
     # C takes 17 states a step, and looks at the budget every 512 steps
-    assert run.steps < 2000
-    assert run.time[-1] < 2e-4
+    assert 17 * run.steps < 0.1 * BUDGET

@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 # rejected in prose and as a part of an identifier: word -> what to write instead
 WORDS = {
     "told": "reported, known",
+    "tells": "reports, determines",
     "tell": "report, determine",
     "road": "method",
     "roads": "methods",

@@ -109,7 +109,7 @@ class StepSettings:
 
 @dataclass(frozen=True, slots=True)
 class StepsInC:
-    """StepsInC that the C code took.
+    """Steps that the C code took.
 
     Attributes:
         solution: their solution; None without a step.
