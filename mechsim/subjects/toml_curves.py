@@ -16,25 +16,36 @@ CURVE = "curve"
 _MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
 
 
+def has_curves(document: Mapping[str, Any]) -> bool:
+    """Whether a file has curves, or joints on curves."""
+    joints = document.get("joints")
+    entries: list[Any] = list(joints.values()) if isinstance(joints, dict) else []
+    return "curves" in document or any(isinstance(row, dict) and row.get("kind") == CURVE for row in entries)
+
+
 def with_curves(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the contents of a file with other joints in place of those on curves.
+    """Return the contents of a file, whose keys are checked, with other joints in place of those on curves.
 
     Raises:
-        InputError: for a joint on a curve that the file does not contain.
+        InputError: for a joint on a curve that the file does not contain, keys that such a joint does not
+            have, or a curve without a joint.
     """
     written, joints = {key: value for key, value in document.items() if key != "curves"}, {}
+    used: set[str] = set()
     links, couplings = dict(document.get("links", {})), dict(document.get("couplings", {}))
     for name, joint in document.get("joints", {}).items():
-        if not isinstance(joint, dict) or joint.get("kind") != CURVE:
+        if joint["kind"] != CURVE:
             joints[name] = joint
             continue
-        side, curves = dict(joint.get("a", {})), document.get("curves", {})
-        curve = curves.get(side.pop("curve", None))
-        if curve is None or "b" not in joint or {*side} != {"link"}:
+        side, curves = dict(joint["a"]), document.get("curves", {})
+        key = side.pop("curve", "")
+        curve = curves.get(key)
+        if curve is None or {*side} != {"link"} or {*joint} != {"kind", "a", "b"}:
             raise InputError(
-                f"joint {name!r} is of kind curve; give a = {{ link, curve }} and b = {{ link, at }}, with a "
-                f"curve of the file ({', '.join(curves) or 'it has none'})"
+                f"joint {name!r} is of kind curve; give only a = {{ link, curve }} and b = {{ link, at }}, "
+                f"with a curve of the file ({', '.join(curves) or 'it has none'})"
             )
+        used.add(key)
         carrier = f"{VIRTUAL_PREFIX}{name}"
         along = {"link": f"{carrier}.s", "axis": [1.0, 0.0, 0.0]}
         links |= {carrier: _MASSLESS, f"{carrier}.s": _MASSLESS}
@@ -44,4 +55,8 @@ def with_curves(document: Mapping[str, Any]) -> dict[str, Any]:
         for axis in "xyz":
             text = re.sub(r"\bs\b", "q", str(curve.get(axis, "0"))) + " + 0*q"
             couplings[f"{name}.{axis}"] = {"driver": name, "driven": f"{carrier}.{axis}", "function": text}
+    if unused := document.get("curves", {}).keys() - used:
+        raise InputError(
+            f"no joint is on the curve {min(unused)}; name it in side a of a joint, or leave it out"
+        )
     return written | {"links": links, "joints": joints} | ({"couplings": couplings} if couplings else {})

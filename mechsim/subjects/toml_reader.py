@@ -25,7 +25,7 @@ from mechsim.subjects.toml_coordinates import (
     motion_laws_of,
     start_of,
 )
-from mechsim.subjects.toml_curves import with_curves
+from mechsim.subjects.toml_curves import has_curves, with_curves
 from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
@@ -64,7 +64,8 @@ class TomlModel(ModelSource):
         units_of = parameter_units(source.document) if changed else {}
         parameters = source.document.get("parameters", {})
         values = values_of(source).with_parameters(parameters, changed, units_of)
-        if "curves" in document:
+        if has_curves(document):
+            values.checked(ROOT, document, ())
             document = with_curves(document)
         read = values.checked(ROOT, document, ())
         require_dimensions(source, {**parameters, **changed})

@@ -67,3 +67,20 @@ def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
 def test_an_unknown_curve_is_rejected(tmp_path):
     with pytest.raises(InputError, match=r"joint 'rail' is of kind curve; .*a curve of the file \(ellipse\)"):
         load(tmp_path, "circle")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('kind = "curve"', 'kind = "curve"\nroller = "6 mm"', "roller"),
+        ('kind = "curve"', 'kind = "curve"\nlead = 1', "joint 'rail' is of kind curve"),
+        ('y = "', 'closed = true\ny = "', "closed"),
+        ("[curves.ellipse]", '[curves.other]\nx = "s"\n[curves.ellipse]', "the curve other"),
+    ],
+)
+def test_what_is_not_used_is_rejected(tmp_path, old, new, named):
+    path = tmp_path / "rail.toml"
+    assert old in MODEL
+    path.write_text(MODEL.format(curve="ellipse").replace(old, new))
+    with pytest.raises(InputError, match=named):
+        ms.load(str(path))
