@@ -42,11 +42,13 @@ class WrittenFunction:
         return compiled(self.text, ("q", *self.names))
 
     def __call__(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return the value and its first two derivatives at q, exact to rounding."""
+        """Return the value and its first two derivatives at q, exact to rounding; NaN if not finite."""
         q = np.asarray(q)
         jet = Jet(q, np.ones_like(q), np.zeros_like(q))
-        result = self.expression.jet({**dict(zip(self.names, self.values, strict=True)), "q": jet})
-        value, rate, second = np.broadcast_arrays(result.value, result.rate, result.second, q)[:3]
+        with np.errstate(all="ignore"):
+            result = self.expression.jet({**dict(zip(self.names, self.values, strict=True)), "q": jet})
+        values = np.broadcast_arrays(result.value, result.rate, result.second, q)[:3]
+        value, rate, second = (np.where(np.isfinite(entry), entry, np.nan) for entry in values)
         return value, rate, second
 
 

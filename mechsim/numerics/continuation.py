@@ -411,7 +411,10 @@ def _singular_start(path: ContinuationPath[E, Q]) -> bool:
     loops, first = path.loops, path.first
     step = np.zeros((loops.count, 1))
     step[loops.unknown, 0] = AT_START * first.null_space.sum(0)
-    return loop_solver(loops, loops.displaced(path.start, step)).nullity < first.nullity
+    jacobian = loops.linearise(displaced := loops.displaced(path.start, step))[1]
+    if not np.isfinite(jacobian).all():
+        return False
+    return loop_solver(loops, displaced, jacobian=jacobian).nullity < first.nullity
 
 
 def _with_adequate_rows(

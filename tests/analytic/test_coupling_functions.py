@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # about the pins: 2e-4 + 0.2 * 0.01 and 2e-4 + 0.3 * 0.0025 kg m2
@@ -125,3 +125,23 @@ def test_what_holds_only_polynomials_rejects_a_function_in_one_sentence(tmp_path
     for attempt in (ms.certify, ms.compile):
         with pytest.raises(InputError, match="coupling 'law' is a function, and only polynomials can be"):
             attempt(model)
+
+
+def test_a_motion_beyond_the_table_ends_with_an_outcome(tmp_path):
+    rows = "\n".join(f"{q},{0.5 * q}" for q in np.linspace(-1.0, 1.0, 9))
+    (tmp_path / "t.csv").write_text(f"q,value\n{rows}\n")
+    model = load(tmp_path, MODEL + 'function = "t.csv"\n')
+    assert np.abs(model.solve([0.0, 0.9]).joints["out"].value - [0.0, 0.45]).max() < 1e-14
+    with pytest.raises(AssemblyError, match="cannot pass 1 rad"):
+        model.solve([0.0, 1.5])
+    # released upright it falls beyond the table
+    free = load(tmp_path, MODEL.replace('drivers = ["in"]', "") + 'function = "t.csv"\n', still=True)
+    run = ms.dynamics.run(free, initial={"in.q": 0.5, "in.v": 5.0}, duration=1.0)
+    assert run.outcome not in ("done", "stopped")
+    assert run.motion.joints["in"].value.max() <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize("function", ["1/q", "sqrt(q)"])
+def test_a_function_without_a_value_at_the_start_is_rejected(tmp_path, function):
+    with pytest.raises(AssemblyError, match="no finite value or slope at the start"):
+        load(tmp_path, MODEL + f'function = "{function}"\n')

@@ -422,11 +422,16 @@ def _constraint_jacobian(equations: EquationsOfMotion, q: Coordinates) -> Array:
 
 
 def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:
-    """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops."""
+    """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops.
+
+    It is NaN where the loop equations are, as beyond the table of a coupling.
+    """
     if not equations.rank:
         return np.ones(len(state.q))
-    values: Array = np.linalg.svd(state.jacobian, compute_uv=False).astype(np.float64)
-    return values[:, equations.rank - 1]
+    result, finite = np.full(len(state.q), np.nan), np.isfinite(state.jacobian).all((1, 2))
+    values: Array = np.linalg.svd(state.jacobian[finite], compute_uv=False).astype(np.float64)
+    result[finite] = values[:, equations.rank - 1]
+    return result
 
 
 def equations_of_motion(

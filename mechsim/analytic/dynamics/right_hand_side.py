@@ -49,10 +49,15 @@ class RightHandSide:
         return float(conditionings(self.equations, self.kinematics(state[None]))[0])
 
     def derivatives(self, times: Array, states: Array) -> Array:
-        """Return the derivatives of n states; NaN if one is too close to a singular configuration."""
+        """Return the derivatives of n states.
+
+        They are NaN if one is too close to a singular configuration, or has no finite loop equations.
+        """
         if not np.isfinite(states).all():
             return np.full_like(states, np.nan)
         kinematics = self.kinematics(states)
+        if not np.isfinite(kinematics.jacobian).all():
+            return np.full_like(states, np.nan)
         if self.nearest and (conditionings(self.equations, kinematics) < self.nearest).any():
             # the integrator then rejects the step
             self.blocked = True

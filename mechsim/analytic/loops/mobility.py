@@ -44,7 +44,17 @@ def generic_poses(
         count: number of poses.
         tolerance: singular values below this fraction of the largest are zero.
         floor: singular values below it are zero.
+
+    Raises:
+        AssemblyError: if a coupling has no value at the start.
     """
+    with np.errstate(all="ignore"):
+        residual, jacobian, _ = loops.linearise(start)
+    if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+        raise AssemblyError(
+            f"{loops.tree.mechanism.name}: the function of a coupling has no finite value or slope at the "
+            "start of its driver; start where it has one"
+        )
     loops = replace(loops, driven=())
     random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
     poses: list[Coordinates] = []
