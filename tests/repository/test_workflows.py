@@ -30,7 +30,7 @@ def test_a_workflow_has_only_the_rights_that_it_states_and_ends(path):
         )
 
 
-def test_the_suite_runs_as_readme_says_on_the_lowest_python_and_three_systems():
+def test_the_suite_runs_on_the_lowest_python_and_three_systems():
     readme = re.search(r"## Test\n\n```sh\n(.*)\n", (ROOT / "README.md").read_text())[1]
     assert readme.rsplit("python ", 1)[1] in steps("tests")["suite"]
     lowest = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"].removeprefix(
@@ -51,7 +51,7 @@ def test_the_workflows_name_files_and_targets_that_exist():
 
 
 @pytest.mark.parametrize(("tag", "code"), [("", 0), ("9", 1)])
-def test_a_release_is_refused_if_its_tag_is_not_the_version(tag, code):
+def test_a_tag_must_name_the_version(tag, code):
     version = re.search(r'"(.*)"', (ROOT / "mechsim/_version.py").read_text().split("__version__")[1])[1]
     check = next(line for line in steps("release")["build"].splitlines() if "GITHUB_REF_NAME" in line)
     run = subprocess.run(
