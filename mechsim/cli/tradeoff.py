@@ -38,12 +38,11 @@ DEFAULTS_STEPS = (72, 720, 7200)
 
 
 class Advice(TypedDict):
-    """Use of a setting on the command line, in a file and in Python."""
+    """Use of a setting on the command line and in a file."""
 
-    command: str | None
+    command: str
     export: str | None
     xml: str | None
-    python: str
 
 
 class PointJson(TypedDict):
@@ -53,8 +52,6 @@ class PointJson(TypedDict):
     integrator: str
     steps_per_turn: int
     defaults: bool
-    drive: str
-    reduction: str
     seconds_per_turn: float
     position_error: float
     velocity_error: float
@@ -80,7 +77,6 @@ class TradeoffJson(TypedDict):
     stroke: float
     trials: int
     left_out: int
-    unbuilt: int
     untried: list[str]
     seconds: float
     recommended: list[Recommendation]
@@ -211,7 +207,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
         point = result.choice(limit, by)
         if point is not None:
             how = advice(point, model, result.subject.speed)
-            lines = [how["command"] or how["python"] or "", how["export"] or "", how["xml"] or ""]
+            lines = [how["command"], how["export"], how["xml"]]
             bounds_of.setdefault("\n".join(filter(None, lines)), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")
@@ -231,8 +227,6 @@ def _shell_lines(line: str) -> list[str]:
 def _count(result: Tradeoff) -> str:
     """Return the number of measured settings, and the settings without a measurement with the reason."""
     items = [f"{len(result.points)} settings measured in {number(result.seconds, 3)} s"]
-    if result.unbuilt:
-        items.append(f"{result.unbuilt} do not assemble")
     if result.left_out:
         items.append(f"{result.left_out} left out for lack of time")
     if result.untried:

@@ -1,6 +1,6 @@
 """Time budgets of studies: remaining seconds of a clock, and the expected time of the next trial."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter, process_time
 
@@ -88,10 +88,9 @@ class TrialTimes:
 
     def __init__(self, budget: Budget) -> None:
         self._budget, self._start = budget, (budget.now(), budget.processor())
-        # longest run of each kind: number of steps, and seconds of each
-        self._steps: dict[tuple[Hashable, str], tuple[int, float]] = {}
+        # integrator -> number of steps of its longest run, and seconds of each
+        self._steps: dict[str, tuple[int, float]] = {}
         self._overhead: float | None = None
-        self._building = 0.0
 
     @property
     def wall_ratio(self) -> float:
@@ -100,27 +99,19 @@ class TrialTimes:
         processor = self._budget.processor() - self._start[1]
         return max(0.5, wall / processor) if processor > 0.01 else 1.0
 
-    def expected(self, build: Hashable, integrator: str, steps: float) -> float:
-        """Return the expected wall time of a trial in [s], with its model if that is new."""
-        key = build, integrator
+    def expected(self, integrator: str, steps: float) -> float:
+        """Return the expected wall time of a trial in [s]."""
         slowest = max((seconds for _, seconds in self._steps.values()), default=0.0)
-        seconds = self._steps[key][1] if key in self._steps else slowest
-        safety = MEASURED_MARGIN if key in self._steps else NEW_MARGIN
-        model = 0.0 if any(build == measured for measured, _ in self._steps) else self._building
-        return self.wall_ratio * (model + (self._overhead or 0.0) + safety * steps * seconds)
+        seconds = self._steps[integrator][1] if integrator in self._steps else slowest
+        safety = MEASURED_MARGIN if integrator in self._steps else NEW_MARGIN
+        return self.wall_ratio * ((self._overhead or 0.0) + safety * steps * seconds)
 
-    def add_build(self, seconds: float) -> None:
-        """Record the processor time in [s] in which a model was built."""
-        self._building = max(self._building, seconds)
-
-    def add_trial(
-        self, build: Hashable, integrator: str, steps: float, stepping: float, total: float
-    ) -> None:
+    def add_trial(self, integrator: str, steps: float, stepping: float, total: float) -> None:
         """Record a trial: processor time of its steps, and of all of it, in [s]."""
         count = round(steps)
         # the fixed cost has less weight in longer runs
-        if count >= self._steps.get((build, integrator), (0, 0.0))[0]:
-            self._steps[build, integrator] = count, stepping / count
+        if count >= self._steps.get(integrator, (0, 0.0))[0]:
+            self._steps[integrator] = count, stepping / count
         overhead = max(0.0, total - stepping)
         previous = overhead if self._overhead is None else self._overhead
         self._overhead = previous + LATEST_WEIGHT * (overhead - previous)

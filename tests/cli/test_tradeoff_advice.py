@@ -9,7 +9,7 @@ import pytest
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.source import assembled, from_mechanism
-from mechsim.studies.tradeoff.methods import Build, SteppingMethod
+from mechsim.studies.tradeoff.methods import SteppingMethod
 from mechsim.studies.tradeoff.work_precision import Point, command, exporting
 from mechsim.subjects.readers import load
 
@@ -25,12 +25,12 @@ COMPLIANT = Settings(
 )
 
 
-def point(settings, build):
-    return Point(SteppingMethod(name="one", base=settings, rank=0, build=build), settings, {})
+def point(settings):
+    return Point(SteppingMethod(name="one", base=settings, rank=0), settings, {})
 
 
 def test_a_command_has_an_option_for_every_setting(mechsim):
-    options = shlex.split(command(point(COMPLIANT, Build(cut=("slide",))), "slider_crank", SPEED))[1:]
+    options = shlex.split(command(point(COMPLIANT), "slider_crank", SPEED))[1:]
     answer = mechsim(*options, "--json")
     assert answer.code in (0, 1), answer.err
     assert '"refsafe": true' in answer.out
@@ -38,7 +38,7 @@ def test_a_command_has_an_option_for_every_setting(mechsim):
 
 
 def test_a_suggested_export_has_the_measured_settings(mechsim, tmp_path):
-    options = shlex.split(exporting(point(COMPLIANT, Build()), "slider_crank", SPEED))[1:]
+    options = shlex.split(exporting(point(COMPLIANT), "slider_crank", SPEED))[1:]
     answer = mechsim(*options, "-o", "out.xml")
     assert answer.code == 0, answer.err
     written = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
@@ -51,7 +51,7 @@ def test_a_suggested_export_has_the_measured_settings(mechsim, tmp_path):
     assert written.eq_solimp == pytest.approx(run.model.eq_solimp)
     safe = int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     assert written.opt.disableflags & safe == run.model.opt.disableflags & safe == 0
-    assert exporting(point(replace(COMPLIANT, compliance=1e-4), Build()), "slider_crank", SPEED) is None
+    assert exporting(point(replace(COMPLIANT, compliance=1e-4)), "slider_crank", SPEED) is None
 
 
 @pytest.mark.parametrize(

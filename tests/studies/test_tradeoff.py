@@ -12,21 +12,17 @@ import pytest
 from mechsim import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
-from mechsim.model.scene import LEVELS, Scene
-from mechsim.simulation.mjcf.alternatives import rod_of
+from mechsim.model.scene import Scene
 from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.source import from_spec
+from mechsim.simulation.source import from_spec, specification
 from mechsim.studies.budget import Budget, TrialTimes
 from mechsim.studies.tradeoff import trials
 from mechsim.studies.tradeoff.methods import (
     DEFAULTS,
     LOW_COMPLIANCE,
     STEPS,
-    Build,
     BuiltModel,
-    build_model,
-    possible_cuts,
     stepping_methods,
 )
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
@@ -59,70 +55,10 @@ def main_with(words):
 
 
 def test_stepping_methods_have_unique_names_and_several_per_integrator():
-    names = [method.name for method in stepping_methods(catalog.make("rssr").mechanism)]
+    names = [method.name for method in stepping_methods()]
     assert len(set(names)) == len(names)
     for integrator in INTEGRATORS:
         assert sum(name.startswith(f"{integrator},") for name in names) >= 8
-    assert sum("cut" in name for name in names) == len(possible_cuts(catalog.make("rssr").mechanism)) - 1
-
-
-def test_stepping_methods_cover_drives_levels_and_reductions():
-    subject = subject_of(catalog.make("rssr"), SPEED)
-    builds = [method.build for method in stepping_methods(subject.mechanism, subject.variants)]
-    assert {build.crank_drive for build in builds} == {"drive_inertia", "geared", "servo"}
-    assert {build.level for build in builds} == set(LEVELS)
-    assert {build.rod for build in builds} == {None, "coupler"}
-    assert {build.variant for build in builds} == {None, "guided"}
-    assert {build.crank_drive for build in (method.build for method in stepping_methods())} == {
-        "drive_inertia",
-        "geared",
-        "servo",
-    }
-
-
-@pytest.fixture(scope="module")
-def built(tradeoff):
-    def curve(suffix: str) -> dict[str, float]:
-        (points,) = (points for name, points in tradeoff.curves().items() if name.endswith(suffix))
-        return points[-1].errors
-
-    return curve
-
-
-def test_a_geared_crank_is_as_accurate_as_a_drive_inertia(built):
-    usual, geared = built(LOW_COMPLIANCE), built("geared crank")
-    assert geared["drive"] < 1e-12
-    assert geared["position"] == pytest.approx(usual["position"], rel=1e-3)
-
-
-def test_points_of_a_lagging_servo_are_checked_at_the_actual_angle(built):
-    servo = built(f"{LOW_COMPLIANCE}, servo")
-    assert 1e-3 < servo["drive"] < 0.1
-    assert servo["position"] < 1e-7
-    # the acceleration includes the torque of the servo
-    assert servo["acceleration"] < 1e-6
-    assert built("implicitfast, 2 steps, servo")["drive"] < 1e-5
-
-
-def test_scene_levels_and_a_guided_coupler_move_equally(built):
-    usual = built(LOW_COMPLIANCE)
-    for suffix in ("level pose", "level dynamics", "level picture", "guided"):
-        assert built(suffix)["position"] == pytest.approx(usual["position"], rel=0.2)
-
-
-def test_a_rod_replaced_by_a_length_has_a_loop_error(built):
-    compliant, stiff = (built(f"{base}, coupler as a length") for base in (LOW_COMPLIANCE, "2 steps, 1e-08"))
-    assert compliant["loop"] > 0.1
-    assert stiff["loop"] < 0.01
-    for errors in (compliant, stiff):
-        assert 0.5 * errors["loop"] < errors["position"] < 2.0 * errors["loop"]
-
-
-@pytest.mark.parametrize(
-    ("name", "rod"), [("slider_crank", "rod"), ("rrsrr", None), ("looper", None), ("bennett", None)]
-)
-def test_only_a_rod_between_equal_joints_becomes_a_length(name, rod):
-    assert rod_of(catalog.make(name).mechanism) == rod
 
 
 def test_steps_record_the_same_instants():
@@ -186,21 +122,6 @@ def test_a_fine_reference_run_agrees_with_the_closed_form():
             own.errors(motion)[kind] * own.stroke / closed_form.stroke - closed_form.errors(motion)[kind]
         )
         assert gap <= own.reference.own_error[kind] + 1e-12 + 1e-3 * closed_form.errors(motion)[kind]
-
-
-def test_drives_are_added_to_a_model_with_a_motor():
-    from mechsim.simulation.source import assembled
-
-    spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    trntype = mujoco.mjtTrn.mjTRN_JOINT
-    spec.add_actuator(name="motor", target="rocker", trntype=trntype)
-    own = subject_of_model(spec, "own", SPEED)
-    for actuator, lag in (("geared", 1e-12), ("servo", 0.1)):
-        built = build_model(own.source, own.built.profile, SPEED, Build(crank_drive=actuator, gain=0.5))
-        motion, _ = built.motion(stepping_methods()[1].settings(144, SPEED))
-        errors = own.errors(motion)
-        assert errors["drive"] < lag
-        assert errors["loop"] < 1e-5
 
 
 @pytest.mark.parametrize(
@@ -274,11 +195,10 @@ SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
 class SimulatedProcessor:
     """Simulated wall clock and processor time that advance only with work."""
 
-    def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
-        self.processor, self.share, self.step, self.building = 0.0, share, step, building
+    def __init__(self, monkeypatch, share: float, step: float) -> None:
+        self.processor, self.share, self.step = 0.0, share, step
         monkeypatch.setattr(BuiltModel, "motion", self.motion)
         monkeypatch.setattr(BuiltModel, "stepped", lambda _, settings: (None, Spent(self.stepped(settings))))
-        monkeypatch.setattr(trials, "build_model", self.built)
         monkeypatch.setattr(Subject, "errors", lambda _, n: dict.fromkeys(COMPARED, n**-4.0))
 
     def budget(self, seconds: float) -> Budget:
@@ -297,28 +217,22 @@ class SimulatedProcessor:
         self.processor += 1e-2
         return settings.steps_per_turn, self.stepped(settings)
 
-    def built(self, source, profile, speed, build, variants):
-        self.processor += self.building
-        return replace(SLIDER.built, build=build, seconds=self.building)
-
 
 class Spent(NamedTuple):
     processor: float
 
 
 @pytest.mark.parametrize(
-    ("step", "building", "share", "budget"),
-    [(2e-5, 0.05, 4.0, 2.0), (1e-3, 0.3, 1.0, 20.0), (1e-3, 0.3, 4.0, 2.0)],
+    ("step", "share", "budget"),
+    [(2e-5, 4.0, 2.0), (1e-3, 1.0, 20.0), (1e-3, 4.0, 2.0)],
 )
-def test_the_study_ends_within_a_fifth_of_the_budget(monkeypatch, budget, share, step, building):
-    simulated = SimulatedProcessor(monkeypatch, share, step, building)
+def test_the_study_ends_within_a_fifth_of_the_budget(monkeypatch, budget, share, step):
+    simulated = SimulatedProcessor(monkeypatch, share, step)
     # time of loading and building
     simulated.processor = 0.2
     tradeoff = measure_tradeoff(SLIDER, budget=simulated.budget(budget))
     assert 0.8 * budget < tradeoff.seconds < 1.2 * budget
-    assert len(tradeoff.points) + tradeoff.left_out + tradeoff.unbuilt == len(STEPS) * len(
-        stepping_methods(SLIDER.mechanism, SLIDER.variants)
-    )
+    assert len(tradeoff.points) + tradeoff.left_out == len(STEPS) * len(stepping_methods())
     assert tradeoff.untried
 
 
@@ -329,7 +243,7 @@ def test_a_budget_below_the_loading_time_is_rejected():
 
 @pytest.mark.slow
 def test_a_sufficient_budget_omits_no_trial(monkeypatch):
-    simulated = SimulatedProcessor(monkeypatch, 1.0, 2e-5, 0.05)
+    simulated = SimulatedProcessor(monkeypatch, 1.0, 2e-5)
     tradeoff = measure_tradeoff(SLIDER, budget=simulated.budget(600.0))
     assert (tradeoff.left_out, tradeoff.untried) == (0, ())
     assert tradeoff.seconds < 300.0
@@ -339,12 +253,12 @@ def test_the_budget_limits_the_steps_of_the_reference(monkeypatch):
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-3 * steps)
+    monkeypatch.setattr(TrialTimes, "expected", lambda _, integrator, steps: 1e-3 * steps)
     # 25.2 s for the finest, and 12 s available
     own = subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
     assert own.reference.what == "a run of 2880 steps a turn"
     monkeypatch.undo()
-    monkeypatch.setattr(trials, "stepping_methods", lambda *_: stepping_methods()[:4])
+    monkeypatch.setattr(trials, "stepping_methods", lambda: stepping_methods()[:4])
     tradeoff = measure_tradeoff(own, budget=90.0, steps=(72, 1440, 2880))
     assert {point.settings.steps_per_turn for point in tradeoff.points} == {72, 1440}
     assert tradeoff.left_out > 0
@@ -378,7 +292,7 @@ def four_bar_with_stiff_leaf():
     ],
 )
 def test_a_diverging_reference_is_rejected_with_a_remedy(monkeypatch, budget, advice):
-    monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-5 * steps)
+    monkeypatch.setattr(TrialTimes, "expected", lambda _, integrator, steps: 1e-5 * steps)
     most = "14,400" if budget is None else "7,200"
     with pytest.raises(InputError, match=rf"own diverges at {most} steps a turn with RK4, so .* {advice}"):
         subject_of_model(
@@ -393,7 +307,7 @@ def test_a_longer_budget_is_suggested_if_only_coarse_runs_diverge(monkeypatch):
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-3 * steps)
+    monkeypatch.setattr(TrialTimes, "expected", lambda _, integrator, steps: 1e-3 * steps)
     whole = BuiltModel.motion
     monkeypatch.setattr(
         BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
@@ -420,7 +334,7 @@ def test_an_exhausted_budget_ends_the_loading(monkeypatch, reading, trials_made)
 
         return slow
 
-    monkeypatch.setattr(Build, "made", with_duration(reading, [], Build.made))
+    monkeypatch.setattr(methods, "specification", with_duration(reading, [], specification))
     monkeypatch.setattr(methods, "from_spec", with_duration(5.0, compiled, from_spec))
     monkeypatch.setattr(BuiltModel, "motion", with_duration(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())

@@ -8,12 +8,10 @@ import numpy as np
 
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import within_range
-from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import half_extent, plausible_order
-from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Model
 from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
@@ -64,14 +62,12 @@ def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tupl
         processor, remaining = budget.processor(), budget.remaining
         seconds = built.motion(coarse)[1]
         count = turns * coarse.steps_per_turn
-        times.add_trial(built.build, integrator, count, seconds, budget.processor() - processor)
+        times.add_trial(integrator, count, seconds, budget.processor() - processor)
         budget.require(name)
         if remaining - budget.remaining > TRIAL_FRACTION * budget.seconds:
             break
     options = [tuple(count // divisor for count in FINE_STEPS) for divisor in DIVISORS]
-    expected = [
-        sum(times.expected(built.build, integrator, turns * count) for count in steps) for steps in options
-    ]
+    expected = [sum(times.expected(integrator, turns * count) for count in steps) for steps in options]
     sufficient = float(np.ceil(budget.spent + budget.reserved + expected[0] / REFERENCE_FRACTION))
     for steps, seconds in zip(options, expected, strict=True):
         if seconds <= REFERENCE_FRACTION * budget.remaining:
@@ -126,26 +122,17 @@ class Subject:
 
     Attributes:
         name: name of the mechanism or file.
-        source: the mechanism, or a custom model.
-        built: its model with the default cuts.
+        built: its model.
         reference: reference of the trials.
         stroke: half the largest extent of a point's path, in [m].
         speed: largest crank speed, in [rad/s].
-        variants: name -> variant of the mechanism with the same motion of its tracked points.
     """
 
     name: str
-    source: Model
     built: BuiltModel
     reference: Reference
     stroke: float
     speed: float
-    variants: Mapping[str, Mechanism] = field(default_factory=dict[str, Mechanism])
-
-    @property
-    def mechanism(self) -> Mechanism | None:
-        """The mechanism; None for a custom model."""
-        return self.source if isinstance(self.source, Mechanism) else None
 
     def errors(self, motion: Motion | None) -> dict[str, float]:
         """Return the largest errors by quantity.
@@ -182,28 +169,15 @@ def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = No
         solver.method,
         lambda motion: solver.solve(motion.angle, motion.speed, motion.acceleration),
     )
-    mechanism = solver.mechanism
-    built = build_model(mechanism, profile, speed, require_time=_time_check(budget, name))
+    built = build_model(solver.mechanism, profile, speed, _time_check(budget, name))
     if budget is not None:
         budget.require(name)
-    return Subject(name, mechanism, built, reference, stroke, abs(speed), _variants(solver, angles))
+    return Subject(name, built, reference, stroke, abs(speed))
 
 
 def _time_check(budget: Budget | None, name: str) -> Callable[[], None]:
     """Return a function that raises InputError at the end of the budget."""
     return (lambda: None) if budget is None else lambda: budget.require(name)
-
-
-def _variants(solver: KinematicSolver, angles: Array) -> dict[str, Mechanism]:
-    """Return the variants of a mechanism whose tracked points have the same positions at crank angles."""
-    positions = solver.positions(angles)
-    variants: dict[str, Mechanism] = {}
-    for name, variant in solver.variants().items():
-        others = variant.positions(angles)
-        distance = max(worst(others[point] - position) for point, position in positions.items())
-        if distance <= ROUNDING * solver.mechanism.characteristic_length:
-            variants[name] = variant.mechanism
-    return variants
 
 
 def subject_of_model(source: Model, name: str, speed: float, budget: Budget | None = None) -> Subject:
@@ -219,7 +193,7 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
         AssemblyError: if the crank cannot make a full revolution.
         InputError: if no reference is possible within the budget.
     """
-    built = build_model(source, None, speed, require_time=_time_check(budget, name))
+    built = build_model(source, None, speed, _time_check(budget, name))
     runs = reference_runs(built, name, budget)
     max_steps, fine = list(runs.items())[-1]
     stroke = half_extent(point.position for point in fine.points.values())
@@ -237,4 +211,4 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
     # differences between runs do not contain the loop-closure error
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
     reference = Reference(f"a run of {max_steps} steps a turn", exact, bar, max_steps / 2)
-    return Subject(name, source, built, reference, stroke, abs(speed))
+    return Subject(name, built, reference, stroke, abs(speed))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.errors import MechsimError
 from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.budget import Budget, TrialTimes
@@ -15,10 +14,7 @@ from mechsim.studies.tradeoff.methods import (
     DEFAULTS,
     LOW_COMPLIANCE,
     STEPS,
-    Build,
-    BuiltModel,
     SteppingMethod,
-    build_model,
     stepping_methods,
 )
 from mechsim.studies.tradeoff.subject import Subject
@@ -50,9 +46,7 @@ def measure_tradeoff(
         progress: callback after each trial.
     """
     random = np.random.default_rng(seed)
-    settings = [
-        (method, n) for method in stepping_methods(subject.mechanism, subject.variants) for n in steps
-    ]
+    settings = [(method, n) for method in stepping_methods() for n in steps]
     order = sorted(range(len(settings)), key=dict(enumerate(random.permutation(len(settings)))).__getitem__)
     order.sort(key=lambda i: settings[i][0].rank)
     trials = _Trials(subject, settings, budget if isinstance(budget, Budget) else Budget(budget), progress)
@@ -70,13 +64,13 @@ def measure_tradeoff(
             trials.run(i)
     trials.time_again(random)
     for i in order:
-        if trials.left_out(i) and trials.has_time(i):
+        if i not in trials.points and trials.has_time(i):
             trials.run(i)
     return trials.result()
 
 
 class _Trials:
-    """Built models and measured points, by the index of their settings."""
+    """Measured points by the index of their settings."""
 
     def __init__(
         self,
@@ -87,40 +81,30 @@ class _Trials:
     ) -> None:
         self.subject, self.settings, self.budget, self.progress = subject, settings, budget, progress
         self.turns = subject.built.profile.turns
-        self.models: dict[Build, BuiltModel | None] = {subject.built.build: subject.built}
         self.points: dict[int, Point] = {}
         self.times = TrialTimes(budget)
-        self.times.add_build(subject.built.seconds)
 
     def named(self, name: str) -> list[SteppingMethod]:
         """Return the methods with a name."""
         return list(dict.fromkeys(method for method, _ in self.settings if method.name == name))
-
-    def left_out(self, i: int) -> bool:
-        """Return whether lack of time prevented a trial whose model can probably be built."""
-        return i not in self.points and self.models.get(self.settings[i][0].build, True) is not None
 
     def has_time(self, i: int, reserved: float = 0.0) -> bool:
         """Return whether a trial fits the budget with a reserve, and the reference is finer."""
         method, n = self.settings[i]
         if n > self.subject.reference.max_steps:
             return False
-        integrator = method.base.integrator
-        expected = self.times.expected(method.build, integrator, self.turns * n)
+        expected = self.times.expected(method.base.integrator, self.turns * n)
         return expected <= self.budget.remaining - reserved
 
     def run(self, i: int) -> None:
-        """Run a trial if its model can be built."""
+        """Run a trial."""
         method, n = self.settings[i]
         settings = method.settings(n, self.subject.speed)
-        model = self._model(method)
-        if model is None:
-            return
         start = self.budget.processor()
-        motion, seconds = model.motion(settings)
+        motion, seconds = self.subject.built.motion(settings)
         errors = self.subject.errors(motion)
         total = self.budget.processor() - start
-        self.times.add_trial(method.build, settings.integrator, self.turns * n, seconds, total)
+        self.times.add_trial(settings.integrator, self.turns * n, seconds, total)
         self.points[i] = Point(method, settings, errors, [seconds / self.turns])
         self.progress(f"{method.name}, {n} steps", self.budget.fraction)
 
@@ -130,22 +114,21 @@ class _Trials:
         for number in range(1, TIMING_ROUNDS):
             for i in random.permutation(len(relevant)):
                 point = relevant[i]
-                model = self.models[point.method.build]
-                if model is None or self._expected(point) > self.budget.remaining:
+                if self._expected(point) > self.budget.remaining:
                     continue
-                point.times.append(model.stepped(point.settings)[1].processor / self.turns)
+                steps = self.subject.built.stepped(point.settings)[1]
+                point.times.append(steps.processor / self.turns)
                 self.progress(f"timing, round {number + 1}", self.budget.fraction)
 
     def result(self) -> Tradeoff:
         """Return the measured points, and the numbers of the other trials."""
-        left_out = [method.name for i, (method, _) in enumerate(self.settings) if self.left_out(i)]
+        left_out = [method.name for i, (method, _) in enumerate(self.settings) if i not in self.points]
         points = [self.points[i] for i in sorted(self.points)]
         tried = {point.method.name for point in points}
         return Tradeoff(
             self.subject,
             points,
             left_out=len(left_out),
-            unbuilt=len(self.settings) - len(points) - len(left_out),
             untried=tuple(name for name in dict.fromkeys(left_out) if name not in tried),
             seconds=self.budget.spent,
         )
@@ -154,20 +137,6 @@ class _Trials:
         """Return the expected wall time of the later timing rounds in [s], limited by the budget fraction."""
         expected = (TIMING_ROUNDS - 1) * sum(self._expected(point) for point in self._relevant())
         return min(TIMING_FRACTION * self.budget.seconds, expected)
-
-    def _model(self, method: SteppingMethod) -> BuiltModel | None:
-        """Return the model of a method's build, built once; None if it cannot be built or assembled."""
-        subject = self.subject
-        if method.build not in self.models:
-            try:
-                model = build_model(
-                    subject.source, subject.built.profile, subject.speed, method.build, subject.variants
-                )
-                self.times.add_build(model.seconds)
-                self.models[method.build] = model
-            except MechsimError:
-                self.models[method.build] = None
-        return self.models[method.build]
 
     def _relevant(self) -> list[Point]:
         """Return the points on the front, those slightly above it, and those for comparison."""
@@ -185,5 +154,4 @@ class _Trials:
 
     def _expected(self, point: Point) -> float:
         settings = point.settings
-        steps = self.turns * settings.steps_per_turn
-        return self.times.expected(point.method.build, settings.integrator, steps)
+        return self.times.expected(settings.integrator, self.turns * settings.steps_per_turn)

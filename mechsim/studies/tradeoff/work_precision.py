@@ -14,7 +14,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation.settings import OWN_OPTIONS, Settings
-from mechsim.studies.tradeoff.methods import DEFAULTS, Build, SteppingMethod
+from mechsim.studies.tradeoff.methods import DEFAULTS, SteppingMethod
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
 # errors in strokes for which the fastest settings are listed
@@ -51,7 +51,6 @@ class Point:
             "integrator": self.settings.integrator,
             "steps_per_turn": self.settings.steps_per_turn,
             "defaults": self.method.name == DEFAULTS,
-            **self.method.build.as_dict(),
             "seconds_per_turn": self.cost,
             "timed": len(self.times),
             **{f"{kind}_error": self.errors[kind] for kind in COMPARED},
@@ -66,7 +65,6 @@ class Tradeoff:
         subject: subject of the measurement.
         points: all points, in the order of the methods.
         left_out: number of trials omitted for lack of time.
-        unbuilt: number of trials whose models cannot be built or assembled.
         untried: methods without a single trial for lack of time.
         seconds: wall time.
     """
@@ -74,7 +72,6 @@ class Tradeoff:
     subject: Subject
     points: Sequence[Point]
     left_out: int
-    unbuilt: int
     untried: Sequence[str]
     seconds: float
 
@@ -137,7 +134,6 @@ class Tradeoff:
             "stroke": self.subject.stroke,
             "trials": len(self.points),
             "left_out": self.left_out,
-            "unbuilt": self.unbuilt,
             "untried": list(self.untried),
             "seconds": self.seconds,
             "recommended": [
@@ -178,26 +174,20 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
         speed: crank speed, in [rad/s].
 
     Returns:
-        "command": `mechsim simulate` with its options, None for another crank drive or a reduction;
+        "command": `mechsim simulate` with its options;
         "export": `mechsim export` of a model with the settings, None if no file can contain them;
-        "xml": a fragment of MJCF, None if it cannot contain all settings; "python": lines that run the point.
+        "xml": a fragment of MJCF, None if it cannot contain all settings.
     """
     return {
         "command": command(point, model, speed),
         "export": exporting(point, model, speed),
         "xml": fragment(point, speed),
-        "python": snippet(point, model, speed),
     }
 
 
-def command(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim simulate` for a point; None if it has no option for the point's model."""
-    build = point.method.build
-    if (build.crank_drive, build.rod, build.variant) != (Build().crank_drive, None, None):
-        return None
+def command(point: Point, model: str, speed: float) -> str:
+    """Return the call of `mechsim simulate` for a point."""
     options = [_option(name, value) for name, value in _changed(point.settings).items()]
-    options += [f"--cut {','.join(build.cut)}"] if build.cut else []
-    options += [f"--scene {build.level}"] if build.level != Build().level else []
     return " ".join(["mechsim", "simulate", model, "--speed", _speed_text(speed), *options])
 
 
@@ -231,7 +221,7 @@ def _solref(settings: Settings, speed: float) -> tuple[float, float]:
 def fragment(point: Point, speed: float) -> str | None:
     """Return the MJCF fragment of a point's settings; None if compliance is scaled after compilation."""
     settings = point.settings
-    if settings.compliance_used != 1.0 or point.method.build != Build():
+    if settings.compliance_used != 1.0:
         return None
     timestep = settings.timestep(speed)
     solref = _solref(settings, speed)
@@ -243,32 +233,6 @@ def fragment(point: Point, speed: float) -> str | None:
         f'<default><equality solref="{_numbers(solref, " ")}" solimp="{_numbers(settings.solimp, " ")}"/>'
         "</default>"
     )
-
-
-def snippet(point: Point, model: str, speed: float) -> str:
-    """Return lines of Python that run a point."""
-    own = point.method.build
-    settings = ", ".join(f"{name}={value!r}" for name, value in _changed(point.settings).items())
-    build = ", ".join(
-        f"{field.name}={getattr(own, field.name)!r}"
-        for field in fields(Build)
-        if getattr(own, field.name) != field.default
-    )
-    custom, variants = model.endswith(".xml"), ""
-    lines = ["import pathlib", ""] if custom else ["import mechsim as ms"]
-    lines += ["from mechsim.simulation import Settings"]
-    lines += ["from mechsim.studies.tradeoff.methods import Build, build_model", ""]
-    if not custom:
-        lines.append(f"source = ms.load({model!r})")
-        if own.variant is not None:
-            lines.append(
-                "variants = {name: variant.mechanism for name, variant in source.variants().items()}"
-            )
-            variants = ", variants"
-    source = f"pathlib.Path({model!r})" if custom else "source.mechanism"
-    lines.append(f"built = build_model({source}, None, {speed!r}, Build({build}){variants})")
-    lines.append(f"motion, seconds = built.motion(Settings({settings}))")
-    return "\n".join(lines)
 
 
 def _changed(settings: Settings) -> dict[str, Any]:
