@@ -172,6 +172,7 @@ GROUPS = {
         "view": ("view.view", "Write an interactive 3-D page of a mechanism."),
     },
     "Other": {
+        "mcp": ("mcp.serve", "Serve the commands as tools for agents."),
         "schema": ("schema.schema", "Print JSON Schemas of TOML files and --json outputs."),
     },
 }

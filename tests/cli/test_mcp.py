@@ -1,0 +1,92 @@
+"""Agents call the commands as tools, confined to a folder."""
+
+import asyncio
+import json
+import subprocess
+import sys
+
+import pytest
+from mcp.client.client import Client
+from mcp.client.stdio import StdioServerParameters, stdio_client
+
+from mechsim.cli.confined import require_confined
+from mechsim.cli.mcp import TOOLS, run_tool
+from mechsim.errors import InputError
+
+MECHSIM = [sys.executable, "-c", "from mechsim.cli import main; main()"]
+
+
+def test_a_client_lists_and_calls_the_tools(tmp_path):
+    async def session():
+        parameters = StdioServerParameters(
+            command=MECHSIM[0], args=[*MECHSIM[1:], "mcp", "--root", str(tmp_path)]
+        )
+        async with Client(stdio_client(parameters)) as client:
+            tools = (await client.list_tools()).tools
+            called = await client.call_tool("show", {"model": "four_bar", "options": ["--set", "crank=40mm"]})
+            rejected = await client.call_tool("show", {"model": "four_bar", "options": ["--set", "crank=-1"]})
+            return [tool.name for tool in tools], called, rejected
+
+    names, called, rejected = asyncio.run(session())
+    assert names == list(TOOLS)
+    printed = subprocess.run(
+        [*MECHSIM, "show", "four_bar", "--set", "crank=40mm", "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert called.structured_content == json.loads(printed.stdout)
+    assert rejected.is_error
+    assert "crank" in rejected.content[0].text
+
+
+@pytest.fixture
+def folder(tmp_path):
+    inside = tmp_path / "served"
+    inside.mkdir()
+    (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
+    (inside / "link.toml").symlink_to(tmp_path / "secret.xml")
+    (inside / "includes.xml").write_text('<mujoco><include file="more.xml"/></mujoco>')
+    (inside / "more.xml").write_text('<mujocoinclude><include file="../secret.xml"/></mujocoinclude>')
+    (inside / "mesh.xml").write_text('<mujoco><compiler meshdir="/"/></mujoco>')
+    (inside / "good.xml").write_text('<mujoco><include file="good.xml"/><mesh file="part.obj"/></mujoco>')
+    return inside
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [
+        "../secret.xml",
+        "/etc/hostname",
+        "crank=../law.csv",
+        "--against=f.py:position",
+        "~/x.toml",
+        "link.toml",
+        "includes.xml",
+        "mesh.xml",
+    ],
+)
+def test_files_outside_the_folder_are_rejected(folder, argument):
+    with pytest.raises(InputError, match=r"outside|code"):
+        require_confined([argument], folder)
+
+
+def test_what_is_inside_is_accepted(folder):
+    require_confined(["good.xml", "four_bar", "--gravity", "0,0,-9.81/2", "--angles", "0:360:5deg"], folder)
+
+
+def test_a_table_that_a_description_names_outside_the_folder_is_not_read(folder):
+    (folder.parent / "gear.csv").write_text("q,value\n0,0\n1,1\n")
+    (folder / "pair.toml").write_text(
+        "name = 'pair'\n[joints]\n"
+        "crank = { kind = 'revolute', a = { link = 'ground' }, b = { link = 'bar' } }\n"
+        "slide = { kind = 'prismatic', a = { link = 'ground' }, b = { link = 'rod' } }\n"
+        "[couplings.gear]\ndriver = 'crank'\ndriven = 'slide'\nfunction = '../gear.csv'\n"
+    )
+    with pytest.raises(InputError, match=r"gear\.csv.*outside"):
+        run_tool("show", ["pair.toml"], folder, 60.0)
+
+
+def test_a_long_command_is_stopped(folder):
+    with pytest.raises(InputError, match=r"more than 0\.01 s"):
+        run_tool("show", ["four_bar"], folder, 0.01)
