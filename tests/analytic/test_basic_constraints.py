@@ -119,6 +119,7 @@ def test_a_rod_transmits_the_force_that_its_rocker_needs(tmp_path):
         assert worst < limit * np.abs(own).max()
 
 
+@pytest.mark.long
 def test_a_body_on_a_single_rod_is_a_spherical_pendulum(tmp_path):
     text = f'name = "pendulum"\n[links.bob]\n{POINT}\n[points.P]\nlink = "bob"\n'
     text += rod("rod", 'link = "ground"', 'link = "bob"', 0.5)

@@ -83,6 +83,7 @@ def test_links_keep_their_lengths_and_the_follower_its_axis(linkage):
     assert np.abs(e - d + linkage.follower_ratio * (c - d)).max() <= limit * linkage.follower_ratio
 
 
+@pytest.mark.long
 @settings(max_examples=4)
 @given(loopers())
 def test_every_assembly_mode_has_its_own_sign(linkage):
@@ -98,6 +99,7 @@ def test_every_assembly_mode_has_its_own_sign(linkage):
                 assert other.assembly_sign(points)[0] <= 0.0
 
 
+@pytest.mark.long
 def test_assembly_modes_match_a_scan_of_the_coupler_circle():
     rng = np.random.default_rng(11)
     cone = np.linspace(-np.pi, np.pi, 20001)
@@ -143,6 +145,7 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
     assert several >= 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "linkage",
     [

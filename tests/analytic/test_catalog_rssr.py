@@ -115,6 +115,7 @@ def test_the_guide_does_not_change_the_rocker_motion():
     assert (free.position == guided.position).all()
 
 
+@pytest.mark.long
 @settings(max_examples=12)
 @given(rssrs())
 def test_dead_centres_agree_with_forty_digits(linkage):

@@ -54,6 +54,7 @@ def length_error(linkage: ClosedForm, points: dict[str, np.ndarray]) -> float:
     return float(max(np.abs(difference).max() for difference in errors)) / longest(linkage)
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(seeds)
 def test_links_keep_their_lengths_over_the_whole_range(seed):
@@ -216,6 +217,7 @@ def test_assembly_modes_are_numbered_by_increasing_base_angle(seed):
     assert angles == sorted(angles)
 
 
+@pytest.mark.long
 @settings(max_examples=6)
 @given(seeds)
 def test_every_assembly_mode_at_a_crank_angle_is_listed(seed):

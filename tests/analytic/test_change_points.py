@@ -119,6 +119,7 @@ def test_the_branch_policy_keeps_the_assembly_sign(which):
         assert (reported[name] == positions).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", WITH_BRANCHES)
 def test_loop_equations_and_closed_form_agree_with_the_branch_policy(which):
     linkage = CHANGE_POINT_LINKAGES[which]

@@ -76,6 +76,7 @@ def both(model, seed, forces=None):
     return right.derivatives(np.zeros(1), state[None])[0], result.derivative
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: Path(model).stem)
 def test_every_force_is_the_same_in_c_and_in_numpy(model):
     for seed in range(3):
@@ -126,6 +127,7 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note(forces, note):
     assert note in run.note
 
 
+@pytest.mark.long
 def test_an_element_of_an_unknown_class_is_not_ignored(monkeypatch):
     supported = {**in_c.SUPPORTED}
     del supported[Spring]
@@ -135,6 +137,7 @@ def test_an_element_of_an_unknown_class_is_not_ignored(monkeypatch):
     assert run_of(Forces()).executed == "C"
 
 
+@pytest.mark.long
 def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
     monkeypatch.setattr(in_c, "spring_table", lambda _: np.zeros(0, in_c.SPRING))
     run = run_of(Forces(springs=(Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0),)))
@@ -190,6 +193,7 @@ def test_a_cache_that_cannot_be_written_leaves_numpy(fresh_library):
     assert (run.executed, "cannot keep compiled code" in run.note) == ("numpy", True)
 
 
+@pytest.mark.long
 def test_a_damaged_library_is_compiled_again(fresh_library):
     assert run_of().executed == "C"
     (path,) = (fresh_library / "mechsim").rglob("*.so")
@@ -199,6 +203,7 @@ def test_a_damaged_library_is_compiled_again(fresh_library):
     assert run_of().executed == "C"
 
 
+@pytest.mark.long
 def test_many_runs_are_the_runs_one_by_one():
     angles = np.linspace(-1.0, 1.0, 5)
     runs = ms.dynamics.run_many(

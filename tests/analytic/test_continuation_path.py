@@ -153,6 +153,7 @@ def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passi
     assert not other.segments[direction]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "lengths", change_point_lengths(6), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
 )
@@ -214,6 +215,7 @@ def test_a_path_of_high_curvature_is_resolved(which):
     assert min(worst(truth, result) for truth in truths.values()) <= 1e-10 * mechanism.characteristic_length
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("lengths", "most"),
     [
@@ -229,6 +231,7 @@ def test_paths_of_high_curvature_need_few_segments(lengths, most):
     assert segments_tried(path, (2 * np.pi, -2 * np.pi))[0] <= most
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 9))
 def test_change_points_are_detected_from_any_start(start):
     linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
@@ -306,6 +309,7 @@ def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
         crank_path(linkage.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
     linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
@@ -386,6 +390,7 @@ def test_a_third_crank_on_the_line_of_pivots_keeps_change_points():
     assert result == pytest.approx([0.0, np.pi], abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("height", [1e-3, 2e-3, 0.03])
 def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(height):
     """The slider of the catalogue at the top of the pulse follows from its two right triangles."""

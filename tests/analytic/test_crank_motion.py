@@ -41,6 +41,7 @@ def swinging(**coupling) -> Mechanism:
     return whole.with_guess(guess, start)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.slow), -2])
 @pytest.mark.parametrize(
     "wheel", [{}, {"turns": True, "coefficients": (0.3, 2.0)}, {"turns": True, "coefficients": (0.3, -1.0)}]
@@ -62,6 +63,7 @@ def test_a_swing_counted_on_another_revolution_has_the_same_motion(wheel, revolu
         np.testing.assert_allclose(second.links[name].rotation, link.rotation, atol=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ratio", "turns", "revolutions", "same"),
     [(1.5, True, 1, False), (1.5, True, -2, True), (1.0 + 1e-9, True, 1, False)],

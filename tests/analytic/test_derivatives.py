@@ -74,6 +74,7 @@ def neighbouring_motions(designs: DesignFamily, name, angles, speed, relative_st
     return [designs.make({name: value + k * step}).solve_along(angles, speed) for k in (-2, -1, 1, 2)], step
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "options", "names"),
     [

@@ -88,6 +88,7 @@ def test_a_model_without_equilibrium_is_rejected():
         ms.dynamics.modes(slider(), Forces(gravity=(1.0, 0.0, 0.0)))
 
 
+@pytest.mark.long
 def test_equilibria_of_other_assembly_modes_are_labelled():
     crank, rod = 0.05, 0.2
     solver = ms.catalog.make("slider_crank", crank=crank, rod=rod, offset=0.0)

@@ -101,6 +101,7 @@ def test_larger_dimensions_scale_the_motion(name, data, scale):
                 assert np.abs(getattr(scaled[point], quantity) - expected).max() <= limit
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", EXACT_POINTS)
 @settings(max_examples=12)
 @given(st.data(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))

@@ -40,6 +40,7 @@ def test_the_branch_selects_parallelogram_or_antiparallelogram(angles, speed, br
         assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_the_branch_applies_at_any_first_configuration(which, direction):

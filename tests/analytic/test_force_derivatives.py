@@ -26,6 +26,7 @@ def force_derivatives(model, change, speed=1.0, acceleration=0.0):
     return forces_along(model, followed, change, speed, acceleration)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "forces", "dimension"),
     [

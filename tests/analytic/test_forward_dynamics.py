@@ -276,6 +276,7 @@ def test_a_brief_load_is_integrated():
     assert run.motion.joints["s"].rate[-1] == pytest.approx(8.0 * 0.02 / 2.0, rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_four_bar_passes_close_to_a_singular_configuration():
     """The coupler is a micrometre too short for all links to lie in line."""
     hair = ms.catalog.make("four_bar", ground=0.05, crank=0.02, coupler=0.07 - 1e-6, rocker=0.04)

@@ -319,6 +319,7 @@ def test_user_defined_and_catalogue_mechanisms_give_the_same_run(force):
     np.testing.assert_allclose(by_loops.angle, closed_form.angle, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_frictions_that_hold_a_crank_together_release_it_when_their_sum_is_exceeded():
     ramp = load_profile.table([0.0, 1.0], [0.0, 0.1], over="time")
     friction = (Friction("crank", 0.0, 0.02), Friction("rocker", 0.0, 0.03), Friction("A", 0.0, 0.01))

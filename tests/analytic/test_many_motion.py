@@ -98,6 +98,7 @@ def test_ill_conditioned_designs_select_equations_for_every_segment(rows_are_eno
             np.testing.assert_allclose(motion.points[name].position[rows], point.position, atol=1e-13)
 
 
+@pytest.mark.long
 def test_designs_that_cannot_turn_or_differ_in_structure_are_excluded():
     _, reported = moved("watt_six_bar", "crank", [0.025, 0.3, 0.024, 0.026, 0.0251], ("output",))
     assert reported.tolist() == [True, False, True, True, True]

@@ -90,6 +90,7 @@ def test_a_slow_mode_next_to_a_fast_one_is_kept(equilibria):
     assert states[0].modes[1].frequency > 1e5 * slow
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [2])
 def test_freely_turning_discs_make_families_with_their_number_of_dimensions(equilibria, count):
     discs = [disc(f"d{k}", "arm", f"[{0.5 + 0.5 * k}, 0, 0]") for k in range(count)]
@@ -126,6 +127,7 @@ def test_a_stiffness_within_its_rounding_is_undecided(equilibria):
     assert upright.dimension == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("angles", "length", "rest", "count"),
     [((0.4,), 1.002, 0.03, 4), ((0.4, 0.46), 1.002, 0.1, 6), ((0.4, 0.5, 0.62), 1.0005, 0.12, 8)],

@@ -84,6 +84,7 @@ BAD = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", BAD)
 def test_invalid_input_gives_one_line_and_no_files(case: str, mechsim: Call, tmp_path: Path) -> None:
     arguments, words = BAD[case]
@@ -145,6 +146,7 @@ def test_list_names_every_mechanism(mechsim: Call) -> None:
         assert name in mechsim("list").out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
     result = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
@@ -369,6 +371,7 @@ def test_help_imports_no_heavy_library() -> None:
     assert not loaded_by("--help") & (HEAVY | {"numpy", "mujoco"})
 
 
+@pytest.mark.long
 def test_a_default_run_imports_neither_scipy_nor_plotting() -> None:
     assert not loaded_by("simulate four_bar") & {"scipy", "matplotlib", "mediapy"}
 
@@ -378,6 +381,7 @@ def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
     assert not usual & {"pint", "dask", "scipy", "matplotlib", "mediapy", "mujoco"}
 
 
+@pytest.mark.long
 def test_help_of_a_command_imports_no_solver() -> None:
     assert not loaded_by(*(f"{name} -h" for name in cli.COMMANDS)) & HEAVY
 

@@ -14,6 +14,7 @@ SWINGS = {"ground": 0.1, "crank": 0.09, "coupler": 0.05, "rocker": 0.06}
 TYPED = [f"--set={name}={value}" for name, value in SWINGS.items()]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("loops", [False, True])
 def test_reported_digits_match_the_true_error(loops):
     """Compare the acceleration of B near a dead centre with 50 digits and with the reported error bound."""
@@ -36,6 +37,7 @@ def test_reported_digits_match_the_true_error(loops):
     assert max(error_ratios) < 100.0
 
 
+@pytest.mark.long
 def test_every_method_reports_a_loss_of_significance():
     linkage = catalog.make("four_bar", **SWINGS)
     near_dead_centre = max(linkage.dead_centres()) - 1e-10

@@ -102,6 +102,7 @@ def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
     assert json.loads(out)["free"]["work"] == pytest.approx(0.5 * 0.4 * math.pi, rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "output"),
     [
@@ -163,6 +164,7 @@ def test_an_invalid_load_table_is_rejected(capsys, monkeypatch, tmp_path, text, 
     assert output in err
 
 
+@pytest.mark.long
 def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
     revolution = repr(2.0 * np.pi)
@@ -195,6 +197,7 @@ def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch
     assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
     reported = json.loads(out)["tolerance_report"]
@@ -231,6 +234,7 @@ gravity = [0, 0, -9.81]
 MOVED = ("--drive", "left=2+0.3*sin(6*t)", "--drive", "right=1+0.4*sin(9*t)", "--samples", "20")
 
 
+@pytest.mark.long
 def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     file = tmp_path / "five_bar.toml"
     file.write_text(FIVE_BAR)

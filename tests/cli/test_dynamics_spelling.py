@@ -36,6 +36,7 @@ def test_the_present_spelling_is_accepted(present):
     cli.load_command(f"dynamics {name}").make_context(name, words)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "expected"), [("dynamics ", "forward"), ("dynamics inverse four_b", "four_bar")]
 )

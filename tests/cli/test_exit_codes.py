@@ -173,6 +173,7 @@ def test_an_internal_error_has_its_own_exit_code(
         assert ("Traceback" in output) is debug
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(("osmesa", "nonsense"), ("nonsense",)))
 def test_a_failing_opengl_back_end_does_not_stop_other_commands(name: str, tmp_path: Path) -> None:
     completed = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=name)

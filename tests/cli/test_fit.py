@@ -22,6 +22,7 @@ def table(tmp_path):
     files.write_table(tmp_path / "measured.csv", columns)
 
 
+@pytest.mark.long
 def test_a_fit_is_reported_and_written_with_its_uncertainty(fit, table, tmp_path):
     arguments = ("four_bar", "--to", "measured.csv", "--vary", "coupler")
     code, out, err = fit(*arguments, "--json", "-o", "fit.json")
@@ -51,6 +52,7 @@ def test_the_crank_speed_comes_from_the_table(fit, tmp_path):
     assert (code, "62.83 rad/s, but the crank of the table rotates at 31 rad/s" in err) == (2, True)
 
 
+@pytest.mark.long
 def test_undetermined_dimensions_have_exit_code_1(fit, table):
     code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,arm")
     assert code == 1, err

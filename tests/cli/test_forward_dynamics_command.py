@@ -95,6 +95,7 @@ def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
     assert rest["everywhere"]
 
 
+@pytest.mark.long
 def test_modes_are_computed_at_the_stable_equilibrium(command, facts):
     _, stable = facts("modes", "--initial", "crank.q=-95deg")
     code, result = facts("modes")
@@ -104,6 +105,7 @@ def test_modes_are_computed_at_the_stable_equilibrium(command, facts):
     assert "modes about the stable equilibrium at crank -1.755" in command("modes")[1]
 
 
+@pytest.mark.long
 def test_tables_of_equilibria_and_modes_are_written(tmp_path, command):
     path = tmp_path / "table.csv"
     assert command("statics", "--method", "none", "-o", str(path))[0] == 0
@@ -212,6 +214,7 @@ def test_velocity_responses_are_displacements_times_frequency(facts):
     assert result[0]["unit"] == "m/(N m)"
 
 
+@pytest.mark.long
 def test_runs_modes_and_responses_are_plotted(tmp_path, command):
     run = ["--until", "crank.q=-20deg", "--duration", "0.05s", "--method", "none"]
     for i, arguments in enumerate((run, ["modes"], ["response", "crank:B.x"])):

@@ -261,6 +261,7 @@ def test_a_file_name_that_is_not_text_is_rejected(run, tmp_path, arguments):
     assert {*tmp_path.iterdir()} - before <= {tmp_path / "tree.urdf", tmp_path / "loops.yaml"}
 
 
+@pytest.mark.long
 def test_a_link_stated_far_away_does_not_close(run, tmp_path):
     """With a slide stated 1e12 mm off its guide, the damped equations are singular to rounding."""
     text = (Path(__file__).parents[2] / "models/gallery/scotch_yoke.toml").read_text()
@@ -272,6 +273,7 @@ def test_a_link_stated_far_away_does_not_close(run, tmp_path):
     assert "the loops do not close" in shown.err
 
 
+@pytest.mark.long
 def test_loops_that_close_only_within_rounding_end_in_seconds(run, tmp_path):
     """Beyond a slide's range the residual of an inclined guide grows too slowly to be noticed at once."""
     text = (Path(__file__).parents[2] / "models/slider_crank.xml").read_text()

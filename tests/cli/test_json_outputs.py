@@ -100,6 +100,7 @@ def undescribed(value, schema, path=""):
     return []
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fast_timers")
 @pytest.mark.parametrize("line", [*LINES, *(pytest.param(line, marks=pytest.mark.slow) for line in SLOW)])
 def test_json_output_is_valid_under_its_schema(line, monkeypatch, capsys, tmp_path):

@@ -76,6 +76,7 @@ def test_dynamics_reports_the_masses(mechsim, press):
     assert free["masses"] == reported
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["torque", "reactions", "power"])
 def test_plots_of_forces_report_the_masses(mechsim, press, kind):
     arguments = ("plot", press, "--kind", kind, "-o", "out.svg")

@@ -36,6 +36,7 @@ def test_both_methods_follow_the_motion_laws(mechsim, command):
     np.testing.assert_allclose(table["turn.a"], -4.5 * np.sin(3 * time), atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "command",
     [

@@ -103,6 +103,7 @@ CASES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("command", "option"), CASES, ids=[f"{c} {o}" for c, o in CASES])
 def test_an_option_without_effect_is_named(mechsim: Call, tmp_path: Path, command: str, option: str):
     (tmp_path / "loop.xml").write_text(LOOP)

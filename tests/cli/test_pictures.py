@@ -20,6 +20,7 @@ from mechsim.theory.continuation.mechanism_trace import trace
 SMALL = ("--size", "96x72")
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize("angle", ["60deg", "-60deg", "119deg"])
 def test_a_swinging_crank_is_rendered_within_its_range(mechsim, tmp_path, angle):
@@ -128,6 +129,7 @@ EXTRA_OPTIONS = {
 
 
 # studies are slow and have their own test
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kind", [kind for kind in plot_table.PLOTS if kind not in ("precision", "stability")]
 )
@@ -186,6 +188,7 @@ def test_a_torque_plot_shows_both_methods(mechsim, tmp_path):
     assert "MuJoCo" in both
 
 
+@pytest.mark.long
 def test_plots_of_studies_are_drawn(mechsim, tmp_path, monkeypatch):
     monkeypatch.setattr(plot_table, "BUDGET", 0.5)
     reduced = [("steps", axes.steps, [100.0, 50.0])]
@@ -211,6 +214,7 @@ def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):
     assert "imageio-ffmpeg" in err
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize(
     ("name", "options", "count"),

@@ -44,6 +44,7 @@ def states_by_comment(path, duration):
     return np.array(states)
 
 
+@pytest.mark.long
 def test_a_tuned_file_satisfies_the_tolerance_as_its_comment_describes(mechsim, tmp_path):
     answer = mechsim(
         "tune",
@@ -99,6 +100,7 @@ def comment_of(path):
     return " ".join(re.search(r"<!-- mechsim tune.*?-->", path.read_text(), re.DOTALL)[0].split())
 
 
+@pytest.mark.long
 def test_a_file_within_the_tolerance_does_not_become_slower(mechsim, tmp_path):
     (tmp_path / "cheap.xml").write_text(LOW_COST)
     reported = json.loads(tuned_by(mechsim, "4.9um", "cheap.xml", "--json"))

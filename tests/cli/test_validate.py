@@ -63,6 +63,7 @@ def test_the_gallery_option_adds_stepping(mechsim, monkeypatch):
     assert len(checked_methods(out)) == 2
 
 
+@pytest.mark.long
 def test_a_user_formula_is_run_with_a_notice_and_checked(mechsim, tmp_path):
     (tmp_path / "guides.py").write_text(
         YOKE.with_name("guides.py").read_text().replace("np.cos", "1.001 * np.cos")
@@ -147,6 +148,7 @@ def test_a_failure_reports_the_error_and_the_likely_cause(mechsim, tmp_path):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", [("looper",), ("looper", "-v"), ("four_bar", "-v"), CATALOGUE_OF_TWO])
 def test_output_fits_eighty_columns_of_plain_text(mechsim, monkeypatch, options):
     monkeypatch.setenv("COLUMNS", "80")
@@ -187,6 +189,7 @@ def derived(angle):
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("error", "wrong"), [("0.0", []), ("1e-6", ["expr:A.x*2"])])
 def test_distances_angles_and_expressions_are_compared(mechsim, tmp_path, error, wrong):
     file = tmp_path / "derived.py"

@@ -45,6 +45,7 @@ def errors(solver, name):
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL]
 )
@@ -83,6 +84,7 @@ def test_the_record_agrees_with_the_loop_equations(compiled, name):
             assert np.abs(difference).max() < 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(("humanoid_ankle", "stewart_gough"), ("humanoid_ankle",)))
 def test_the_map_is_the_derivative_of_configurations(compiled, name):
     solver = compiled(name)
@@ -110,6 +112,7 @@ def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
         assert np.abs(mine.points[point].position[order] - motion.position).max() < 1e-11
 
 
+@pytest.mark.long
 def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
     # nearly a parallelogram: two assembly modes are close at 0 and 180 deg
     rng = np.random.default_rng(6)
@@ -126,6 +129,7 @@ def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
             assert np.abs(mine - model.solve([angle]).points["B"].position).max() < 1e-7
 
 
+@pytest.mark.long
 def test_angles_outside_the_range_are_rejected(compiled):
     solver = compiled("bricard")
     low, high = solver.code.assembly.interval
@@ -201,6 +205,7 @@ def test_a_failing_compiler_is_reported_by_name(monkeypatch, tmp_path):
         ms.compile("four_bar")
 
 
+@pytest.mark.long
 def test_invalid_input_is_rejected(compiled):
     with pytest.raises(InputError, match="columns; give 6: l1"):
         compiled("stewart_gough").solve_drivers([[0.0, 1.0]])

@@ -53,6 +53,7 @@ def built(compiler, source, *flags):
     return output
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_code_compiles_without_warnings_and_passes_its_test(compiled, tmp_path, name):
     source = written(compiled(name), tmp_path)
@@ -64,6 +65,7 @@ def test_code_compiles_without_warnings_and_passes_its_test(compiled, tmp_path, 
         assert "us a configuration" in result.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rssr", pytest.param("bricard", marks=pytest.mark.slow), LARGEST])
 def test_sanitizers_find_no_undefined_behaviour(compiled, tmp_path, name):
     source = written(compiled(name), tmp_path)
@@ -104,6 +106,7 @@ def test_the_self_test_rejects_a_missing_range_check(compiled, tmp_path):
 ARM = model_text("printing_arm.toml")
 
 
+@pytest.mark.long
 def test_invalid_identifiers_are_renamed(tmp_path):
     (tmp_path / "arm.toml").write_text(ARM)
     solver = ms.compile(tmp_path / "arm.toml")
@@ -219,6 +222,7 @@ def command(monkeypatch, capsys, *arguments):
     return ended.value.code or 0, captured.out, captured.err
 
 
+@pytest.mark.long
 def test_the_command_writes_solver_and_self_test(tmp_path, monkeypatch, capsys):
     header, test = tmp_path / "leg.h", tmp_path / "leg.c"
     code, out, _ = command(

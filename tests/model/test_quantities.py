@@ -83,6 +83,7 @@ def require_understood(name, dimension):
     assert not agrees(lambda angle: {name: 1.001 * of_angles(name, angle)})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "dimension"), DEPENDS_ON.items())
 def test_every_study_accepts_every_quantity(name, dimension):
     require_understood(name, dimension)

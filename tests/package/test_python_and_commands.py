@@ -38,6 +38,7 @@ def mechsim_json(tmp_path_factory):
     return call
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", grid(MODELS, ("name", "specification")))
 @pytest.mark.parametrize(
     "call",

@@ -50,6 +50,7 @@ def test_rendering_does_not_change_later_runs():
     assert_same(before, simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_visual_geoms_have_no_mass_and_no_contact(name):
     mechanism = catalog.make(name).mechanism

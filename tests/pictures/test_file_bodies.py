@@ -168,6 +168,7 @@ def mujoco_camera(spec):
     return -np.array(scene.camera[0].forward), np.array(scene.camera[0].up)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angles", ["", 'azimuth="120" elevation="-20"'])
 def test_a_spatial_file_is_seen_through_its_own_camera(tmp_path, angles):
     path = tmp_path / "arm.xml"

@@ -61,6 +61,7 @@ def vectors(figures):
     return [plots.drawn(figure) for figure in figures]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("solver", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg",))
 )
@@ -85,6 +86,7 @@ def test_a_figure_is_independent_of_the_style_of_its_user(figures):
         assert b"#ff0000" not in out.getvalue()
 
 
+@pytest.mark.long
 def test_a_figure_can_be_changed_and_drawn_again(motion):
     figure = plots.motion_plot(motion)
     assert b"<!-- mine -->" not in plots.drawn(figure)

@@ -120,6 +120,7 @@ def test_every_link_is_visible_in_every_frame(name):
             assert coloured(picture, rgba).sum() > 25, link
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize(
     ("name", "view"),
@@ -312,6 +313,7 @@ def test_rods_of_a_chain_connect_the_points_of_a_path():
     np.testing.assert_allclose(rods.centres + half * along, path[1:], atol=1e-12)
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize("name", grid(gl_backend.ORDER, gl_backend.ORDER[:1]))
 def test_each_back_end_draws_the_same_picture(name, linkage, motion, tmp_path):
@@ -443,6 +445,7 @@ def test_a_broken_ffmpeg_is_skipped(tmp_path, monkeypatch):
         render.find_ffmpeg()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("extension", [".mp4", ".gif"])
 def test_a_video_cut_short_by_an_encoder_that_reports_success_is_not_written(
     linkage, motion, tmp_path, monkeypatch, extension

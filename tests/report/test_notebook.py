@@ -61,6 +61,7 @@ def test_the_example_notebook_runs_and_displays_its_results(monkeypatch):
     assert all(cell.get("outputs", []) == [] for cell in cells)
 
 
+@pytest.mark.long
 def test_a_run_displays_outcome_settings_and_motion(run):
     page = page_of(run)
     assert "<svg" in page
@@ -93,6 +94,7 @@ def test_only_plots_of_mechsim_have_their_own_display(run):
     plt.close(figure)
 
 
+@pytest.mark.long
 def test_a_model_is_displayed_as_an_interactive_view():
     value_of = ms.show(ms.load("four_bar"), height=500)
     framed = value_of._repr_html_()
@@ -130,6 +132,7 @@ def test_plot_is_a_function(tmp_path):
         ms.plot("four_bar", kind="curve", quantities=["rocker"])
 
 
+@pytest.mark.long
 @draws
 def test_render_is_a_function(tmp_path):
     small = {"size": (96, 72)}

@@ -103,6 +103,7 @@ def section():
     )
 
 
+@pytest.mark.long
 def test_the_page_is_self_contained(section, tmp_path):
     section = replace(section, video="turn.mp4")
     page = report.write_report(tmp_path / "out", results(rssr=passed_result()), [section]).read_text(

@@ -26,6 +26,7 @@ def validated(monkeypatch, tmp_path, capsys, *arguments):
     return ended.value.code, capsys.readouterr()
 
 
+@pytest.mark.long
 def test_the_report_contains_page_numbers_plots_picture_and_video(monkeypatch, tmp_path, capsys):
     code, output = validated(monkeypatch, tmp_path, capsys, "slider_crank", "--report", "out/", "--json")
     assert not code, output.err

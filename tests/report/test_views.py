@@ -25,6 +25,7 @@ def test_a_view_contains_every_distinct_assembly_mode():
         assert grid.ghost.by > 1e3
 
 
+@pytest.mark.long
 def test_a_swinging_crank_has_dead_centres_and_a_closed_curve():
     linkage = ms.catalog.make("four_bar", crank=0.09)
     first_mode, second_mode, both_modes = mechanism_view(linkage, SPEED).grids
@@ -56,6 +57,7 @@ def test_views_under_motion_laws_cover_their_time():
         np.testing.assert_allclose(result, moved.position[0], atol=1e-8)
 
 
+@pytest.mark.long
 def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.NODES", {2: 9})
     solver = ms.load("five_bar")

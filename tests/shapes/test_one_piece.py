@@ -60,6 +60,7 @@ def joint_pairs(kind, carrier):
     return in_both_orders(Joint("held", kind, *ends, lead=0.01 if kind == "screw" else 0.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*catalog.MECHANISMS, *gallery.files()])
 def test_every_link_is_drawn_in_one_piece(name):
     mechanism = load(name).mechanism

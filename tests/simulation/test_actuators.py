@@ -67,6 +67,7 @@ def plainly_stepped(path, model, step):
     return data.qpos.copy()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_plain_mujoco_converges_to_the_analytic_run(case, tmp_path):
     model, path, order = model_of(tmp_path, case)
@@ -78,6 +79,7 @@ def test_plain_mujoco_converges_to_the_analytic_run(case, tmp_path):
     assert run.energy_error < 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["position", "affine", "intvelocity"])
 def test_the_check_passes_and_rejects_another_actuator(case, tmp_path):
     model, _, _ = model_of(tmp_path, case)

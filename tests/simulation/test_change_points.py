@@ -46,6 +46,7 @@ def assert_same_motion(motion, exact, length, bounds):
             )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("linkage", FLAT, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
 def test_solved_poses_keep_their_assembly_mode_for_two_turns(linkage):
     run = simulate(linkage, speed=20.0, turns=2.0, method="pose", samples=144)

@@ -153,6 +153,7 @@ def test_rounded_dimensions_of_redundant_loops_are_tolerated() -> None:
     assert ms.closed_qpos(exact, {"crank": angles}) == pytest.approx(states.qpos, abs=1e-5)
 
 
+@pytest.mark.long
 def test_rounded_dimensions_do_not_excuse_an_unreachable_position() -> None:
     for text in (ROUNDED, FOUR_BAR):
         model = mujoco.MjModel.from_xml_string(text.replace('range="-40 40" limited="true"', ""))

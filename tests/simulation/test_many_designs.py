@@ -104,6 +104,7 @@ def test_a_design_that_changes_assembly_fails_the_check():
     assert not check_designs(replace(stepped, qpos=swapped)).same_assembly.any()
 
 
+@pytest.mark.long
 def test_an_unreachable_crank_angle_is_reported():
     solver = ms.load("watt_six_bar")
     designs = [ms.load("watt_six_bar", {"crank": crank}).mechanism for crank in (0.025, 0.06)]

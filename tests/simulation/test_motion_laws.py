@@ -43,6 +43,7 @@ CASES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_solved_poses_satisfy_the_loop_equations(case):
     mechanism, moves = CASES[case]()
@@ -55,6 +56,7 @@ def test_solved_poses_satisfy_the_loop_equations(case):
         assert run.motion.joints[name].value == pytest.approx(value, abs=1e-14)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_stepped_states_satisfy_the_loop_equations(case):
     mechanism, moves = CASES[case]()

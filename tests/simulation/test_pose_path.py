@@ -40,6 +40,7 @@ def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
     assert np.abs(positions - exact).max() < 1e-13
 
 
+@pytest.mark.long
 def test_a_tiny_step_near_a_dead_centre_is_solved():
     """A crank angle 50 units of rounding from a node of the path was once rejected."""
     linkage = catalog.make("four_bar", **special_designs("four_bar").swinging)
@@ -72,6 +73,7 @@ def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turns", [-1.0, 2.3])
 @pytest.mark.parametrize(
     "name", ["four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper", "bennett"]

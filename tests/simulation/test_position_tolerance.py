@@ -59,6 +59,7 @@ def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
     assert long.estimate > 100.0 * tolerance
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["four_bar", "rrsrr", "looper"])
 @pytest.mark.parametrize("fraction", [1e-3, 3e-5])
 def test_a_loose_tolerance_needs_only_one_full_run(name, fraction, stepped) -> None:

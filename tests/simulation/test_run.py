@@ -125,6 +125,7 @@ def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
     assert errors[-1] > 1e-12 * linkage.crank
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CATALOGUE)
 @pytest.mark.parametrize(
     ("speed", "tolerance"),
@@ -194,6 +195,7 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
             assert np.abs(run.motion.acceleration - acceleration).max() < 1e-9
 
 
+@pytest.mark.long
 def test_an_impassable_dead_centre_is_rejected_with_its_angle() -> None:
     linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     for method in ("step", "pose"):
@@ -248,6 +250,7 @@ def test_the_requested_number_of_samples_is_recorded_evenly(samples: int) -> Non
     assert np.abs(spacing - REVOLUTION / samples).max() < 1e-8
 
 
+@pytest.mark.long
 def test_a_long_run_needs_memory_only_for_its_records() -> None:
     mechanism = catalog.make("four_bar").mechanism
     simulate(mechanism, speed=10.0, method="step")  # loads modules first

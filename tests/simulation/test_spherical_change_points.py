@@ -47,6 +47,7 @@ def rocker_end(coupler, rocker, policy, sign):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("coupler", "rocker", "policy"),
     [

@@ -46,6 +46,7 @@ def test_modes_under_a_pd_controller_equal_those_of_spring_and_damper():
         assert controlled.damping_ratio == pytest.approx(sprung.damping_ratio, rel=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "options", [{}, pytest.param({"drive": {"left": "2rad+0.3rad*sin(2*pi*t)"}}, marks=pytest.mark.slow)]
 )

@@ -45,6 +45,7 @@ def swings(draw, name):
     return linkage, swing(middle + REVOLUTION * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 @given(data=st.data())
 @settings(max_examples=1, phases=[Phase.generate])

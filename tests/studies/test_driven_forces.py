@@ -123,6 +123,7 @@ def test_the_force_on_a_resting_boom_balances_its_weight():
     assert study.forces.drives["stroke"][0] == pytest.approx(5.0 * 9.81 * 1.2 * head[0] / lever, rel=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("case", CASES)
 def test_mujoco_agrees_and_a_heavier_link_is_rejected(case, method):

@@ -66,6 +66,7 @@ def test_a_massless_rod_is_rejected():
         simulate(spec, speed=10.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 @pytest.mark.parametrize("value", [pytest.param(1e-3, marks=pytest.mark.slow), 1e-12])
 def test_poses_reach_a_dead_centre_and_are_rejected_beyond(name, value):
@@ -141,6 +142,7 @@ def test_the_command_writes_the_stability_map_and_json(monkeypatch, capsys, tmp_
     assert (tmp_path / "x" / "extremes.svg").read_text().startswith("<?xml")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("axis", "value"), [(axes.steps, 20.0), (axes.steps, 1e3), (axes.speed, 1e8)])
 def test_a_model_file_ends_as_the_formulas_of_the_same_mechanism_state(axis, value, tmp_path):
     path = tmp_path / "linkage.xml"
@@ -158,6 +160,7 @@ def test_any_model_has_the_axes_that_apply_to_it():
     assert {"size", "dead centre"} <= {name for name, *_ in stability_map.axes_of(catalog.make("rssr"), True)}
 
 
+@pytest.mark.long
 def test_platforms_and_gallery_mechanisms_report_their_true_outcomes():
     assert axes.steps(ms.load("planar_3rrr"), 1e3).outcome == "passed"
     assert axes.far_start(ms.load("jansen"), 1.0, seed=0).passed

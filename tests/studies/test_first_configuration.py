@@ -12,6 +12,7 @@ PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
 SLIDER = {"crank": 0.05, "rod": 0.05, "offset": 0.0}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "lengths"), [("four_bar", PARALLELOGRAM), ("slider_crank", SLIDER)], ids=["four_bar", "slider"]
 )

@@ -38,6 +38,7 @@ def test_dimensions_are_recovered_to_rounding():
     assert max(result.rms.values()) <= 1e-13
 
 
+@pytest.mark.long
 def test_uncertainties_match_the_scatter_of_repeated_measurements():
     fits = [ms.fit("four_bar", measured(2e-5, seed), [*TRUE]) for seed in range(3)]
     normalised_errors = [
@@ -59,6 +60,7 @@ def test_residuals_replace_missing_deviations():
     )
 
 
+@pytest.mark.long
 def test_undetermined_combinations_of_dimensions_are_reported():
     motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
     table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
@@ -71,6 +73,7 @@ def test_undetermined_combinations_of_dimensions_are_reported():
     assert np.abs(shape - np.array([0.1, 0.032, 0.091, 0.0735]) / 0.1).max() <= 1e-8
 
 
+@pytest.mark.long
 def test_an_unmeasured_dimension_is_reported():
     table = measured(points="B")
     result = ms.fit("four_bar", table, ["coupler", "rocker", "arm"])
@@ -93,6 +96,7 @@ def test_a_file_of_the_gallery_is_fitted_under_its_motion_laws():
 REFERENCE = Path(__file__).parents[2] / "reference"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "vary", "effort"),
     grid([("four_bar", ["coupler", "rocker"], "torque:crank"), ("five_bar", ["arm"], "torque:left")]),

@@ -64,6 +64,7 @@ def test_a_mass_error_of_1e_5_is_rejected():
 WITH_FRICTION = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0.0, 2e-3),))
 
 
+@pytest.mark.long
 def test_runs_are_compared_between_friction_reversals():
     model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), WITH_FRICTION)
     run = ms.dynamics.run(model, initial={"crank.v": 30.0}, duration=0.12, samples=60)

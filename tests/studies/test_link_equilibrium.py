@@ -145,6 +145,7 @@ CASES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES)
 def test_every_link_is_in_equilibrium_under_its_reported_forces(case, method):

@@ -14,6 +14,7 @@ def ankle():
     return ms.export("humanoid_ankle", style="menagerie")
 
 
+@pytest.mark.long
 def test_the_model_agrees_with_the_loop_equations(ankle):
     assert ankle.verification.configurations == 100
     assert ankle.verification.position < 1e-13
@@ -38,6 +39,7 @@ def test_servos_hold_the_closed_keyframe_and_follow_their_control(ankle):
     assert np.abs(data.qvel).max() < 1e-2
 
 
+@pytest.mark.long
 def test_the_verification_rejects_a_wrong_model(ankle):
     solver = ms.load("humanoid_ankle")
     model = mujoco.MjSpec.from_string(ankle.text)

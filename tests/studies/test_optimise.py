@@ -44,6 +44,7 @@ def test_less_torque_ripple_keeps_swing_transmission_and_size():
     assert sum(result.values.values()) <= 0.3
 
 
+@pytest.mark.long
 def test_counterweights_equal_those_of_berkof_and_lowen():
     result = search_result("counterweights")
     assert result.after <= 1e-12 * result.before
@@ -145,6 +146,7 @@ MEASURES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", MEASURES)
 def test_measures_and_derivatives_equal_those_of_sweeps(text):
     start, step = ms.moved("four_bar", angles=ANGLES, speed=10.0), 2.0**-14

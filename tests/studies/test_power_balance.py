@@ -135,6 +135,7 @@ def relative_imbalance(mechanism, forces, motion, record):
     return np.abs(imbalance[valid]).max() / np.abs(power).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step", "formulas"])
 @pytest.mark.parametrize("name", grid(CRANKS, ("slider_crank", "rssr", "cardan_joint")))
 def test_crank_power_balances_energies_losses_and_loads(name, method):
@@ -145,6 +146,7 @@ def test_crank_power_balances_energies_losses_and_loads(name, method):
     assert relative_imbalance(mechanism, forces, motion, record) < (5e-8 if method == "step" else 5e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "method"),
     grid(

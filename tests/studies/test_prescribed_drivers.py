@@ -68,6 +68,7 @@ def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(drivers, path):
     assert "drive hoop" in dict(run.columns())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["60rpm", pytest.param("30deg*sin(2*pi*3*t)", marks=pytest.mark.slow)])
 def test_mujoco_agrees_on_the_driving_torque_and_rejects_a_wrong_one(path, law):
     driven_model = model(path, law)
@@ -82,6 +83,7 @@ def test_mujoco_agrees_on_the_driving_torque_and_rejects_a_wrong_one(path, law):
     assert crosscheck_forward(points_only, driven_model, start).passed
 
 
+@pytest.mark.long
 def test_a_five_bar_with_one_prescribed_and_one_free_motor_agrees():
     linkage = ms.dynamics.dynamic_model(ms.load("five_bar", drive={"left": "2rad+0.3rad*sin(2*pi*t)"}))
     run = ms.dynamics.run(linkage, initial={"right.v": 1.0}, prescribed=["left"], duration=0.05, samples=10)

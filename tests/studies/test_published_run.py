@@ -64,6 +64,7 @@ def test_compliant_loops_of_a_file_are_reported_with_its_settings(tmp_path):
     assert case.passed == (max(case.published.gap, case.published.error) <= 1e-3 * 0.1)
 
 
+@pytest.mark.long
 def test_settings_of_a_file_that_drift_visibly_fail_with_the_remedy_first(tmp_path):
     path, fails = scene(tmp_path, SOFT), {}
     for time_constant in (0.02, 0.008):
@@ -119,6 +120,7 @@ def test_a_drawn_motion_of_a_file_has_the_drift_of_its_own_settings(tmp_path):
     assert np.abs(rate[30:-1] - reference[30:-1]).max() < 0.02 * np.abs(reference).max()
 
 
+@pytest.mark.long
 def test_a_given_tolerance_applies_to_the_settings_of_the_file(tmp_path):
     path = scene(tmp_path, SOFT)
     wide = case_of(loaded(path), tolerance=1e-3)
@@ -140,6 +142,7 @@ def test_a_file_that_diverges_with_its_own_settings_fails(tmp_path):
     assert case.verdict.outcome == "diverged"
 
 
+@pytest.mark.long
 def test_the_command_reports_both_runs_as_text_and_json(tmp_path, monkeypatch, capsys):
     path = scene(tmp_path, SOFT)
     arguments = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
@@ -171,6 +174,7 @@ def test_the_published_run_starts_at_the_requested_keyframe(tmp_path):
     assert first.start[0][0] == 0.0
 
 
+@pytest.mark.long
 def test_a_valid_scene_passes_at_any_stroke(tmp_path):
     path = scene(tmp_path)
     for amplitude in (1e-3,):

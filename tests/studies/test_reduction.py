@@ -114,6 +114,7 @@ def test_a_reduced_scene_satisfies_its_tolerance_in_other_motions(rows):
         )
 
 
+@pytest.mark.long
 def test_the_file_lists_removed_elements_and_keeps_needed_ones(rows):
     text = with_comment(rows, "scene.xml", LIMIT, "m")
     model = mujoco.MjModel.from_xml_string(text)

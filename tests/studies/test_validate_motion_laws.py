@@ -1,6 +1,7 @@
 """Mechanisms with several drivers are validated under their motion laws."""
 
 import numpy as np
+import pytest
 
 from mechsim.studies.agreement.evaluation_points import driver_inputs, evaluation_points
 from mechsim.studies.validate import case_of
@@ -9,6 +10,7 @@ from mechsim.subjects.readers import load
 FIVE_BAR = load("five_bar")
 
 
+@pytest.mark.long
 def test_each_driver_has_its_own_check_by_both_methods():
     case = case_of(FIVE_BAR)
     assert case.passed, case.verdict.reason

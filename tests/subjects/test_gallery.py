@@ -43,6 +43,7 @@ def test_gallery_files_state_their_source_and_law(gallery_solver):
     assert len(head_comment(str(FILES[gallery_solver.name]))) > 20
 
 
+@pytest.mark.long
 def test_gallery_mechanisms_pass_validation_and_satisfy_their_law(gallery_solver):
     case = case_of(gallery_solver, quick=True)
     assert case.passed, case.verdict.reason
@@ -58,6 +59,7 @@ def test_stepped_gallery_mechanisms_pass_validation(gallery_solver):
     assert case.passed, case.verdict.reason
 
 
+@pytest.mark.long
 def test_the_law_rejects_a_dimension_off_by_a_thousandth(gallery_solver):
     name = next(iter(gallery_solver.parameters))
     wrong = load(gallery_solver.name, {name: f"1.001*{gallery_solver.parameters[name]!r}"})
@@ -72,6 +74,7 @@ def test_the_law_rejects_a_dimension_off_by_a_thousandth(gallery_solver):
     )
 
 
+@pytest.mark.long
 def test_a_formula_of_a_file_is_accepted_only_to_rounding(gallery_solver):
     evaluation = evaluation_points(gallery_solver, speed=1.0)
     formula = run_object(gallery_solver.formula)

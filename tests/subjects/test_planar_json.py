@@ -346,6 +346,7 @@ def entry_paths(content, path=()):
         yield from entry_paths(value, (*path, key))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "content", [PYLINKAGE, PYLINKAGE_SLIDER, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER]
 )

@@ -42,6 +42,7 @@ def made(name, digits, row):
     return json.loads(completed.stdout)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "row"), grid([("rssr", 3), ("five_bar", 5)]))
 def test_the_script_reproduces_its_digits_at_another_precision(name, row):
     again, kept = made(name, 50, row), rows(name)[row]

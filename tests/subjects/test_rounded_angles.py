@@ -115,6 +115,7 @@ S = {{ link = "shin" }}
 """
 
 
+@pytest.mark.long
 def test_a_toml_file_moves_in_every_study(tmp_path):
     path = tmp_path / "leg.toml"
     path.write_text(TOML.format(tilt=-0.00079633))

@@ -58,6 +58,7 @@ def test_an_explicit_start_has_priority_over_motion_laws(load):
     np.testing.assert_allclose(lengths(solver.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
 
 
+@pytest.mark.long
 def test_a_relative_motion_law_starts_where_the_legs_reach_the_plate(load):
     solver = load("20mm/s")
     start = lengths(solver.solve(t=[0.0, 0.5]))

@@ -43,6 +43,7 @@ def load(folder, curve="ellipse"):
     return ms.load(str(path))
 
 
+@pytest.mark.long
 def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
     model, times = load(tmp_path), np.linspace(0.0, 1.0, 41)
     point = model.solve(t=times).points["P"]

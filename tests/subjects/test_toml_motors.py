@@ -82,6 +82,7 @@ def model_of(tmp_path, motor):
     return ms.dynamics.dynamic_model(ms.load(str(path), still=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_a_motor_against_scipy(case, tmp_path):
     motor, torque, state_rate, added = CASES[case]

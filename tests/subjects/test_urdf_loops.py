@@ -171,6 +171,7 @@ def test_an_invalid_loop_is_rejected(written, element, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -43,6 +43,7 @@ def collected(folder, *arguments, isolated=True):
     return code, [line for line in out.splitlines() if "::" in line]
 
 
+@pytest.mark.long
 def test_only_the_intended_failure_of_the_sample_project_fails(project):
     code, out = run(project, "--junitxml=junit.xml")
     assert code == 1, out
@@ -74,6 +75,7 @@ def test_a_toml_file_with_a_wrong_formula_fails_under_xdist(project):
     assert "Traceback" not in out
 
 
+@pytest.mark.long
 def test_toml_files_are_collected_if_configured_or_named(project):
     assert collected(project)[1][0] == "models/pump.toml::formula"
     assert collected(project, "-m", "mechsim")[1] == ["models/pump.toml::formula"]

@@ -115,6 +115,7 @@ def test_a_turning_slide_has_both_tangents_of_its_circle(tmp_path, angle):
     assert np.abs(np.array(arms) - exact).max() <= 1e-14 * 4.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["jansen", "klann", "stephenson_six_bar", "planar_3rrr", "quick_return"])
 def test_random_starts_find_the_same_assemblies(name):
     solver = ms.load(name)
@@ -160,6 +161,7 @@ def test_a_spatial_mechanism_is_rejected():
         group_assemblies(solver.mechanism, poses_of(solver, 0.1))
 
 
+@pytest.mark.long
 def test_a_trace_with_groups_states_at_how_many_angles_it_is_complete():
     trace = ms.trace("watt_six_bar", starts=0)
     assert trace.complete_at == 12

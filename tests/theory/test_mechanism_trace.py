@@ -55,6 +55,7 @@ def gap_to_closed_form(linkage, poses, k):
     return min(differences, default=np.inf) / linkage.mechanism.characteristic_length
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(SOLVERS))
 def test_every_pose_of_a_curve_agrees_with_the_closed_form(name):
     linkage = SOLVERS[name]
@@ -69,6 +70,7 @@ def test_every_pose_of_a_curve_agrees_with_the_closed_form(name):
         assert max(gap_to_closed_form(linkage, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(SOLVERS))
 def test_every_assembly_mode_of_the_closed_form_is_on_a_curve(name):
     linkage, result = SOLVERS[name], traced(name)
@@ -148,6 +150,7 @@ def test_curves_of_a_geared_mechanism_satisfy_the_gear_equation():
         assert angles.max() <= 1e-13
 
 
+@pytest.mark.long
 def test_a_curve_of_high_curvature_keeps_its_assembly_mode():
     linkage = catalog.make("four_bar", ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + 1e-10)
     curve = trace(linkage, starts=0).curves[0]
@@ -253,6 +256,7 @@ def geared(ratio):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ratio", "turns"), [(-1.5, 2), (2.0, 1)])
 def test_the_gear_ratio_determines_the_period(ratio, turns):
     assert abs(trace(geared(ratio), starts=0).curves[0].turns) == turns

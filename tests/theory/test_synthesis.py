@@ -154,6 +154,7 @@ def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
     assert measured_deviation(1.001 * result.frame, result.frame_angle, result.rocker, length) > 1.05 * own
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("length", [pytest.param(4e-3, marks=pytest.mark.slow), 11e-3])
 def test_perturbed_linkages_have_a_larger_deviation(length):
     result = synthesize_looper(THROUGH, TILT, length, catalog.make("looper"), equal_ripple=True)

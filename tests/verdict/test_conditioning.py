@@ -67,6 +67,7 @@ def test_configurations_near_a_dead_centre_pass(name):
     assert run.outcome == verdict.outcome == "passed", str(verdict)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "method"),
     [

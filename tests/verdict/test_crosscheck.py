@@ -123,6 +123,7 @@ ONE_ROUTE = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "link", "route"), ONE_ROUTE)
 def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, route: str) -> None:
     linkage = LINKAGES[name]

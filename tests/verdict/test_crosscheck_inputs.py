@@ -28,6 +28,7 @@ CASES = [
 SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "fault", "method"), CASES)
 def test_a_wrong_mechanism_fails(name, fault, method):
     linkage = catalog.make(name)

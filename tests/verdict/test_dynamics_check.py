@@ -74,6 +74,7 @@ def test_the_correct_model_passes(method):
     assert len(verdict.checks) > 10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_wrong_model_fails(method, wrong):
@@ -279,6 +280,7 @@ def test_poor_conditioning_is_reported_with_stepped_forces():
     assert output[0.03] == ""
 
 
+@pytest.mark.long
 def test_a_start_with_a_stiff_motor_conserves_energy():
     motor = motors.TorqueSpeedLine(100.0, 60.0)
     model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))

@@ -70,6 +70,7 @@ def test_formula_checks_on_motion_laws_report_times(swinging):
     assert result.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
 
 
+@pytest.mark.long
 def test_checks_of_a_table_without_times_report_rows(tmp_path):
     solver = ms.load("five_bar")
     motion = solver.solve(t=np.linspace(0.0, 1.0, 11))

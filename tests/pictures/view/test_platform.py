@@ -163,6 +163,7 @@ def test_an_unreachable_pose_is_reported_and_the_sliders_continue(window, pages)
     assert message == ""
 
 
+@pytest.mark.long
 def test_a_platform_needs_several_coupled_drivers(monkeypatch):
     assert platform_of(ms.catalog.make("four_bar").mechanism, {}) is None
     assert platform_of(ms.load("parallel_gripper").mechanism, {}) is None

@@ -28,6 +28,7 @@ def violations_of(text, rule):
     return [violation for violation in ms.check(mujoco.MjSpec.from_string(text)) if violation.rule == rule]
 
 
+@pytest.mark.long
 def test_a_motor_at_a_dead_centre_start_is_no_redundant_actuator():
     assert not violations_of(IN_LINE, "MS201")
     other = '<motor name="second" joint="crank"/></actuator>'
@@ -53,6 +54,7 @@ def test_the_first_keyframe_defines_the_start():
     assert violations_of(IN_LINE.replace("</mujoco>", opened), "MS102")
 
 
+@pytest.mark.long
 def test_a_ball_joint_locked_by_its_range_is_a_fault_only_in_a_loop():
     ball = '<joint name="ball" type="ball" range="0 0" limited="true"/>'
     outside = f'<body pos="0 0 1">{ball}<geom size=".1"/></body></worldbody>'
@@ -81,6 +83,7 @@ def test_constraints_without_effect_are_not_redundant():
     assert violations_of(WELDED.format(twice + twice), "MS107")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tilt", ["", ' euler="30 40 0"'])
 def test_a_planar_loop_in_any_orientation_gives_only_a_note(tilt):
     text = IN_LINE.replace("<worldbody>", f"<worldbody><body{tilt}>").replace(

@@ -21,6 +21,7 @@ def findings_in(tmp_path, text):
     return findings(read_model(str(path)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "fault", "repaired"),
     [

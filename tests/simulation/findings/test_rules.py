@@ -60,6 +60,7 @@ def sound(tmp_path_factory):
     return {violation.rule for violation in ms.check(written(tmp_path_factory.mktemp("sound"), SOUND))}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", FAULTS)
 def test_each_fault_is_reported_by_its_rule(code, tmp_path, sound):
     violations = {violation.rule: violation for violation in ms.check(written(tmp_path, FAULTS[code]))}

@@ -90,6 +90,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_seeded_fault_is_reported_with_element_line_and_remedy(fault, tmp_path):
     change, (kind, what, element) = FAULTS[fault]

@@ -122,6 +122,7 @@ RIGHT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", WRONG)
 def test_a_fault_is_reported_with_its_element(fault, tmp_path):
     text, rule, element = WRONG[fault]
@@ -131,11 +132,13 @@ def test_a_fault_is_reported_with_its_element(fault, tmp_path):
     assert violations[rule].fix
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", RIGHT)
 def test_a_near_miss_is_accepted(case, tmp_path):
     assert set(faults(tmp_path, RIGHT[case])) <= {"MS108"}
 
 
+@pytest.mark.long
 def test_two_mechanisms_ten_metres_apart_are_no_mistake_of_units(tmp_path):
     text, other = four_bar(), four_bar().replace("<worldbody>", '<worldbody><frame pos="12 0 0">')
     start, end = other.index("<frame"), other.index("</worldbody>")
@@ -251,6 +254,7 @@ WELD = """<mujoco><compiler angle="radian"/><worldbody>
  torquescale="{}"/></equality></mujoco>"""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("torquescale", "severity"), [pytest.param(0, "note", marks=pytest.mark.slow), (1, "warning")]
 )
@@ -319,6 +323,7 @@ URDF = """<robot name="knee"><link name="base"/>{}
  0"/></joint></robot>"""
 
 
+@pytest.mark.long
 def test_findings_with_loops_of_a_second_file_name_the_file(tmp_path):
     moments = 'ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"'
     inertial = f'<inertial><mass value=".1"/><inertia {moments}/></inertial>'

@@ -25,6 +25,7 @@ def test_a_correct_formula_of_points_and_a_joint_agrees():
     assert not result.findings
 
 
+@pytest.mark.long
 def test_a_formula_off_by_a_thousandth_fails():
     function = changed(B=lambda item: item["B"] * 1.001)
     result = ms.validate("slider_crank", against=function, stepped=False)
@@ -143,6 +144,7 @@ def test_the_command_reports_that_it_runs_code_in_eighty_columns(monkeypatch, ca
     assert '"findings"' in out
 
 
+@pytest.mark.long
 def test_the_attributed_error_contributions_add_up():
     result = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
     contributions = [result[name] for name in ("formula", "compliance", "time step", "drive")]

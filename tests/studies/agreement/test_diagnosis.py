@@ -77,6 +77,7 @@ CASES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_the_cause_of_a_difference_is_reported_with_its_size(name):
     function, kind, what, by = CASES[name]
@@ -95,6 +96,7 @@ def test_a_correct_formula_has_no_findings():
     assert not result.findings
 
 
+@pytest.mark.long
 def test_an_unexplained_difference_is_reported_as_such():
     result = findings_of(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
     assert not result.passed
@@ -120,6 +122,7 @@ def test_equally_good_causes_are_all_reported():
     assert "as does another" in result.why
 
 
+@pytest.mark.long
 def test_a_phase_error_of_a_motion_law_is_reported():
     solver = ms.load("five_bar")
     late = ms.load(
@@ -155,6 +158,7 @@ def test_a_wrong_gear_ratio_is_reported(model, slip):
     assert f"is {slip:g} instead of {ratio:g}" in cause.message
 
 
+@pytest.mark.long
 def test_a_displaced_joint_is_reported_without_parameters():
     solver = ms.load("four_bar")
     mechanism = solver.mechanism

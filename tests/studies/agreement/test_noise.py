@@ -103,6 +103,7 @@ def test_a_systematic_error_within_the_tolerance_passes_with_noise(tmp_path):
     assert not validated(path, "slider_crank", tolerance=2e-5).passed
 
 
+@pytest.mark.long
 def test_a_column_without_deviation_is_compared_with_the_tolerance(tmp_path):
     path = measured(tmp_path / "half.csv", "four_bar", ("B.x", "B.y"), without_deviation=("B.y",))
     assert not validated(path).passed

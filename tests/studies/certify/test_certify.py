@@ -31,6 +31,7 @@ REGULAR = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", REGULAR)
 def test_a_mechanism_without_singularity_is_certified_over_its_range(name):
     proof = ms.certify(name)
@@ -115,6 +116,7 @@ def test_an_overconstrained_mechanism_is_not_certified():
     assert "overconstrained" in proof.reason
 
 
+@pytest.mark.long
 def test_change_points_and_dead_centres_are_enclosed():
     def enclosed(kind, exact, name, **options):
         proof = ms.certify(name, **options)
@@ -170,6 +172,7 @@ def test_a_rounding_sized_equation_is_no_identity():
     assert len(inexact.kept) > 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "miss", [1e-12, *(pytest.param(miss, marks=pytest.mark.slow) for miss in (0.0, 1e-10, 1e-8, 1e-6))]
 )
@@ -217,6 +220,7 @@ def test_a_motion_law_is_enclosed_between_its_samples():
 NEARLY_SINGULAR = model_text("certify_nearly_singular.toml")
 
 
+@pytest.mark.long
 def test_a_turn_near_a_singularity_is_certified_and_one_through_it_is_not(tmp_path):
     # distances of the crank's end A from the rocker's circle, of radius r about R and with an axis n:
     # |A - R|^2 + r^2 -+ 2 r |A - R - n n.(A - R)|
@@ -237,6 +241,7 @@ def test_a_driver_at_rest_within_a_motion_is_certified():
     assert ms.certify("four_bar", drive=drive, duration=1.0).certified
 
 
+@pytest.mark.long
 def test_a_spike_that_no_sample_hits_is_a_motion():
     # its largest rate is amplitude/width * sqrt(2/e)
     drive = {"crank": "0.6 + 1e-3*exp(-((t - 0.3123456)/1e-6)**2)"}
@@ -313,6 +318,7 @@ def toml(tmp_path, name, **changed):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "bounds"),
     [
@@ -344,6 +350,7 @@ def test_joint_intervals_of_a_file_are_tight_enclosures(name, bounds):
         assert not any(values[:, 2].any() for values in radii.values())
 
 
+@pytest.mark.long
 def test_radii_enclose_a_product_of_three_dimensions(tmp_path):
     # the ground is longer by the product of three dimensions: one or two of them have no effect
     changed = {"parameters": ("arm = 175\n", "arm = 175\nu = 0\nv = 0\nw = 0\n")}
@@ -392,6 +399,7 @@ c = {{ kind = "revolute", a = {{ link = "ground", axis = [1, 0, 0.1] }}, b = {{ 
     assert not ms.certify(path, (0.0, 0.3), within={"tilt": 1e-3}).certified
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["-1 + 0.2*(t + 1)**-2", "-1 + 0.1*(t + 1)**1.5", "-50deg + 0.1*t"])
 def test_powers_of_time_and_sums_with_units_are_enclosed(law):
     assert ms.certify("four_bar", drive={"crank": law}, duration=1.0).certified

@@ -45,6 +45,7 @@ def relative_error(name, rows, spoil=lambda values: values):
     return max(item / max(scales[kind], 1e-6 * largest[kind[1]]) for kind, item in errors.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(REFERENCE, ("four_bar", "bennett", "five_bar")))
 def test_derivatives_agree_with_50_digits(name):
     assert relative_error(name, REFERENCE[name]) <= MAX_ERROR

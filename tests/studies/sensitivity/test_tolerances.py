@@ -43,6 +43,7 @@ def test_monte_carlo_errors_stay_below_the_worst_case():
     assert (study.random("rocker.q")["most"] >= 0.9 * worst).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("distribution", ["uniform", pytest.param("normal", marks=pytest.mark.slow)])
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     result = table("hoeken", quantities=("rocker",))
@@ -57,6 +58,7 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     assert study.sampled.sampling.expansion_error > 0.0
 
 
+@pytest.mark.long
 def test_large_tolerances_use_second_order():
     names = ("crank", "arm", "ground")
     result = table("hoeken", quantities=("rocker",))
@@ -79,6 +81,7 @@ def test_large_tolerances_use_second_order():
     assert np.abs(random["mean"]).max() > 0.01 * deviation.max()
 
 
+@pytest.mark.long
 def test_samples_are_solved_if_the_expansion_is_inaccurate(monkeypatch):
     from mechsim.studies.sensitivity import monte_carlo
 
@@ -113,6 +116,7 @@ def test_every_sample_is_solved_if_a_closed_form_exists():
     )
 
 
+@pytest.mark.long
 def test_a_dimension_and_its_source_cannot_both_vary():
     result = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
     assert not {"hx", "fy"} & set(result.by)

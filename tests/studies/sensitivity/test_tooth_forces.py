@@ -18,6 +18,7 @@ def path(tmp_path):
     return file
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "value", "unit"), [("pressure", 20.0, "deg"), ("across", 30.0, "mm"), ("radius", 12.0, "mm")]
 )

@@ -78,6 +78,7 @@ def test_measures_unavailable_in_stepped_motions_are_rejected(measure, printed):
         swept_task("four_bar", {"crank": [0.03]}, measure, settings=FEW_STEPS, samples=30)
 
 
+@pytest.mark.long
 def test_the_check_rejects_a_wrong_table():
     for task_options in (OPTIONS, {"samples": 12}):
         task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **task_options)

@@ -13,6 +13,7 @@ VARY = {"crank": np.linspace(0.02, 0.06, 5), "coupler": np.linspace(0.03, 0.1, 4
 MEASURES = ["range:rocker", "crank_range"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ["nc", "zarr", "parquet", "csv"])
 def test_a_written_sweep_reads_back(tmp_path, ending):
     path = tmp_path / f"out.{ending}"

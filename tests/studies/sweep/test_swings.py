@@ -52,6 +52,7 @@ def test_swinging_designs_are_batched_over_their_reachable_range(model, monkeypa
         assert extent_of_rocker == pytest.approx(extent(rocker), rel=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
 def test_swinging_designs_agree_with_mujoco_and_single_designs(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
