@@ -5,6 +5,7 @@ import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from typing import Literal
 
 
 def several(count: int, noun: str) -> str:
@@ -51,6 +52,18 @@ class MobilityError(MechsimError, ValueError):
     def __init__(self, message: str, outcome: str = "underdetermined"):
         super().__init__(message)
         self.outcome = outcome
+
+
+class FrictionError(MechsimError, ValueError):
+    """Friction by the load of joints without a unique solution.
+
+    Attributes:
+        outcome: "jammed" or "undetermined".
+    """
+
+    def __init__(self, message: str, outcome: Literal["jammed", "undetermined"]):
+        super().__init__(message)
+        self.outcome: Literal["jammed", "undetermined"] = outcome
 
 
 class BudgetError(MechsimError, RuntimeError):

@@ -11,7 +11,7 @@ from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import OutputUnits, Value, number, print_table, print_text, without_noise
 from mechsim.cli.schema import Settings
 from mechsim.cli.verdict_text import print_verdicts
-from mechsim.errors import InputError
+from mechsim.errors import FrictionError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
@@ -126,6 +126,7 @@ class DynamicsJson(TypedDict):
     outcome: Outcome | None
     method: str
     checks: list[Check]
+    reason: NotRequired[str]
     torque: NotRequired[Effort]
     drives: NotRequired[dict[str, Effort]]
     actuators: NotRequired[dict[str, Effort]]
@@ -211,6 +212,13 @@ def verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
     if verdict is None:
         return {"passed": None, "outcome": None, "method": "none", "checks": []}
     return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": verdict.checks}
+
+
+def without_solution(error: FrictionError) -> Result[Any]:
+    """Return the result of a motion whose friction has no unique solution."""
+    data = verdict_data(None, "none") | {"passed": False, "outcome": error.outcome, "reason": str(error)}
+    text = f"{error.outcome.upper()}: {error}"
+    return Result(data | {"tolerance_report": None}, lambda: print_text(text), passed=False)
 
 
 def with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None = None) -> Result[Any]:

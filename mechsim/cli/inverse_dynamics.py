@@ -22,6 +22,7 @@ from mechsim.cli.dynamics_report import (
     require_turns,
     verdict_data,
     with_masses,
+    without_solution,
 )
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
@@ -38,7 +39,7 @@ from mechsim.cli.output import (
 )
 from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress, sections
-from mechsim.errors import InputError
+from mechsim.errors import FrictionError, InputError
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantities import quantity
@@ -148,7 +149,10 @@ def inverse(
             f"{model.mechanism.name}: the prescribed motion replaces {', '.join(replaced)} of the file"
         )
         model = replace(model, forces=model.forces.without_motor())
-    result = _prescribed(model, options, shown, units is not None, verbose)
+    try:
+        result = _prescribed(model, options, shown, units is not None, verbose)
+    except FrictionError as error:
+        result = without_solution(error)
     return with_masses(model, result, verbose)
 
 

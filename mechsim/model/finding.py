@@ -90,6 +90,9 @@ Outcome = Literal[
     "turned back",
     "stopped",
     "dead centre",
+    # friction by the load without a solution, or with several
+    "jammed",
+    "undetermined",
     "too stiff",
     "work budget spent",
 ]

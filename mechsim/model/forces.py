@@ -13,57 +13,16 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.actuators import Actuator
-from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
+from mechsim.model.joint_friction import Friction
+from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Controller, Motor
-from mechsim.numerics.inputs import HUGE, number, numbers, require
+from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, require
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
 Location = str | tuple[str, Vector]
-
-
-@dataclass(frozen=True, slots=True)
-class Friction:
-    """Friction in a joint; it opposes the rate of the joint.
-
-    In a revolute or prismatic joint the torque or force on link b along the joint's axis is
-    -(viscous q' + coulomb sign q'). A cylindrical joint has this force along its axis and, with
-    `viscous_turn` and `coulomb_turn`, a torque about it. A universal joint has a torque about each axis, by
-    the rate about that axis. In a spherical joint it is a moment against the relative angular velocity w:
-    `-(viscous w + coulomb w / |w|)`.
-
-    Attributes:
-        joint: name of the joint.
-        viscous: coefficient in [N m s] for rotation, [N s/m] for sliding; 0 or more.
-        coulomb: Coulomb friction in [N m] or [N], independent of the load on the joint; 0 or more.
-        viscous_turn: coefficient of rotation in a cylindrical joint, in [N m s].
-        coulomb_turn: Coulomb friction of rotation in a cylindrical joint, in [N m].
-    """
-
-    joint: str
-    viscous: float = 0.0
-    coulomb: float = 0.0
-    viscous_turn: float = 0.0
-    coulomb_turn: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("viscous", "viscous_turn"):
-            _at_least_zero(f"viscous friction in joint {self.joint!r}", getattr(self, name))
-        for name in ("coulomb", "coulomb_turn"):
-            _at_least_zero(f"Coulomb friction in joint {self.joint!r}", getattr(self, name))
-
-    @property
-    def dry(self) -> bool:
-        """Whether there is Coulomb friction."""
-        return bool(self.coulomb or self.coulomb_turn)
-
-    def sizes(self, kind: Kind) -> list[tuple[float, float]]:
-        """Return (viscous, Coulomb) of each coordinate of a joint; a spherical joint has one pair."""
-        sliding, turning = (self.viscous, self.coulomb), (self.viscous_turn, self.coulomb_turn)
-        turns = 1 if kind.ball else len(kind.turns)
-        return [sliding] * len(kind.slides) + [turning if kind.mixed else sliding] * turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +45,9 @@ class Spring:
 
     def __post_init__(self) -> None:
         name = f"of the spring between {self.a} and {self.b}"
-        _at_least_zero(f"stiffness {name}", self.stiffness)
-        _at_least_zero(f"rest length {name}", self.rest)
-        _at_least_zero(f"damping {name}", self.damping)
+        at_least_zero(f"stiffness {name}", self.stiffness)
+        at_least_zero(f"rest length {name}", self.rest)
+        at_least_zero(f"damping {name}", self.damping)
         if self.a == self.b:
             raise InputError(f"a spring joins {self.a} to itself; name two different points")
 
@@ -110,7 +69,7 @@ class JointSpring:
     rest: float = 0.0
 
     def __post_init__(self) -> None:
-        _at_least_zero(f"stiffness of the spring in joint {self.joint!r}", self.stiffness)
+        at_least_zero(f"stiffness of the spring in joint {self.joint!r}", self.stiffness)
         if not abs(number(self.rest)) < HUGE:
             raise InputError(
                 f"rest of the spring in joint {self.joint!r} is {self.rest}; "
@@ -195,24 +154,14 @@ class Forces:
         if gravity.shape != (3,) or not (np.abs(gravity) < HUGE).all():
             raise InputError(f"gravity is {self.gravity} m/s2; give three finite numbers, below {HUGE:g}")
         object.__setattr__(self, "gravity", tuple(gravity.tolist()))
-        _at_least_zero("moment of inertia of the flywheel", self.flywheel)
+        at_least_zero("moment of inertia of the flywheel", self.flywheel)
         if self.crank_torque is not None and self.crank_torque.width != 1:
             raise InputError("the load on the crank has three components; give its torque alone")
 
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError unless all joints, points and links exist and their kinds fit."""
         for friction in self.friction:
-            name = mechanism.joint(friction.joint).kind
-            if KINDS[name].dof in (0, 6):
-                raise InputError(
-                    f"friction is given in {name} joint {friction.joint!r}, which cannot have friction; "
-                    "leave it out"
-                )
-            if not KINDS[name].mixed and (friction.viscous_turn or friction.coulomb_turn):
-                raise InputError(
-                    f"friction of rotation besides that of sliding is given in {name} joint "
-                    f"{friction.joint!r}; only a {kinds_that(lambda kind: kind.mixed)} joint has both"
-                )
+            friction.check(mechanism.joint(friction.joint))
         for spring in self.joint_springs:
             name = mechanism.joint(spring.joint).kind
             if not KINDS[name].single:
@@ -301,11 +250,6 @@ def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
             f"position {point} on link {link!r} is not three finite numbers in [m]; give x, y, z"
         )
     return link, point
-
-
-def _at_least_zero(what: str, value: float) -> None:
-    if not 0.0 <= number(value) < HUGE:
-        raise InputError(f"{what} is {value}; give a finite number, 0 or more, below {HUGE:g}")
 
 
 # forces on a mechanism for which none are stated: MuJoCo's default gravity, along -y

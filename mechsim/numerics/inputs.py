@@ -31,6 +31,12 @@ def numbers(value: object) -> NDArray[np.float64]:
     return np.array(np.nan)
 
 
+def at_least_zero(what: str, value: float) -> None:
+    """Raise InputError for a negative, huge or no number."""
+    if not 0.0 <= number(value) < HUGE:
+        raise InputError(f"{what} is {value}; give a finite number, 0 or more, below {HUGE:g}")
+
+
 def units_remedy(value: object, example: str) -> str:
     """Return the end of an error message for text instead of a number in SI; empty for other values."""
     return f"; convert text by {example}" if isinstance(value, str) else ""

@@ -33,18 +33,28 @@ PLAUSIBLE = (0.01, 10.0)
 # unit of the coordinate -> unit of viscous friction, Coulomb friction and stiffness
 _VISCOUS: dict[str, Unit] = {"m": "N s/m", "rad": "N m s/rad"}
 _COULOMB: dict[str, Unit] = {"m": "N", "rad": "N m"}
+# other numbers of a friction
+FRICTION_NUMBERS = (
+    *("viscous_turn", "coulomb_turn", "coefficient", "pin_radius", "collar_radius", "bearing_length"),
+)
 _STIFFNESS: dict[str, Unit] = {"m": "N/m", "rad": "N m/rad"}
 
 
 def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> Forces | None:
     """Return the forces on a mechanism; None if the file defines none."""
-    if "forces" not in read:
+    rubbing = {
+        name: joint["friction"] for name, joint in read.get("joints", {}).items() if "friction" in joint
+    }
+    if "forces" not in read and not rubbing:
         return None
-    table: dict[str, Any] = read["forces"]
+    table: dict[str, Any] = read.get("forces", {})
     with values.source.error_context(("forces",)):
         forces = Forces(
             gravity=table.get("gravity", WEIGHT.gravity),
-            friction=tuple(_frictions(values, mechanism, table)),
+            friction=(
+                *_frictions(values, mechanism, table.get("friction", {}), ("forces", "friction")),
+                *_frictions(values, mechanism, rubbing, ("joints",), ("friction",)),
+            ),
             springs=tuple(_springs(values, mechanism, table)),
             joint_springs=tuple(_joint_springs(values, mechanism, table)),
             loads=tuple(_loads(values, mechanism, table)),
@@ -81,15 +91,18 @@ def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping
             raise source.error(("couplings", name, "pressure_angle"), reason)
 
 
-def _frictions(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[Friction]:
-    for joint, entry in table.get("friction", {}).items():
-        path = ("forces", "friction", joint)
+def _frictions(
+    values: Values, mechanism: Mechanism, tables: Mapping[str, Any], before: KeyPath, after: KeyPath = ()
+) -> Iterator[Friction]:
+    """Yield the frictions of joints, whose tables have the key path before, joint, after."""
+    for joint, entry in tables.items():
+        path = (*before, joint, *after)
         unit = _unit(values, mechanism, joint, path)
         first = {
             key: values.quantity(entry.get(key, 0.0), units[unit], (*path, key))
             for key, units in (("viscous", _VISCOUS), ("coulomb", _COULOMB))
         }
-        others = {key: entry[key] for key in ("viscous_turn", "coulomb_turn") if key in entry}
+        others = {key: entry[key] for key in FRICTION_NUMBERS if key in entry}
         with values.source.error_context(path):
             yield Friction(joint, **first, **others)
 

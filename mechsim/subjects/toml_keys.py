@@ -115,6 +115,10 @@ _FRICTION = Table(
         "coulomb": JointNumber(_COULOMB),
         "viscous_turn": Number("N m s/rad", "viscous friction of the rotation in a cylindrical joint"),
         "coulomb_turn": Number("N m", "Coulomb friction of the rotation in a cylindrical joint"),
+        "coefficient": Number("1", "coefficient of friction on the load that the joint transmits"),
+        "pin_radius": Number("m", "radius of the pin, ball or thread, at which friction acts"),
+        "collar_radius": Number("m", "radius at which the friction of an axial force acts"),
+        "bearing_length": Number("m", "distance of the two forces that carry a bending moment"),
     },
     "friction in a joint",
 )
@@ -304,6 +308,7 @@ _JOINT = Table(
             AnyOf((JointNumber("a limit"), TableOf(JointNumber("a limit"), "of a coordinate")), "a limit"),
             "lower and upper limit of the coordinate, and restitution, 0 to 1; or these by coordinate",
         ),
+        "friction": _FRICTION,
     },
     "a joint",
     ("kind", "a", "b"),

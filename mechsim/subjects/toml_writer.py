@@ -21,6 +21,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import MotionLaw, WrittenLoad
+from mechsim.subjects.toml_forces import FRICTION_NUMBERS
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 # limit in place of an infinite one on one side
@@ -130,7 +131,7 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     for actuator in forces.actuators:
         table["motors", actuator.name] = _actuator(actuator)
     for friction in forces.friction:
-        values = _fields(friction, "viscous", "coulomb", "viscous_turn", "coulomb_turn")
+        values = _fields(friction, "viscous", "coulomb", *FRICTION_NUMBERS)
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
     for i, spring in enumerate(forces.springs, 1):
         ends = {"a": _point(spring.a), "b": _point(spring.b)}

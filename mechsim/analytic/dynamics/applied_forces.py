@@ -30,7 +30,7 @@ STILL = 1e-7
 class Dry:
     """Coulomb friction: its magnitude in [N m] or [N], and the opposed rate (n,) per radian of the crank."""
 
-    magnitude: float
+    magnitude: float | Array
     rate: Array
     still: NDArray[np.bool_]
 
@@ -62,14 +62,12 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
     """
     joint = unit.mechanism.joint(friction.joint)
     kind = KINDS[joint.kind]
-    lengths = [unit.mechanism.characteristic_length] * len(kind.slides) + [1.0] * len(kind.turns)
     viscous: list[Array] = []
     frictions: list[Dry] = []
-    for (damper, magnitude), rate, length in zip(
-        friction.sizes(kind), joint_rates(unit, joint), lengths, strict=False
-    ):
+    rates = joint_rates(unit, joint)
+    for i, ((damper, magnitude), rate) in enumerate(zip(friction.sizes(kind), rates, strict=False)):
         viscous.append(-damper * rate)
-        frictions.append(Dry(magnitude, rate, np.abs(rate) <= STILL * length))
+        frictions.append(dry_friction(unit, joint, rates, i, magnitude))
     add_joint_forces(unit, damping, joint, viscous)
     add_joint_forces(
         unit,
@@ -78,6 +76,15 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
         [-friction_force.magnitude * friction_force.direction for friction_force in frictions],
     )
     return [friction_force for friction_force in frictions if friction_force.magnitude]
+
+
+def dry_friction(
+    unit: UnitMotion, joint: Joint, rates: Sequence[Array], index: int, magnitude: float = 0.0
+) -> Dry:
+    """Return the Coulomb friction of a joint's coordinate, with the rates of all its coordinates."""
+    slides = index < len(KINDS[joint.kind].slides)
+    length = unit.mechanism.characteristic_length if slides else 1.0
+    return Dry(magnitude, rates[index], np.abs(rates[index]) <= STILL * length)
 
 
 def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Sequence[Array]) -> None:

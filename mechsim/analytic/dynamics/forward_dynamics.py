@@ -40,6 +40,7 @@ from mechsim.analytic.dynamics.contacts import (
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.analytic.dynamics.initial_state import StateLayout
 from mechsim.analytic.dynamics.link_forces import kinetic_energy
+from mechsim.analytic.dynamics.reduced_equation import require_constant_friction
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide, crossing
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, MissingToolError, OutputError
@@ -194,6 +195,7 @@ class Integration:
         progress: Progress = no_progress,
         budget: int = BUDGET,
     ) -> None:
+        require_constant_friction(equations.model, "runs from an initial state")
         self.equations, self.tolerance, self.progress = equations, tolerance, progress
         self.budget = budget
         self.contacts = Contacts(equations, stops, restitution)

@@ -16,6 +16,7 @@ from mechsim.analytic.dynamics.applied_forces import (
     applied,
     loads,
 )
+from mechsim.analytic.dynamics.load_friction import with_load_friction
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, kinetic_energy_of_links, reduced_coefficients
@@ -139,6 +140,7 @@ def prescribed(
         InputError: for rates that are not finite, loads over time with unknown times, crank angles under
             motion laws, or more instants than fit into memory.
         AssemblyError: where the loops do not close.
+        FrictionError: where friction by the load jams the mechanism or is undetermined.
     """
     require("what is to be solved", model, DynamicModel)
     model.forces.require_no_controllers(model.mechanism.name)
@@ -221,7 +223,6 @@ def moved_as(
     """
     angle, flywheel = unit.angle, model.forces.flywheel
     acting, outside = applied(model, unit), loads(model, unit, times)
-    reduced = reduced_coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)
     shared = np.zeros_like(inertial)
     if not unit.drivers:
@@ -229,6 +230,8 @@ def moved_as(
         driver = unit.mechanism.crank
         add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
     _add_actuators(unit, shared, actuators or {})
+    acting = with_load_friction(unit, model.forces, acting, inertial - outside.wrenches - shared, w)
+    reduced = reduced_coefficients(unit, acting, flywheel)
     forces = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = reduced.torque(w, e) - outside.torque
     force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)

@@ -72,7 +72,8 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     columns, rows = _scales(mechanism, jacobian.shape[1])
     scaled = np.swapaxes(jacobian * columns, 1, 2) * rows  # (n, 6 L, m)
     right = needed.reshape(len(unit), -1) * columns
-    solution, slack, sound = _least_norm(scaled, right)
+    solution, slack, sound = _least_norm(scaled, right[..., None])
+    solution = solution[..., 0]
     multipliers = solution * rows
     imbalance = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
     scale = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
@@ -100,9 +101,9 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
 
 
 def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return minimum-norm solutions, (n, m), the common null space, (n, m, s), and where it is complete.
+    """Return minimum-norm solutions, (n, m, k), the common null space, (n, m, s), and where it is complete.
 
-    At the other instants, (n,) False, the null space is larger.
+    At the other instants, (n,) False, the null space is larger. `right` is (n, 6 L, k).
     """
     u, values, vt = np.linalg.svd(np.real(matrix), full_matrices=True)
     significant = values > RANK_TOLERANCE * values[:, :1]
@@ -110,11 +111,45 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
     sound = significant.sum(1) == rank
     if np.iscomplexobj(matrix):
         slack = stepped_null_space(matrix, matrix.shape[2] - rank, RANK_TOLERANCE)
-        return stepped_least_norm(matrix, right, RANK_TOLERANCE), slack, sound
+        return stepped_least_norm(matrix, right[..., 0], RANK_TOLERANCE)[..., None], slack, sound
     kept = significant[:, :rank, None]
-    projected = np.where(kept, np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None], 0.0)
+    projected = np.where(kept, np.swapaxes(u[:, :, :rank], 1, 2) @ right, 0.0)
     projected = projected / np.where(kept, values[:, :rank, None], 1.0)
-    return (np.swapaxes(vt[:, :rank], 1, 2) @ projected)[..., 0], np.swapaxes(vt[:, rank:], 1, 2), sound
+    return np.swapaxes(vt[:, :rank], 1, 2) @ projected, np.swapaxes(vt[:, rank:], 1, 2), sound
+
+
+def linear_reactions(
+    unit: UnitMotion, needed: Array, joints: Sequence[Joint]
+) -> list[tuple[Array, Array, NDArray[np.bool_]]]:
+    """Return the wrenches of joints that exert several sets of wrenches on the links.
+
+    Args:
+        unit: the motion.
+        needed: as for `balance`, in columns, (n, L, 6, k): a state, and changes of it.
+        joints: k joints.
+
+    Returns:
+        For each joint the wrenches on link b about its point, (n, 6, k), those of self-stresses, (n, 6, s),
+        and whether these are all, (n,). Tooth forces that separate wheels are linear about the state.
+    """
+    mechanism, jacobian = unit.mechanism, unit.locked_rows.jacobian
+    columns, rows = _scales(mechanism, jacobian.shape[1])
+    scaled = np.swapaxes(jacobian * columns, 1, 2) * rows
+    right = needed.reshape(len(unit), -1, needed.shape[-1]) * columns[:, None]
+    solution, slack, sound = _least_norm(scaled, right)
+    multipliers, slack = solution * rows[:, None], slack * rows[:, None]
+    spans = dict(zip([joint.name for joint in mechanism.joints], _spans(mechanism), strict=True))
+    result: list[tuple[Array, Array, NDArray[np.bool_]]] = []
+    for joint in joints:
+        wrench, _ = _wrench(unit, joint, spans[joint.name], multipliers)
+        alone, _ = _wrench(unit, joint, spans[joint.name], slack)
+        for share in shares(unit, joint):
+            row = _row(mechanism, share.coupling, multipliers)
+            along = share.linear + share.separating * np.sign(multipliers[:, row, :1])
+            wrench = wrench + along[..., None] * multipliers[:, None, row]
+            alone = alone + along[..., None] * slack[:, None, row]
+        result.append((wrench, alone, sound))
+    return result
 
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:

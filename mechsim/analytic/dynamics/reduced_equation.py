@@ -63,8 +63,19 @@ def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
 
     Accuracy: a few ulp times the condition number of the loop equations; no finite differences are used.
     """
+    require_constant_friction(model, "the reduced equation")
     unit = model.unit_motion(angles)
     return reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
+
+
+def require_constant_friction(model: DynamicModel, what: str) -> None:
+    """Raise InputError for friction by the load, which depends on speeds and accelerations."""
+    joints = [friction.joint for friction in model.forces.friction if friction.coefficient]
+    if joints:
+        raise InputError(
+            f"{model.mechanism.name}: friction by the load, in {', '.join(joints)}, is not part of {what}; "
+            "give `coulomb` instead of a coefficient, or a prescribed motion"
+        )
 
 
 def reduced_coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
@@ -159,6 +170,7 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
 
 def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first angle, and the constant torque."""
+    require_constant_friction(model, "the reduced equation")
     # a mechanism that passes a change point may have a period of two revolutions
     turns = round(model.solver.period / REVOLUTION)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)

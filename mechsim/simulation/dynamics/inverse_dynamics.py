@@ -1,13 +1,13 @@
 """Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from mechsim.model.force_record import ForceRecord
+from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
@@ -26,6 +26,7 @@ from mechsim.simulation.dynamics.applied_forces import (
     together,
 )
 from mechsim.simulation.dynamics.friction import oppose
+from mechsim.simulation.dynamics.load_friction import friction_of_state, rubbing_coordinates
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
@@ -47,26 +48,49 @@ class LoadedState:
         jacobian: of the loop constraints, (n, m, nv).
         outer: applied forces.
         plain: MuJoCo's fields under these forces, with open loops.
+        rubbing: power lost in friction by the load, (n,) in [W].
     """
 
     states: States
     jacobian: Array
     outer: AppliedForces
     plain: Fields
+    rubbing: Array
 
 
-def loaded_state(loaded: LoadedModel, states: States) -> LoadedState:
-    """Return states under loads, springs, friction and motor, with open loops and without a drive."""
+def loaded_state(
+    loaded: LoadedModel,
+    states: States,
+    reactions_of: Callable[[LoadedState], Mapping[str, Reaction]] | None = None,
+) -> LoadedState:
+    """Return states under loads, springs, friction and motor, with open loops and without a drive.
+
+    Args:
+        loaded: the mechanism and its forces.
+        states: the n states.
+        reactions_of: the reactions of a state, on which friction by the load depends; None leaves it out.
+    """
     angle = states.qpos[:, loaded.loops.crank_address]
     model = loaded.looking()
     applied = loaded.nothing(len(angle))
     applied.controls[:] = loaded.controls(angle, states.time)
     rates = loaded.look(model, states, applied)
     oppose(loaded.dry, rates["actuator_velocity"], applied.controls)
-    outer = together(applied, dry_friction(loaded, rates, states.qvel))
-    return LoadedState(
-        states, loaded.loops.linearise(states.qpos)[1], outer, loaded.look(model, states, outer)
-    )
+    jacobian = loaded.loops.linearise(states.qpos)[1]
+    constant = together(applied, dry_friction(loaded, rates, states.qvel))
+    coordinates = rubbing_coordinates(loaded, rates) if reactions_of else []
+
+    def under(frictions: Array) -> LoadedState:
+        outer, power = replace(constant, wrenches=constant.wrenches.copy()), np.zeros(len(angle))
+        for item, friction in zip(coordinates, frictions.T, strict=True):
+            item.apply(loaded, rates, outer, friction)
+            power += friction * item.speed
+        return LoadedState(states, jacobian, outer, loaded.look(model, states, outer), power)
+
+    if reactions_of is None or not coordinates:
+        return under(np.zeros((len(angle), 0)))
+    name = loaded.mechanism.name
+    return under(friction_of_state(coordinates, lambda frictions: reactions_of(under(frictions)), name))
 
 
 def crank_tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
@@ -258,7 +282,7 @@ def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array
     power = state.plain["actuator_force"] * state.plain["actuator_velocity"]
     lost = -(state.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
     lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
-    lost += (model.tendon_frictionloss * np.abs(state.plain["ten_velocity"])).sum(1)
+    lost += (model.tendon_frictionloss * np.abs(state.plain["ten_velocity"])).sum(1) + state.rubbing
     loads = slice(kinds.crank_torque.start, kinds.couples.stop)
     return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
 
@@ -310,13 +334,7 @@ def inverse_dynamics(
     for first in range(0, len(time), CHUNK):
         chunk = slice(first, first + CHUNK)
         states = States(time[chunk], away[chunk], _rates(loaded, away[chunk]) * speed[chunk, None])
-        state = loaded_state(loaded, states)
-        chunks.append(
-            (
-                states,
-                force_record(loaded, state, *drive_and_constraint_forces(loaded, state, acceleration[chunk])),
-            )
-        )
+        chunks.append((states, _prescribed_forces(loaded, states, acceleration[chunk])))
         finished = min(first + CHUNK, len(time))
         progress(f"{finished:,} of {len(time):,} poses", finished / len(time))
     record = join([record for _, record in chunks])
@@ -330,6 +348,15 @@ def inverse_dynamics(
         interpolated[rows] = True
     record = replace(record, at_branch_point=interpolated)
     return Posed(qpos, join([states for states, _ in chunks]), neighbourhoods, record)
+
+
+def _prescribed_forces(loaded: LoadedModel, states: States, acceleration: Array) -> ForceRecord:
+    """Return the forces of states with given accelerations of the crank, (n,)."""
+
+    def record_of(state: LoadedState) -> ForceRecord:
+        return force_record(loaded, state, *drive_and_constraint_forces(loaded, state, acceleration))
+
+    return record_of(loaded_state(loaded, states, lambda state: record_of(state).reactions))
 
 
 def _interpolated_forces(
@@ -346,10 +373,7 @@ def _interpolated_forces(
     qpos = change_point.states.copy()
     qpos[:, loaded.loops.crank_address] += revolutions
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
-    state = loaded_state(loaded, states)
-    around = force_record(
-        loaded, state, *drive_and_constraint_forces(loaded, state, np.full(count, acceleration))
-    )
+    around = _prescribed_forces(loaded, states, np.full(count, acceleration))
     record = weighted_sums(around, change_point.weights(np.array([angle_mod_2pi])))
     # the direction of sliding is -1, 0 or 1
     return replace(record, angle=np.array([angle]), sliding=np.round(record.sliding))
@@ -397,16 +421,23 @@ def forces_of_states(
     records = []
     for first in range(0, len(states.time), CHUNK):
         chunk = _straightened(loaded, states.chunk(first))
-        state = loaded_state(loaded, chunk)
-        acting = replace(state.outer, generalised=state.outer.generalised.copy())
-        if force is not None:
-            acting.generalised[:, moved] += LIGHTER * force[first : first + CHUNK]
-        nonlinear = _coupling_accelerations(loaded, state)
-        acting.generalised[:] -= (state.plain["inertia"] @ nonlinear[..., None])[..., 0]
-        fields = _looked(loaded, model, chunk, acting)
-        fields["qacc"] = fields["qacc"] + nonlinear
-        multipliers, torque = constraint_forces(loaded, state, fields)
-        records.append(force_record(loaded, state, fields["qacc"], multipliers, torque))
+        driving = None if force is None else LIGHTER * force[first : first + CHUNK]
+
+        def record_of(
+            state: LoadedState, chunk: States = chunk, driving: Array | None = driving
+        ) -> ForceRecord:
+            acting = replace(state.outer, generalised=state.outer.generalised.copy())
+            if driving is not None:
+                acting.generalised[:, moved] += driving
+            nonlinear = _coupling_accelerations(loaded, state)
+            acting.generalised[:] -= (state.plain["inertia"] @ nonlinear[..., None])[..., 0]
+            fields = _looked(loaded, model, chunk, acting)
+            fields["qacc"] = fields["qacc"] + nonlinear
+            multipliers, torque = constraint_forces(loaded, state, fields)
+            return force_record(loaded, state, fields["qacc"], multipliers, torque)
+
+        state = loaded_state(loaded, chunk, lambda state, record_of=record_of: record_of(state).reactions)
+        records.append(record_of(state))
     return join(records)
 
 

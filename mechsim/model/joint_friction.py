@@ -1,0 +1,167 @@
+"""Friction in joints: viscous, Coulomb, and in proportion to the load of the joint.
+
+Coulomb friction T opposes the rate of a coordinate, with T at most
+
+- revolute: mu (r_p F_radial + r_b F_axial + (r_p / l) M_bending) + T_0;
+- prismatic, as a force: mu (F_normal + M_bending / l + M_torsion / r_p) + T_0;
+- cylindrical: mu (F_radial + M_bending / l) along, and r_p times it about the axis, each for itself;
+- spherical: mu r_p F;
+- screw, as a torque about its axis: mu (r_p / cos a) N + mu r_b F_axial + T_0, with the force N normal to the
+  thread and tan a = lead / (2 pi r_p). It holds any axial load at rest if mu >= tan a.
+
+F and M are magnitudes of the force and moment that the joint transmits, about its point on link b; the
+coefficient of friction mu, pin radius r_p, collar radius r_b and bearing length l are those of the joint, T_0
+its `coulomb`. Terms without a radius or length are left out.
+
+Source: J. Fraczek and M. Wojtyra, On the unique solvability of a direct dynamics problem for mechanisms with
+redundant constraints and Coulomb friction in joints, Mechanism and Machine Theory 46 (2011) 312-334; R.
+Budynas and J. Nisbett, Shigley's Mechanical Engineering Design (2015), section 8-2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
+from mechsim.model.joints import Joint
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import at_least_zero
+
+# number of magnitudes whose sum is the load of a coordinate
+TERMS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Friction in a joint; it opposes the rate of the joint.
+
+    In a revolute or prismatic joint the torque or force on link b along the joint's axis is
+    -(viscous q' + coulomb sign q'). A cylindrical joint has this force along its axis and, with
+    `viscous_turn` and `coulomb_turn`, a torque about it. A universal joint has a torque about each axis, by
+    the rate about that axis. In a spherical joint it is a moment against the relative angular velocity w:
+    `-(viscous w + coulomb w / |w|)`. A `coefficient` adds to `coulomb` what the load of the joint causes.
+
+    Attributes:
+        joint: name of the joint.
+        viscous: coefficient in [N m s] for rotation, [N s/m] for sliding; 0 or more.
+        coulomb: Coulomb friction in [N m] or [N], independent of the load on the joint; 0 or more.
+        viscous_turn: coefficient of rotation in a cylindrical joint, in [N m s].
+        coulomb_turn: Coulomb friction of rotation in a cylindrical joint, in [N m].
+        coefficient: coefficient of friction mu, 0 or more.
+        pin_radius: radius at which the friction of a rotation acts, in [m]: of the pin, ball or thread.
+        collar_radius: radius at which the friction of the axial force of a pin acts, in [m].
+        bearing_length: length l over which a pair of forces carries a bending moment, in [m].
+    """
+
+    joint: str
+    viscous: float = 0.0
+    coulomb: float = 0.0
+    viscous_turn: float = 0.0
+    coulomb_turn: float = 0.0
+    coefficient: float = 0.0
+    pin_radius: float = 0.0
+    collar_radius: float = 0.0
+    bearing_length: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("viscous", "viscous_turn"):
+            at_least_zero(f"viscous friction in joint {self.joint!r}", getattr(self, name))
+        for name in ("coulomb", "coulomb_turn"):
+            at_least_zero(f"Coulomb friction in joint {self.joint!r}", getattr(self, name))
+        for name in ("coefficient", *_LENGTHS):
+            what = f"{name} of friction in joint {self.joint!r}".replace("_", " ")
+            at_least_zero(what, getattr(self, name))
+            if name in _LENGTHS and getattr(self, name) and not self.coefficient:
+                raise InputError(f"{what} has no effect without a coefficient; give one, or leave it out")
+
+    @property
+    def dry(self) -> bool:
+        """Whether there is Coulomb friction."""
+        return bool(self.coulomb or self.coulomb_turn or self.coefficient)
+
+    def check(self, joint: Joint) -> None:
+        """Raise InputError unless the joint can have this friction."""
+        kind = KINDS[joint.kind]
+        where = f"{joint.kind} joint {joint.name!r}"
+        if kind.dof in (0, 6):
+            raise InputError(f"friction is given in {where}, which cannot have friction; leave it out")
+        if not kind.mixed and (self.viscous_turn or self.coulomb_turn):
+            raise InputError(
+                f"friction of rotation besides that of sliding is given in {where}; only a "
+                f"{kinds_that(lambda kind: kind.mixed)} joint has both"
+            )
+        if not self.coefficient:
+            return
+        if not _loaded(kind):
+            raise InputError(
+                f"a coefficient of friction is given in {where}; give `coulomb` there, or a coefficient in a "
+                f"{kinds_that(_loaded)} joint"
+            )
+        if kind.turns and not self.pin_radius:
+            raise InputError(
+                f"the coefficient of friction in {where} has no radius at which the friction acts; give "
+                "pin_radius"
+            )
+
+    def sizes(self, kind: Kind) -> list[tuple[float, float]]:
+        """Return (viscous, Coulomb) of each coordinate of a joint; a spherical joint has one pair."""
+        sliding, turning = (self.viscous, self.coulomb), (self.viscous_turn, self.coulomb_turn)
+        turns = 1 if kind.ball else len(kind.turns)
+        return [sliding] * len(kind.slides) + [turning if kind.mixed else sliding] * turns
+
+    def loads(self, joint: Joint, axis: Array) -> list[tuple[int, Array]]:
+        """Return maps of the wrench that a joint transmits to the terms of its loads.
+
+        Each friction is the sum of the terms' magnitudes. The wrench on link b, in ground axes and about the
+        joint's point, includes the friction of the thread of a screw, the first of its two.
+
+        Args:
+            joint: the joint.
+            axis: its axis, (n, 3); not used for a ball.
+
+        Returns:
+            For each friction the index of its coordinate in the joint, 0 for a ball, and (n, TERMS, 3, 6).
+        """
+        kind, mu, r = KINDS[joint.kind], self.coefficient, self.pin_radius
+        along = axis[:, :, None] * axis[:, None, :]
+        across = np.eye(3) - along
+        arm = 1.0 / self.bearing_length if self.bearing_length else 0.0
+        if kind.ball:
+            return [(0, _terms(mu * r * np.broadcast_to(np.eye(3), across.shape)))]
+        if kind.helical:
+            tangent = joint.lead / (2.0 * np.pi * r)
+            cosine = 1.0 / np.sqrt(1.0 + tangent**2)
+            normal = np.concatenate([along * cosine, along * (-tangent * cosine / r)], 2)
+            thread = np.zeros((len(axis), TERMS, 3, 6))
+            thread[:, 0] = mu * r / cosine * normal
+            return [(1, thread), (1, _terms(mu * self.collar_radius * along))]
+        if kind.mixed:
+            sliding = _terms(mu * across, moment=mu * arm * across)
+            return [(0, sliding), (1, r * sliding)]
+        if kind.hinge:
+            return [(0, _terms(mu * r * across, mu * self.collar_radius * along, mu * r * arm * across))]
+        return [(0, _terms(mu * across, moment=mu * arm * across, torsion=along * (mu / r if r else 0.0)))]
+
+
+_LENGTHS = ("pin_radius", "collar_radius", "bearing_length")
+
+
+def _loaded(kind: Kind) -> bool:
+    """Whether a joint kind can have a coefficient of friction."""
+    return kind.drivable or (kind.ball and kind.pivot)
+
+
+def _terms(
+    force: Array, second: Array | None = None, moment: Array | None = None, torsion: Array | None = None
+) -> Array:
+    """Return terms of a load, (n, TERMS, 3, 6), from maps (n, 3, 3) of the force and the moment."""
+    result = np.zeros((len(force), TERMS, 3, 6))
+    result[:, 0, :, :3] = force
+    if second is not None:
+        result[:, 1, :, :3] = second
+    if moment is not None:
+        result[:, 2, :, 3:] = moment
+    if torsion is not None:
+        result[:, 1, :, 3:] = torsion
+    return result

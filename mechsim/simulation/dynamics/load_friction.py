@@ -1,0 +1,150 @@
+"""Friction by the load of joints, iterated with MuJoCo's own reactions.
+
+The reactions of a state give the friction of each joint, which changes the reactions. The iteration stops
+when the frictions no longer change; their changes shrink by a constant ratio.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mechsim.errors import FrictionError
+from mechsim.model.force_record import Reaction
+from mechsim.model.joint_friction import Friction
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, Vector
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.dynamics.applied_forces import Fields, add_force
+from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
+from mechsim.simulation.recording import link_motions
+
+# relative change of the frictions at which the iteration ends, and its largest number: with a ratio of 0.9 it
+# needs 290
+CONVERGED, MAX_ITERATIONS = 1e-13, 400
+# rate relative to the largest one of a joint's coordinate at which it stands still: rounding
+STILL = 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class RubbingCoordinate:
+    """A coordinate of a joint with friction by its load, at n states.
+
+    Attributes:
+        friction: of the joint.
+        joint: the joint.
+        number: of this friction among those of the joint.
+        axis: axis of the joint on side a, (n, 3).
+        along: direction of the friction of a unit magnitude on link b, against the motion, (n, 3).
+        speed: rate of the coordinate, (n,), 0 or more.
+        turns: whether it is a rotation.
+        point: the joint's point on link b, (n, 3).
+    """
+
+    friction: Friction
+    joint: Joint
+    number: int
+    axis: Array
+    along: Array
+    speed: Array
+    turns: bool
+    point: Array = field(repr=False)
+
+    def magnitude(self, reaction: Reaction, present: Array) -> Array:
+        """Return the friction by a reaction, (n,); the present friction loads the thread of a screw."""
+        moment = reaction.moment
+        if KINDS[self.joint.kind].helical and not self.number:
+            moment = moment + present[:, None] * self.along
+        wrench = np.concatenate([reaction.force, moment], 1)
+        _, maps = self.friction.loads(self.joint, self.axis)[self.number]
+        terms = (maps @ wrench[:, None, :, None])[..., 0]
+        return np.sqrt((terms**2).sum(2)).sum(1)
+
+    def apply(self, loaded: LoadedModel, fields: Fields, forces: AppliedForces, magnitude: Array) -> None:
+        """Add the friction, (n,) in [N] or [N m], to applied forces."""
+        effort = magnitude[:, None] * self.along
+        for link, sign in ((self.joint.b.link, 1.0), (self.joint.a.link, -1.0)):
+            if self.turns:
+                forces.wrenches[:, loaded.body(link), 3:] += sign * effort
+            else:
+                add_force(forces.wrenches, fields, loaded.body(link), self.point, sign * effort)
+
+
+def rubbing_coordinates(loaded: LoadedModel, fields: Fields) -> list[RubbingCoordinate]:
+    """Return the coordinates with friction by their load at the states of MuJoCo's fields."""
+    result: list[RubbingCoordinate] = []
+    for friction in loaded.forces.friction:
+        if friction.coefficient:
+            joint = loaded.mechanism.joint(friction.joint)
+            for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
+                if maps.any():
+                    result.append(_coordinate(loaded, fields, friction, joint, number, index))
+    return result
+
+
+def _coordinate(
+    loaded: LoadedModel, fields: Fields, friction: Friction, joint: Joint, number: int, index: int
+) -> RubbingCoordinate:
+    kind, n = KINDS[joint.kind], len(fields["qacc"])
+    links = link_motions(loaded.model, loaded.track, fields)
+
+    def motion(link: str, local: Vector) -> tuple[Array, Array, Array]:
+        """Return position and velocity of a point, and angular velocity."""
+        if link == GROUND:
+            return np.broadcast_to(np.asarray(local), (n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        body, arm = links[link], links[link].rotation @ np.asarray(local)
+        velocity = body.velocity + np.cross(body.angular_velocity, arm)
+        return body.position + arm, velocity, body.angular_velocity
+
+    frame = np.broadcast_to(np.eye(3), (n, 3, 3)) if joint.a.link == GROUND else links[joint.a.link].rotation
+    frame = frame @ joint.a.frame
+    (_, first, spin), (point, second, other) = (
+        motion(joint.a.link, joint.a.point),
+        motion(joint.b.link, joint.b.point),
+    )
+    turns = index >= len(kind.slides)
+    if kind.ball:
+        rate = other - spin
+    else:
+        axis = frame[..., 2 if turns else COLUMN[kind.slides[index]]]
+        start = motion(joint.a.link, joint.a.point)[0]
+        moved = other - spin if turns else second - first - np.cross(spin, point - start)
+        rate = axis * (axis * moved).sum(1)[:, None]
+    speed = np.sqrt((rate**2).sum(1))
+    slow = speed <= STILL * speed.max(initial=0.0)
+    along = -rate / np.where(slow, np.inf, speed)[:, None]
+    return RubbingCoordinate(friction, joint, number, frame[..., 2], along, speed, turns, point)
+
+
+def friction_of_state(
+    coordinates: Sequence[RubbingCoordinate],
+    reactions_under: Callable[[Array], Mapping[str, Reaction]],
+    name: str,
+) -> Array:
+    """Return the frictions, (n, k), that the reactions under them cause.
+
+    Args:
+        coordinates: the k coordinates.
+        reactions_under: frictions (n, k) -> joint to its reaction.
+        name: of the mechanism.
+
+    Raises:
+        FrictionError: if the iteration does not converge.
+    """
+    magnitudes = np.zeros((len(coordinates[0].speed), len(coordinates)))
+    for _ in range(MAX_ITERATIONS):
+        reactions = reactions_under(magnitudes)
+        columns = zip(coordinates, magnitudes.T, strict=True)
+        after = np.stack(
+            [item.magnitude(reactions[item.joint.name], magnitude) for item, magnitude in columns], 1
+        )
+        change = np.abs(after - magnitudes).max(1, initial=0.0)
+        magnitudes = after
+        if (change <= CONVERGED * np.abs(magnitudes).max(1, initial=0.0)).all():
+            return magnitudes
+    raise FrictionError(
+        f"{name}: the frictions by MuJoCo's reactions do not converge within {MAX_ITERATIONS} iterations; "
+        "reduce a coefficient of friction",
+        "jammed",
+    )
