@@ -48,7 +48,7 @@ def balanced_friction(base: Array, response: Array) -> tuple[Array, Array, Array
         matrix = np.eye(k) - derivative
         regular = np.abs(np.linalg.det(matrix)) > 0.0
         matrix = np.where(regular[:, None, None], matrix, np.eye(k))
-        step = np.linalg.solve(matrix, (value - x)[..., None])[..., 0]
+        step: Array = np.linalg.solve(matrix, (value - x)[..., None])[..., 0].astype(np.float64)
         newton, simple = x + step, value
         after, after_derivative = image(newton)
         worse = ~(regular & (_residual(newton, after) <= REDUCED * residual) & (newton >= 0.0).all(1))

@@ -167,7 +167,7 @@ def _joint_springs(values: Values, mechanism: Mechanism, table: Mapping[str, Any
             yield JointSpring(joint, stiffness, rest)
 
 
-def _unit(values: Values, mechanism: Mechanism, joint: str, path: tuple[str, ...]) -> Unit:
+def _unit(values: Values, mechanism: Mechanism, joint: str, path: KeyPath) -> Unit:
     """Return the unit of a joint's first coordinate; "rad" for a spherical joint."""
     kinds: dict[str, KindName] = {joint_.name: joint_.kind for joint_ in mechanism.joints}
     if joint not in kinds:
