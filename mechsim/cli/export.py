@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import typer
 
 from mechsim import files
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -115,6 +115,7 @@ def export(
     options: ExportOptions,
     setting: SettingOptions,
     driven: DriveOptions,
+    stated: Stated,
     sets: Sets = None,
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
@@ -130,19 +131,13 @@ def export(
     if (model is None) == (options.every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
     if options.every is not None:
-        alone = ExportOptions(every=options.every, scene=options.scene)
-        if options != alone or driven != DriveOptions() or sets or output or settings:
-            raise InputError(
-                "--all exports every mechanism as it is; leave out --set, --drive, --cut, --speed, "
-                "--tolerance, --format, settings and -o"
-            )
+        stated.exclude(stated.options.keys() - {"every", "scene", "as_json"}, "with --all")
         return _catalogue(options.every, scene_of(options.scene))
     assert model is not None
     options.require_compatible(settings)
     if options.file_format != "toml":  # which contains the motion laws
         require_other_drivers(model, sets, driven)
-        if driven.duration is not None:
-            raise InputError("--duration has an effect with --format toml only; leave it out")
+        stated.exclude(["duration"], "without --format toml")
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     with progress("export", None) as report:

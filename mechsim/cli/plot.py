@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, command, option_names
 from mechsim.cli.load_options import (
     InitialOptions,
     LoadOptions,
@@ -73,10 +73,7 @@ def plot(
     path = writable(output)
     if source.model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
         require_taken("of a sweep", ("coordinates",), options)
-        if source.sets or speed != SPEED or source.as_arguments() != DriveOptions().as_arguments():
-            raise InputError(
-                f"{source.model} is the file of a sweep; leave out what changes, drives or locks a mechanism"
-            )
+        stated.exclude(("sets", "speed", *option_names(DriveOptions)), "on the file of a sweep")
         figure = drawn_sweep(source.model, options.coordinates, None if kind == "motion" else kind)
         name, masses = source.model, ()
     else:
@@ -89,23 +86,19 @@ def plot(
         if row.released == "always" or (row.released == "either" and initial.requested):
             if kind in VIBRATIONS:
                 stated.exclude(["until", "duration", "drive", "track"], f"on plot {kind!r}")
-            plotted = _released(source, initial, options, speed)
+            stated.exclude(["speed"], "on drivers that are free; give --initial J.v")
+            release = initial.release(released_model(source), source)
+            plotted = PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
         else:
             plotted = _driven(source, initial, options, speed, kind)
+            if not plotted.solver.motion_laws.crank:
+                stated.exclude(["speed"], "under motion laws")
         with progress("plot", None) as report:
             plotted = replace(plotted, progress=report)
             figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(path, figure)
     data: Any = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
     return Result(data, lambda: print_masses(masses), files=[output])
-
-
-def _released(source: ModelOptions, initial: InitialOptions, options: PlotOptions, speed: str) -> PlotSource:
-    """Return what is drawn of a mechanism whose drivers move freely."""
-    release = initial.release(released_model(source), source)
-    if speed != SPEED:
-        raise InputError("--speed applies to a driven crank, and the drivers are free; give --initial J.v")
-    return PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
 
 
 def _driven(
@@ -122,10 +115,6 @@ def _driven(
             f"plot {kind!r} shows a driven motion; a run from an initial state is shown by {kinds}"
         )
     solver = source.load_moving()
-    if not solver.motion_laws.crank and speed != SPEED:
-        raise InputError(
-            f"--speed applies to a crank without a motion law; {solver.name} has one: leave it out"
-        )
     if not solver.motion_laws.crank and kind not in TIMED:
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {', '.join(TIMED)}")
     return PlotSource(

@@ -44,6 +44,10 @@ from mechsim.units import crank_speed, option, parse_angle
 
 # duration of the animation of one cycle of a mode in [s]
 CYCLE = 2.0
+# options of the motion of a driven crank
+DRIVEN = ("method", "angle", "turns", "frames_per_turn", "trace", "direction")
+# options that a curve of assemblies excludes
+NOT_TRACED = ("method", "angle", "speed", "turns", "slow", "direction", "overlay")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +132,10 @@ def render(
     """
     picture = output.endswith(".png")
     path = writable(output, ".png", ".mp4", ".webm", ".gif", "")
-    _check(output, animation, look)
+    _check(stated, output, animation, look)
     if release.requested:
         exclude_without_effect(stated, release)
+        _exclude(stated, look, DRIVEN, "on drivers that are free")
         return _released(source, output, animation, look, release)
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
@@ -140,7 +145,11 @@ def render(
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank
-    _require_effect(stated, animation, look, path, solver.name, timed=timed)
+    if timed:
+        stated.exclude(["speed"], "under motion laws")
+    elif animation.slow is None:
+        unshown = ["speed"] if animation.method == "closed" and not look.arrows else []
+        stated.exclude(unshown + ([] if path.suffix else ["fps"]), "without --slow")
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
@@ -173,17 +182,6 @@ def render(
     )
 
 
-def _require_effect(
-    stated: Stated, animation: AnimationOptions, look: Look, path: Path, name: str, *, timed: bool
-) -> None:
-    """Raise InputError for an option without an effect on a driven motion; a timed one has motion laws."""
-    if timed and animation.speed != AnimationOptions().speed:
-        raise InputError(f"--speed applies to a crank without a motion law; {name} has one: leave it out")
-    if not timed and animation.slow is None:
-        timed_only = ["speed"] if animation.method == "closed" and not look.arrows else []
-        stated.exclude(timed_only + ([] if path.suffix else ["fps"]), "without --slow")
-
-
 def _released(
     source: ModelOptions,
     output: str,
@@ -192,8 +190,6 @@ def _released(
     options: ReleaseOptions,
 ) -> Result[RenderJson]:
     """Draw a run from an initial state, or one cycle of a mode of vibration."""
-    reason = "{name} applies to a driven crank, and the drivers are free; leave it out"
-    _check_left_out(animation, look, ("--slow", "--positions"), reason)
     model = released_model(source)
     release = options.release(model, source)
     if options.mode is None:
@@ -246,24 +242,11 @@ def frame_count(seconds: float, fps: float) -> int:
     return count
 
 
-def _check_left_out(animation: AnimationOptions, look: Look, allowed: Sequence[str], reason: str) -> None:
-    """Raise InputError with a reason, which contains {name}, for an option of the drawn motion."""
-    usual = AnimationOptions()
-    options = {
-        "--from": animation.method != usual.method,
-        "--angle": animation.angle is not None,
-        "--speed": animation.speed != usual.speed,
-        "--turns": animation.turns != usual.turns,
-        "--frames-per-turn": animation.frames_per_turn is not None,
-        "--trace": animation.trace,
-        "--slow": animation.slow is not None,
-        "--direction": look.direction,
-        "--positions": look.overlay > 1,
-        "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
-    }
-    for name, is_set in options.items():
-        if is_set and name not in allowed:
-            raise InputError(reason.format(name=name))
+def _exclude(stated: Stated, look: Look, options: Sequence[str], where: str) -> None:
+    """Raise InputError for options, and arrows of forces, without an effect where the text says."""
+    stated.exclude(options, where)
+    if {"force", "moment"} & set(look.arrows):
+        stated.exclude(["arrows"], f"as force or moment {where}")
 
 
 def _written(
@@ -299,29 +282,18 @@ def _assembly_curve(
     return _write_animation(path, solver, motion, True, look, {"fps": animation.fps, "every": every})
 
 
-def _check(output: str, animation: AnimationOptions, look: Look) -> None:
+def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look) -> None:
     """Raise InputError for options that exclude each other."""
-    usual = AnimationOptions()
-    still = output.endswith(".png")
-    positions = f"{look.overlay} positions over one another"
-    if still and look.overlay > 1 and animation.angle is not None:
-        raise InputError(f"{positions} show the whole motion; leave out --angle or --positions")
-    if not still and look.overlay > 1:
-        raise InputError(f"{positions} make a still picture; write it to a .png file")
-    if not still and animation.angle is not None:
-        raise InputError(
-            f"--angle {animation.angle} is for a still picture; write it to a .png file, or leave it out"
-        )
-    for name, is_set in (("--fps", animation.fps != usual.fps), ("--slow", animation.slow is not None)):
-        if still and is_set:
-            raise InputError(f"{name} applies to an animation, and {output!r} is one picture; leave it out")
+    if output.endswith(".png"):
+        stated.exclude(["fps", "slow"], "on a picture")
+        if look.overlay > 1:
+            stated.exclude(["angle"], "with --positions, which show the whole motion")
+    else:
+        stated.exclude(["angle", "overlay"], "on an animation, only on a .png file")
     if animation.trace:
-        reason = "--trace follows the curve of assemblies; leave out {name}"
-        _check_left_out(animation, look, ("--trace", "--frames-per-turn"), reason)
-    if look.magnify is not None and animation.method != "both":
-        raise InputError(
-            f"--magnify {look.magnify:g} magnifies the error between two methods; add --from both"
-        )
+        _exclude(stated, look, NOT_TRACED, "with --trace, which follows the curve of assemblies")
+    if animation.method != "both":
+        stated.exclude(["magnify"], "without --from both, whose difference it magnifies")
     width, height = look.size
     if output.endswith((".mp4", ".webm")) and (width % 2 or height % 2):
         raise InputError(

@@ -144,9 +144,8 @@ def sensitivity(
     plot_path = None if options.plot is None else writable(options.plot, ".svg", ".pdf", ".png")
     parametric = source.load_parametric()
     solver = parametric.make({})
-    if not solver.motion_laws.crank and (options.angles or options.speed):
-        name = "--angles" if options.angles else "--speed"
-        raise InputError(f"{name} applies to a crank without a motion law; leave it out with --drive")
+    if not solver.motion_laws.crank:
+        stated.exclude(["angles", "speed"], "under motion laws")
     if options.angles is None:
         instants = spread_instants(solver)
     else:

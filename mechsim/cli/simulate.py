@@ -46,7 +46,7 @@ WITHOUT_CONTROLS = (
 OF_STEPS = ("timestep", *option_names(SettingOptions))
 # options that apply to a crank only and are invalid with motion laws
 CRANK_OPTIONS = ("speed", "turns", "profile")
-HAS_LAW = "applies to a crank without a motion law; leave it out, and give --duration"
+UNDER_LAWS = "under motion laws, whose time is --duration"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,12 +87,6 @@ class RunOptions:
         if self.samples is not None and self.samples < 2:
             raise InputError(f"--samples is {self.samples}; give 2 or more")
 
-    def exclude(self, *names: str, because: str) -> None:
-        """Raise InputError for options that are set."""
-        for name in names:
-            if getattr(self, name) is not None:
-                raise InputError(f"--{name} {because}")
-
     @property
     def records(self) -> int | None:
         """The number of recorded instants after the first; None without an option for it."""
@@ -124,7 +118,7 @@ def simulate(
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
         from mechsim.cli.scene_run import run_under_controls
 
-        options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
+        stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
         controlled = user_scene(source.model, source, controls)
         plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, path)
@@ -134,9 +128,13 @@ def simulate(
         stated.exclude(["units"], "without -o")
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
-    motion = None if options.poses is not None else _motion(require_motion(solver), options)
+    if options.poses is not None:
+        stated.exclude((*CRANK_OPTIONS, *OF_STEPS, "samples", "tolerance"), "with --at, which solves poses")
+    elif not require_motion(solver).motion_laws.crank:
+        stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
+    motion = None if options.poses is not None else _motion(solver, options)
     if motion is None:
-        run, laws = _poses(solver, options, settings, model_scene), None
+        run, laws = _poses(solver, options, model_scene), None
     else:
         run = _run(solver, motion, options, settings, model_scene)
         laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
@@ -180,7 +178,6 @@ def _motion(solver: KinematicSolver, options: RunOptions) -> CrankProfile:
     """Return the motion of the crank, or the path parameter of motion laws."""
     laws = solver.motion_laws
     if not laws.crank:
-        options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
         return laws.path_profile
     if options.profile:
         return _profile(options.profile)
@@ -218,14 +215,10 @@ def _run(
         )
 
 
-def _poses(solver: KinematicSolver, options: RunOptions, settings: Mapping[str, Any], scene: Scene) -> Run:
+def _poses(solver: KinematicSolver, options: RunOptions, scene: Scene) -> Run:
     """Solve the poses at rows of driver coordinates."""
-    options.exclude(*CRANK_OPTIONS, "samples", because="applies to a motion; leave it out with --at")
-    options.exclude(
-        "tolerance", "timestep", because="applies to steps; poses with --at are solved to rounding"
-    )
-    if options.method == "step" or settings:
-        raise InputError("--at solves poses; leave out --method step and settings of steps")
+    if options.method == "step":
+        raise InputError("--at solves poses; leave out --method step")
     assert options.poses is not None
     rows = driver_path(solver, files.read(options.poses), options.poses, uniform=True)
     last = max(round(rows.motion_laws.duration), 1)

@@ -11,7 +11,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import JSON_OPTION, Result, command
+from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance, most_severe
 from mechsim.cli.options import (
     SPEED,
@@ -72,19 +72,16 @@ class SolveOptions:
         metavar="FILE",
     )
 
-    def check(self, solver: KinematicSolver) -> None:
+    def check(self, solver: KinematicSolver, stated: Stated) -> None:
         """Raise InputError for options that exclude each other."""
-        if (self.angles or self.speed) and (not solver.motion_laws.crank or self.poses):
-            name = "--angles" if self.angles else "--speed"
-            raise InputError(
-                f"{name} applies to a crank without a motion law; leave it out with --drive and --at"
-            )
-        if self.samples is not None:
-            if not 2 <= self.samples <= MAX_SAMPLES:
-                raise InputError(f"--samples is {self.samples}; give 2 to {MAX_SAMPLES}")
-            if self.angles or self.poses:
-                name = "--angles" if self.angles else "--at"
-                raise InputError(f"{name} determines the rows; leave out --samples")
+        if self.poses:
+            stated.exclude(["angles", "speed", "samples"], "with --at, which determines the rows")
+        if not solver.motion_laws.crank:
+            stated.exclude(["angles", "speed"], "under motion laws")
+        if self.angles:
+            stated.exclude(["samples"], "with --angles, which determine the rows")
+        if self.samples is not None and not 2 <= self.samples <= MAX_SAMPLES:
+            raise InputError(f"--samples is {self.samples}; give 2 to {MAX_SAMPLES}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +121,7 @@ class SolveJson(TypedDict):
 def solve(
     source: ModelOptions,
     options: SolveOptions,
+    stated: Stated,
     change_point: ChangePointOption = None,
     units: Units = None,
     output: Annotated[str | None, output_file("Motion to write: .csv or .npz.")] = None,
@@ -136,15 +134,15 @@ def solve(
     mechsim solve arm.xml --drive 'left=30deg*sin(2*pi*t)' --samples 101
     """
     path = None if output is None else writable(output, ".csv", ".npz")
-    if as_json and path is None and units is not None:
-        raise InputError("--units has no effect with --json, which is in SI, without -o; leave it out")
+    if as_json and path is None:
+        stated.exclude(["units"], "with --json, which is in SI, without -o")
     solver = with_policy(source.load(), change_point)
     if options.poses is not None:
-        options.check(solver)
+        options.check(solver, stated)
         poses = poses_of_table(solver, files.read(options.poses), options.poses)
         return _whole(solver, poses, path, output_units(units, solver))
     require_motion(solver)
-    options.check(solver)
+    options.check(solver, stated)
     task, shown = _task(solver, options), output_units(units, solver)
     in_terminal = path is None and sys.stdout.isatty()
     if as_json or in_terminal or (path is not None and path.suffix.lower() == ".npz"):

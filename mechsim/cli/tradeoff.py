@@ -9,7 +9,7 @@ import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, option_names
 from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model
 from mechsim.cli.output import Value, number, print_table, print_text, width
@@ -116,10 +116,7 @@ def tradeoff(
     if costs:
         stated.exclude(("sets", "output", "plot", "speed", "budget", "seed", "by"), "with --costs")
         return _costs(source, controls)
-    if controls.ctrl or source.as_arguments() != DriveOptions().as_arguments():
-        raise InputError(
-            "--drive, --ctrl, --lock, --key, --track and --duration are for --costs; give it too"
-        )
+    stated.exclude(("ctrl", *option_names(DriveOptions)), "without --costs")
     if by not in COMPARED:
         raise InputError(f"there is no error by {by!r}; choose from {', '.join(COMPARED)}")
     timer = _timed_budget(budget, drawn=plot is not None)

@@ -151,12 +151,12 @@ def validate(
     mechsim validate four_bar
     mechsim validate slider_crank --against my_kinematics.py:position
     """
-    driven_or_changed = driven != DriveOptions() or bool(sets)
     if chosen.against is not None:
         stated.exclude(("certify", "budget", "formula", "reference"), "with --against")
     if chosen.reference:
-        if chosen != ValidateOptions(reference=True) or driven_or_changed:
-            raise InputError("--reference excludes all options but names and --json; leave them out")
+        stated.exclude(
+            stated.options.keys() - {"reference", "models", "verbose", "as_json"}, "with --reference"
+        )
         return _by_reference(models or (), verbose)
     with output_folder(chosen.report) as folder:
         return _validate(models, chosen, driven, sets, folder, verbose=verbose, as_json=as_json)

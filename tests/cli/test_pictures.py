@@ -68,8 +68,8 @@ def test_slow_motion_sets_the_number_of_frames(mechsim):
         (("--turns", "nan"), "nan turns"),
         (("--arrows", "speed"), "no arrow 'speed'"),
         (("--from", "both", "--magnify", "0"), "give a finite factor above 0"),
-        (("--magnify", "30"), "add --from both"),
-        (("--angle", "30deg"), "for a still picture"),
+        (("--magnify", "30"), "without --from both"),
+        (("--angle", "30deg"), "only on a .png file"),
         (("--from", "foo"), "choose closed, simulated or both"),
         (("--turns", "1e9"), "fewer than 10000"),
     ],
@@ -85,14 +85,11 @@ def test_invalid_options_of_render_are_rejected(mechsim, tmp_path, options, mess
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--fps", "20"), "--fps applies to an animation"),
-        (("--slow", "10"), "--slow applies to an animation"),
-        (("--positions", "3", "--angle", "20deg"), "leave out --angle or --positions"),
-        (
-            ("--trace", "--speed", "5rpm"),
-            "--trace follows the curve of assemblies; leave out --speed",
-        ),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
+        (("--fps", "20"), "--fps has no effect on a picture"),
+        (("--slow", "10"), "--slow has no effect on a picture"),
+        (("--positions", "3", "--angle", "20deg"), "--angle has no effect with --positions"),
+        (("--trace", "--speed", "5rpm"), "--speed has no effect with --trace"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed has no effect under motion laws"),
     ],
 )
 def test_animation_options_for_a_still_picture_are_rejected(mechsim, tmp_path, options, message):
@@ -159,7 +156,7 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
         ),
         (("--kind", "bode"), "a Bode diagram needs --response LOAD:QUANTITY"),
         (("--kind", "quantities"), "no quantity is named; give --of"),
-        (("--kind", "phase", "--speed", "5rpm"), "--speed applies to a driven crank"),
+        (("--kind", "phase", "--speed", "5rpm"), "--speed has no effect on drivers that are free"),
         pytest.param(
             ("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate", marks=pytest.mark.slow
         ),
@@ -167,7 +164,7 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
             ("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"),
             "has no quantity transmission",
         ),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed has no effect under motion laws"),
     ],
 )
 def test_an_option_of_another_kind_of_plot_is_rejected(mechsim, tmp_path, options, message):
@@ -256,7 +253,7 @@ def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
     ("options", "message"),
     [
         (("--mode", "2", *INITIAL), "there is no mode 2; this equilibrium has modes 1 to 1"),
-        ((*INITIAL, "--angle", "3deg"), "--angle applies to a driven crank"),
+        ((*INITIAL, "--angle", "3deg"), "--angle has no effect on drivers that are free"),
         ((*INITIAL, "--duration", "1e9s"), "frames; give a shorter --duration"),
     ],
 )

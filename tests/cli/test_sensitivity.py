@@ -68,7 +68,7 @@ def test_the_text_output_lists_quantities_and_the_plot(sensitivity):
             "--distribution has no effect without --tolerances",
         ),
         (["four_bar", "--of", "C", "--samples", "-1"], "give 0 to"),
-        (["five_bar", "--of", "P", "--speed", "5"], "--speed applies to a crank without a motion law"),
+        (["five_bar", "--of", "P", "--speed", "5"], "--speed has no effect under motion laws"),
     ],
 )
 def test_invalid_input_gives_one_line(sensitivity, options, output):
