@@ -128,11 +128,7 @@ def simulate(
         stated.exclude(["units"], "without -o")
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
-    if options.poses is not None:
-        stated.exclude((*CRANK_OPTIONS, *OF_STEPS, "samples", "tolerance"), "with --at, which solves poses")
-    elif not require_motion(solver).motion_laws.crank:
-        stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
-    motion = None if options.poses is not None else _motion(solver, options)
+    motion = _motion(solver, options, stated)
     if motion is None:
         run, laws = _poses(solver, options, model_scene), None
     else:
@@ -174,10 +170,14 @@ def _print_written(output: str | None, rows: int) -> None:
         typer.echo(f"wrote {rows} rows to {output}")
 
 
-def _motion(solver: KinematicSolver, options: RunOptions) -> CrankProfile:
-    """Return the motion of the crank, or the path parameter of motion laws."""
-    laws = solver.motion_laws
+def _motion(solver: KinematicSolver, options: RunOptions, stated: Stated) -> CrankProfile | None:
+    """Return the motion of the crank, or the path parameter of motion laws; None for a table of poses."""
+    if options.poses is not None:
+        stated.exclude((*CRANK_OPTIONS, *OF_STEPS, "samples", "tolerance"), "with --at, which solves poses")
+        return None
+    laws = require_motion(solver).motion_laws
     if not laws.crank:
+        stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
         return laws.path_profile
     if options.profile:
         return _profile(options.profile)
