@@ -240,11 +240,7 @@ def load_model(
     driven, parameters = driven or DriveOptions(), changed_parameters(sets)
     warn_about_parameters(model, parameters)
     opened = load_by_motors if by_motors else load
-    solver = opened(model, parameters, **driven.as_arguments(), still=still)
-    if driven.lock_others:
-        locked = [name for name in solver.mechanism.locked if name not in dict(driven.lock)]
-        notes.append(f"{solver.name}: joints locked at their initial values: {', '.join(locked) or 'none'}")
-    return _with_notes(solver)
+    return _with_notes(opened(model, parameters, **driven.as_arguments(), still=still))
 
 
 def load_parametric(

@@ -256,6 +256,8 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
             f"{count} checks passed{counted_findings(case.warnings)}"
             if case.passed
             else f"{failed} of {count} checks failed"
+            if failed
+            else "a comparison failed without a check"
         )
         hints = "" if verbose else "; -v lists all, --report DIR writes HTML"
         typer.echo(f"{result} (% = error/tolerance{hints})")

@@ -345,9 +345,12 @@ class CrankLaw(MotionLaws):
         if not mechanism.drivers:
             joints = ", ".join(name for joint in mechanism.joints for name in joint.coordinates)
             if not joints:
+                link = mechanism.links[-1].name
                 raise InputError(
-                    f"{mechanism.name} has no driver, and no joint with a coordinate that a motion law could "
-                    "prescribe: its balls and free joints have none; mechsim show, check and export accept it"
+                    f"{mechanism.name} has no driver, and its balls and free joints have no coordinate that "
+                    "a motion law could prescribe; drive a point or a link, as in "
+                    f"--drive '{link}.rx=30deg*sin(2*pi*t)', or run it from an initial state "
+                    "(mechsim dynamics forward)"
                 )
             raise InputError(
                 f"{mechanism.name} has no driver; give the motion law of one of its joints {joints} by "

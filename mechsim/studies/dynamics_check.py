@@ -36,8 +36,8 @@ MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
 STEPS_IN_C = 4
 # largest number of steps of one run, and of compared segments of a run with impacts
 MAX_STEPS, MAX_SEGMENTS = 400_000, 8
-# rate of a joint that never moves, in [rad/s] or [m/s]
-REST = 1e-12
+# rate of a joint that never moves, in [rad/s] or [m/s]: accelerations of 1e-11 are rounding of weight
+REST = 1e-10
 # rate of points at rest relative to that of rotations at the size of the mechanism, from rounding
 RESTING = 1e-9
 # tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo

@@ -56,8 +56,12 @@ def prescribed_solver(
         # the path to a locked value can need the other locks
         at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
         solver = prescribed_solver(source, changed, at_start, assembled=assembled, guess=guess)
-        lock = {**prescription.lock, **dict.fromkeys(undetermined_joints(solver.mechanism))}
-        prescription = replace(prescription, lock_others=False, lock=lock)
+        others = undetermined_joints(solver.mechanism)
+        lock = {**prescription.lock, **dict.fromkeys(others)}
+        locking = replace(prescription, lock_others=False, lock=lock)
+        solver = prescribed_solver(source, changed, locking, assembled=assembled, guess=guess)
+        fact = f"joints locked at their initial values: {', '.join(others) or 'none'}"
+        return solver.with_mechanism(solver.mechanism, facts=(*solver.facts, fact))
     description = source.describe(changed, prescription)
     if prescription.loops is not None and not description.prescribed:
         name = description.solver.name
@@ -214,7 +218,7 @@ def _motion_laws(
     if requested is not None:
         raise InputError(
             f"{mechanism.name} has no motion laws for a duration of {requested:g} s; "
-            "give --drive JOINT=LAW too; a run from an initial state needs --initial J.q=VALUE"
+            "give --drive COORDINATE=LAW too; a run from an initial state is mechsim dynamics forward"
         )
     return CRANK
 

@@ -81,15 +81,16 @@ def coordinates_of(values: Values, read: Mapping[str, Any]) -> FileCoordinates:
 
 
 def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...], *, still: bool) -> tuple[str, ...]:
-    """Return the driven coordinates: of the file, else the requested ones, else the default ones.
+    """Return the driven coordinates: of the file, else the requested joints, else the default ones.
 
-    There are none if no joint can be driven, as of a spherical pendulum; with `still` none is required.
+    There are none if no joint can be driven, as of a spherical pendulum, or if only points or links are; with
+    `still` none is required.
     """
-    drivers = coordinates.read.get("drivers") or requested
-    if not drivers and "drivers" not in coordinates.read:
+    drivers = coordinates.read.get("drivers") or [name for name in requested if name in coordinates.kinds]
+    if not requested and "drivers" not in coordinates.read:
         drivers = default_drivers(coordinates)
     drivable = any(KINDS[kind].drivable for kind in coordinates.kinds.values())
-    if not drivers and drivable and not still:
+    if not (drivers or requested or still) and drivable:
         raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=LAW')
     for name in drivers:
         coordinates.require(name, ("drivers",))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.errors import InputError, MobilityError
 
 PENDULUM = """name = "pendulum"
 [links.bob]
@@ -45,3 +46,71 @@ def test_a_run_from_an_initial_state_keeps_the_ball(tmp_path):
     path = tmp_path / "pendulum.toml"
     path.write_text(PENDULUM.format(kind="spherical", axis=""))
     assert ms.load(str(path), still=True).mechanism.joints[0].kind == "spherical"
+
+
+ROD_TOML = """name = "rod"
+[links.a]
+[joints.A]
+kind = "spherical"
+a = { link = "ground" }
+b = { link = "a" }
+[joints.B]
+kind = "spherical"
+a = { link = "ground", at = [1, 0, 0] }
+b = { link = "a", at = [1, 0, 0] }
+[points]
+P = { link = "a", at = [0.5, 0.1, 0] }
+"""
+ROD_XML = """<mujoco><worldbody><body name="a"><joint name="A" type="ball"/>
+<geom size=".1" pos=".5 .1 0"/><site name="P" pos=".5 .1 0"/></body></worldbody>
+<equality><connect body1="a" body2="world" anchor="1 0 0"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("rod.toml", ROD_TOML), ("rod.xml", ROD_XML)])
+def test_a_loop_of_balls_is_driven_by_the_rotation_of_a_link(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"'a\.rx="):
+        ms.load(str(path)).solve(t=np.linspace(0.0, 1.0, 9))
+    motion = ms.load(str(path), drive={"a.rx": "0.3*sin(2*pi*t)"}).solve(t=np.linspace(0.0, 1.0, 9))
+    angle = 0.3 * np.sin(2.0 * np.pi * motion.time)
+    expected = np.transpose([np.full(9, 0.5), 0.1 * np.cos(angle), 0.1 * np.sin(angle)])
+    np.testing.assert_allclose(motion.points["P"].position, expected, atol=1e-12)
+
+
+# a bar hanging on two equal ropes: at rest its midpoint is at the lowest point of every path
+BAR = """name = "bar"
+[links.a]
+[links.b]
+[links.c]
+[joints.A]
+kind = "spherical"
+a = { link = "ground" }
+b = { link = "a" }
+[joints.B]
+kind = "spherical"
+a = { link = "a", at = [0, 0, -1] }
+b = { link = "b" }
+[joints.C]
+kind = "spherical"
+a = { link = "b", at = [1, 0, 0] }
+b = { link = "c", at = [0, 0, -1] }
+[joints.D]
+kind = "spherical"
+a = { link = "ground", at = [1, 0, 0] }
+b = { link = "c" }
+[points]
+P = { link = "b", at = [0.5, 0, 0] }
+"""
+
+
+def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(tmp_path):
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR)
+    law = {"P.y": "0.3*sin(2*pi*t)"}
+    with pytest.raises(MobilityError, match=r"P\.x and P\.z can still move"):
+        ms.load(str(path), drive=law).solve(t=np.linspace(0.0, 1.0, 5))
+    solver = ms.load(str(path), drive=law, lock_others=True)
+    height = solver.solve(t=np.array([0.0, 0.25])).points["P"].position[1, 2]
+    # rope a is locked with its ball A: x^2 + (z + 1)^2 = 0.16, and x + z + 1 = 0.5 by the sphere about D
+    assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)

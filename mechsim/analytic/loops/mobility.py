@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, tree_loops
-from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.start import all_closed, assembled, closed, disturbed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
@@ -203,9 +203,10 @@ def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
     return [loops.cuts[i].joint.name for i in dict.fromkeys(indices)] or ["couplings"]
 
 
-# displacement along a degree of freedom, in [rad] or characteristic lengths; residual of closed loops; and
-# fraction of the displacement above which a joint or a point counts as moved
-NULL_DISPLACEMENT, CLOSED, MIN_MOTION = 1e-3, 1e-10, 1e-2
+# displacements along a degree of freedom, in [rad] or characteristic lengths: a point at the top or bottom of
+# its path moves by their square only; residual of closed loops; and fraction of the displacement above which
+# a joint or a point counts as moved
+NULL_DISPLACEMENTS, CLOSED, MIN_MOTION = (1e-3, 0.1), 1e-10, 1e-2
 # smallest participation of a coordinate in a null direction; and largest number of names in a message
 MIN_PARTICIPATION, LISTED = 1e-6, 12
 
@@ -247,8 +248,17 @@ def joints_to_lock(solver: TreeSolver) -> tuple[str, ...]:
 
     Those outside loops come first; in a loop there are as many as it has undetermined degrees of freedom.
     """
-    names = (name for _, name in _undetermined(solver, loops_last=True)) if solver.nullity else ()
-    return tuple(dict.fromkeys(names))
+    names = [name for _, name in _undetermined(solver, loops_last=True)] if solver.nullity else []
+    loops = solver.loops
+    null_space = np.zeros((solver.nullity, loops.tree.count))
+    null_space[:, loops.unknown] = solver.null_space
+    # a locked ball loses three degrees of freedom, of which other locks can have counted one
+    balls = {ball.joint.name: ball.first_angle for ball in loops.tree.balls if ball.joint.name in names}
+    for column in np.ravel([range(first, first + 3) for first in balls.values()]).astype(int):
+        if float(np.linalg.norm(null_space[:, column])) > MIN_PARTICIPATION:
+            null_space = with_coordinate_locked(null_space, column)
+    others = [name for name in names if name not in balls]
+    return (*balls, *independent_coordinates(loops, others, null_space)[0])
 
 
 def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
@@ -284,12 +294,19 @@ def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[t
 
 def _displaced_by(solver: TreeSolver, null_space: Array, column: int) -> list[str]:
     """Return what moves along the null directions of a coordinate; empty for a passive one."""
-    loops, components = solver.loops, null_space[:, column]
+    components = null_space[:, column]
     length = float(np.linalg.norm(components))
     if length < MIN_PARTICIPATION:
         return []
+    direction, (small, large) = (components / length) @ null_space, NULL_DISPLACEMENTS
+    return _moved_by(solver, direction, small) or _moved_by(solver, direction, large)
+
+
+def _moved_by(solver: TreeSolver, direction: Array, displacement: float) -> list[str]:
+    """Return what moves in a displacement along a null direction; empty where the loops do not allow it."""
+    loops = solver.loops
     step = np.zeros((loops.tree.count, 1))
-    step[loops.unknown, 0] = NULL_DISPLACEMENT * (components / length) @ null_space
+    step[loops.unknown, 0] = displacement * direction
     displaced_q = loops.displaced(solver.reference, step)
     try:
         result = newton(replace(solver, reference=displaced_q), displaced_q, NEARBY)
@@ -298,33 +315,24 @@ def _displaced_by(solver: TreeSolver, null_space: Array, column: int) -> list[st
     # at a singular pose the loops do not allow the displacement
     if np.abs(result.linearised.residual).max(initial=0.0) >= CLOSED:
         return []
-    return _displaced_names(loops, solver.reference, result.q)
+    return _displaced_names(loops, solver.reference, result.q, MIN_MOTION * displacement)
 
 
-def _displaced_names(loops: TreeLoops, before: Coordinates, after: Coordinates) -> list[str]:
-    """Return the coordinates and tracked points that differ between two poses."""
+def _displaced_names(loops: TreeLoops, before: Coordinates, after: Coordinates, least: float) -> list[str]:
+    """Return the coordinates and tracked points that differ between two poses by more than a least motion."""
     tree = loops.tree
     displacement = np.abs(after.values - before.values)[:, 0] / loops.units
-    names = [
-        name for name, index in tree.index_of.items() if displacement[index] > MIN_MOTION * NULL_DISPLACEMENT
-    ]
-    points_before, points_after = (_points(loops, link_poses(tree, point)) for point in (before, after))
-    threshold = MIN_MOTION * NULL_DISPLACEMENT * tree.mechanism.characteristic_length
-    return names + [
-        f"point {name}"
-        for name, point in points_before.items()
-        if np.abs(points_after[name] - point).max() > threshold
-    ]
-
-
-def _points(loops: TreeLoops, poses: LinkPoses) -> Mapping[str, Array]:
-    tree = loops.tree
-    return {
-        name: poses.position[tree.links[link], :, 0]
-        + poses.rotation[tree.links[link], :, :, 0] @ np.array(local)
-        for name, (link, local) in tree.mechanism.points.items()
-        if link != GROUND
-    }
+    names = [name for name, index in tree.index_of.items() if displacement[index] > least]
+    poses, moved = (link_poses(tree, coordinates) for coordinates in (before, after))
+    for name, (link, local) in tree.mechanism.points.items():
+        if link != GROUND:
+            i, point = tree.links[link], np.array(local)
+            step = moved.position[i] - poses.position[i]
+            step = step[:, 0] + (moved.rotation[i] - poses.rotation[i])[..., 0] @ point
+            names += [f"point {name}"] * bool(
+                np.abs(step).max() > least * tree.mechanism.characteristic_length
+            )
+    return names
 
 
 @dataclass(frozen=True, slots=True)

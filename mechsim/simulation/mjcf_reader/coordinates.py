@@ -70,7 +70,7 @@ def driven(
         describe_only: whether a model without drivers is allowed.
 
     Raises:
-        InputError: if a name is no hinge or slide, or the model has no driver.
+        InputError: if a name is no hinge or slide, or none of several is a driver.
     """
     for name in requested:
         require_coordinate(model, name, "--drive")
@@ -84,9 +84,7 @@ def driven(
         if name in candidates
     ]
     drivers = tuple(dict.fromkeys(actuated)) or ((CRANK,) if CRANK in candidates else ())
-    if not (drivers or describe_only or candidates):
-        raise InputError("nothing can be driven: the model has no hinge or slide that is not held; add one")
-    if not (drivers or describe_only):
+    if candidates and not (drivers or describe_only):
         raise InputError(
             "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
             f"name joints by --drive, as in --drive '{candidates[0]}=0.1*sin(t)'; "

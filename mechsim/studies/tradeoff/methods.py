@@ -177,4 +177,6 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
             f"{', '.join(names)} are driven by the file's actuators, but a trade-off needs a single "
             "crank; remove the other actuators"
         )
-    return next(iter(names))
+    if not names:
+        raise InputError(f"{spec.modelname}: no hinge or slide can be its crank; add one")
+    return names[0]
