@@ -13,6 +13,7 @@ from mechsim import units
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
+from mechsim.cli.earlier import ChangeJson, compared_with, earlier_checks
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json, print_text
@@ -73,6 +74,9 @@ class ValidateOptions:
     )
     formula: bool = option(True, "Whether to run the formulas that files name, which are Python code.")
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
+    compare_to: str | None = option(
+        None, "Also state what became better or worse since this output of --json.", metavar="EARLIER.json"
+    )
 
     @property
     def tolerance_in_metres(self) -> float | None:
@@ -123,6 +127,7 @@ class ValidateJson(TypedDict):
 
     passed: bool
     mechanisms: dict[str, CaseJson]
+    compared: NotRequired[list[ChangeJson]]
 
 
 @command
@@ -154,12 +159,15 @@ def validate(
     if chosen.against is not None:
         stated.exclude(("certify", "budget", "formula", "reference"), "with --against")
     if chosen.reference:
-        stated.exclude(
-            stated.options.keys() - {"reference", "models", "verbose", "as_json"}, "with --reference"
-        )
-        return _by_reference(models or (), verbose)
-    with output_folder(chosen.report) as folder:
-        return _validate(models, chosen, driven, sets, folder, verbose=verbose, as_json=as_json)
+        used = {"reference", "models", "verbose", "as_json", "compare_to"}
+        stated.exclude(stated.options.keys() - used, "with --reference")
+    earlier = None if chosen.compare_to is None else earlier_checks(chosen.compare_to)
+    if chosen.reference:
+        result = _by_reference(models or (), verbose)
+    else:
+        with output_folder(chosen.report) as folder:
+            result = _validate(models, chosen, driven, sets, folder, verbose=verbose, as_json=as_json)
+    return result if earlier is None else compared_with(chosen.compare_to or "", earlier, result)
 
 
 def _validate(

@@ -1,0 +1,72 @@
+"""`validate --compare-to` states what became better or worse."""
+
+import json
+
+import pytest
+
+from mechsim.cli import main
+from mechsim.cli.earlier import changes_since
+
+
+def run(argv, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mechsim", *argv])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code or 0, capsys.readouterr()
+
+
+def output(**worst):
+    """Return an output with a check of tolerance 1e-6 m for each name; None is an error that is no number."""
+    checks = [
+        {
+            "quantity": name,
+            "method": "pose",
+            "unit": "m",
+            "worst": value,
+            "tolerance": 1e-6,
+            "passed": value is not None and value <= 1e-6,
+        }
+        for name, value in worst.items()
+    ]
+    return {"mechanisms": {"bar": {"checks": checks}}}
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "change"),
+    [
+        ({"P": 1e-9}, {"P": 2e-6}, "worse"),
+        ({"P": 2e-6}, {"P": 1e-9}, "better"),
+        ({"P": 2e-7}, {"P": 1e-7}, "better"),
+        ({"P": 1e-9}, {"P": None}, "worse"),
+        ({"P": None}, {"P": 5e-6}, "better"),
+        ({}, {"P": 1e-9}, "new"),
+        ({"P": 1e-9}, {}, "gone"),
+    ],
+)
+def test_a_change_is_reported(before, now, change):
+    earlier = {
+        ("bar", check["quantity"], "pose"): check for check in output(**before)["mechanisms"]["bar"]["checks"]
+    }
+    (row,) = changes_since(earlier, output(**now))
+    assert (row["quantity"], row["before"], row["now"]) == ("P", before.get("P"), now.get("P"))
+    assert row["change"] == change
+
+
+def test_a_change_far_below_the_tolerance_is_rounding(tmp_path):
+    earlier = {("bar", "P", "pose"): output(P=1e-9)["mechanisms"]["bar"]["checks"][0]}
+    assert changes_since(earlier, output(P=9e-9)) == []
+
+
+def test_the_command_compares_with_a_file_and_rejects_others(tmp_path, monkeypatch, capsys):
+    code, printed = run(["validate", "slider_crank", "--json"], monkeypatch, capsys)
+    data = json.loads(printed.out)
+    data["mechanisms"]["slider_crank"]["checks"][0] |= {"worst": 1.0, "passed": False}
+    (tmp_path / "earlier.json").write_text(json.dumps(data))
+    argv = ["validate", "slider_crank", "--compare-to", str(tmp_path / "earlier.json")]
+    code, printed = run([*argv, "--json"], monkeypatch, capsys)
+    (row,) = json.loads(printed.out)["compared"]
+    assert (code, row["change"], row["before"]) == (0, "better", 1.0)
+    (tmp_path / "earlier.json").write_text('{"passed": true}')
+    code, printed = run(argv, monkeypatch, capsys)
+    assert code == 2
+    assert "validate --json" in printed.err
