@@ -70,10 +70,17 @@ def changes_since(earlier: Mapping[Key, dict[str, Any]], data: Mapping[str, Any]
         change = _change(was, check)
         if change is not None:
             mechanism, quantity, method = key
-            before, after = was and was["worst"], check and check["worst"]
-            unit = (check or was or {})["unit"]
-            row = {"mechanism": mechanism, "quantity": quantity, "method": method, "unit": unit}
-            changes.append({**row, "before": before, "now": after, "change": change})
+            changes.append(
+                {
+                    "mechanism": mechanism,
+                    "quantity": quantity,
+                    "method": method,
+                    "unit": (check or was or {})["unit"],
+                    "before": None if was is None else was["worst"],
+                    "now": None if check is None else check["worst"],
+                    "change": change,
+                }
+            )
     return sorted(changes, key=lambda row: ("worse", "better", "gone", "new").index(row["change"]))
 
 
