@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -20,36 +20,50 @@ MIN_ROWS = 4
 
 @dataclass(frozen=True)
 class WrittenFunction:
-    """An expression of the driver's coordinate q, in SI.
+    """An expression of the driver's coordinate, in SI.
 
     Attributes:
         text: the expression.
         names: names of its parameters.
         values: their values in SI.
+        variable: name of the coordinate in the text.
     """
+
+    # of q in which an assembly is searched
+    interval: ClassVar[tuple[float, float]] = (-np.pi, np.pi)
 
     text: str
     names: tuple[str, ...] = ()
     values: tuple[float, ...] = ()
+    variable: str = "q"
 
     def __post_init__(self) -> None:
         if not all(np.isfinite(entry).all() for entry in self(np.linspace(0.1, 0.9, 3))):
-            raise InputError(f"function {self.text!r} has no finite value and derivatives about q = 0.5")
+            raise InputError(f"function {self.text!r} has no finite value and derivatives about 0.5")
 
     @cached_property
     def expression(self) -> Expression:
         """The checked expression."""
-        return compiled(self.text, ("q", *self.names))
+        return compiled(self.text, (self.variable, *self.names))
 
     def __call__(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the value and its first two derivatives at q, exact to rounding; NaN if not finite."""
         q = np.asarray(q)
-        jet = Jet(q, np.ones_like(q), np.zeros_like(q))
-        with np.errstate(all="ignore"):
-            result = self.expression.jet({**dict(zip(self.names, self.values, strict=True)), "q": jet})
+        result = self._evaluated(Jet(q, np.ones_like(q), np.zeros_like(q)))
         values = np.broadcast_arrays(result.value, result.rate, result.second, q)[:3]
         value, rate, second = (np.where(np.isfinite(entry), entry, np.nan) for entry in values)
         return value, rate, second
+
+    def with_derivative(self, q: Array) -> tuple[Jet, Jet]:
+        """Return the function and its derivative, each with two derivatives: a jet whose entries are jets."""
+        zero, one = np.zeros_like(q), np.ones_like(q)
+        none: Any = Jet(zero, zero, zero)
+        result = self._evaluated(Jet(Jet(q, one, zero), Jet(one, zero, zero), none))
+        return none + result.value, none + result.rate
+
+    def _evaluated(self, q: Jet) -> Jet:
+        with np.errstate(all="ignore"):
+            return self.expression.jet({**dict(zip(self.names, self.values, strict=True)), self.variable: q})
 
 
 @dataclass(frozen=True)
@@ -64,20 +78,27 @@ class TabledFunction:
         positions: of the driver's coordinate, rising.
         targets: values of the driven side.
         periodic: whether the last row repeats the first, one period later.
+        variable: name of the coordinate, for messages.
     """
 
     text: str
     positions: tuple[float, ...]
     targets: tuple[float, ...]
     periodic: bool = False
+    variable: str = "q"
 
     def __post_init__(self) -> None:
         positions, table = np.array(self.positions), np.array([self.positions, self.targets])
         if not (len(positions) >= MIN_ROWS and np.isfinite(table).all() and (np.diff(positions) > 0.0).all()):
             raise InputError(
-                f"table {self.text!r} has {len(positions)} rows that are not all finite with rising q; give "
-                f"{MIN_ROWS} rows or more, sorted by q"
+                f"table {self.text!r} has {len(positions)} rows that are not all finite with rising "
+                f"{self.variable}; give {MIN_ROWS} rows or more, sorted by {self.variable}"
             )
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Interval of q in which an assembly is searched: its table."""
+        return self.positions[0], self.positions[-1]
 
     @cached_property
     def advance(self) -> float:
@@ -106,5 +127,10 @@ class TabledFunction:
             second + third * step,
         )
 
+    def with_derivative(self, q: Array) -> tuple[Jet, Jet]:
+        """Return the function and its derivative, each with two derivatives."""
+        value, rate, second = self(q)
+        return Jet(value, rate, second), Jet(rate, second, self.spline(np.real(q), 3))
 
-CouplingFunction = WrittenFunction | TabledFunction
+
+PlainFunction = WrittenFunction | TabledFunction

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, angle_of, constant_jet, jet_where
+from mechsim.numerics.jets import Jet, angle_of, jet_where
 
 Powers = tuple[float, ...]
 DIMENSIONLESS: Powers = (0.0, 0.0, 0.0, 0.0)
@@ -120,9 +120,7 @@ class Term:
     @property
     def zero(self) -> bool:
         """Whether the value and its derivatives are zero; a zero needs no unit."""
-        value = self.value
-        values = (value.value, value.rate, value.second) if isinstance(value, Jet) else (value,)
-        return not any(np.any(array) for array in values)
+        return _is_zero(self.value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +158,14 @@ def _arctan2(y: Any, x: Any) -> Any:
     return angle_of(y, x)
 
 
+def _is_zero(value: Any) -> bool:
+    if isinstance(value, Jet):
+        return all(_is_zero(entry) for entry in (value.value, value.rate, value.second))
+    return not np.any(value)
+
+
 def _real(value: Any) -> Any:
-    return value.value if isinstance(value, Jet) else np.real(value)
+    return _real(value.value) if isinstance(value, Jet) else np.real(value)
 
 
 def _chosen(which: Any, first: Any, second: Any) -> Any:
@@ -172,7 +176,7 @@ def _chosen(which: Any, first: Any, second: Any) -> Any:
 
 def _jet(value: Any, like: Any) -> Jet:
     """Return a value as a jet; a constant gets the shape of `like`."""
-    return value if isinstance(value, Jet) else constant_jet(value + np.zeros_like(like.value))
+    return value if isinstance(value, Jet) else like * 0.0 + value
 
 
 FUNCTIONS: dict[str, Function] = {

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.coupling_functions import CouplingFunction
+from mechsim.model.curves import CouplingFunction
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array

@@ -110,7 +110,11 @@ def initial_coordinates(mechanism: Mechanism) -> dict[str, float]:
         coordinates[mechanism.crank.name] = mechanism.start
     for law in mechanism.laws:
         if law.function is not None and isinstance(law.left, str) and law.left not in coordinates:
-            right = sum(weight * coordinates.get(name, 0.0) for name, weight in law.right_terms.items())
+            low, high = law.function.interval
+            for name in law.right_terms:
+                # a table need not contain 0
+                coordinates.setdefault(name, 0.0 if low < 0.0 < high else 0.5 * (low + high))
+            right = sum(weight * coordinates[name] for name, weight in law.right_terms.items())
             coordinates[law.left] = law.zeros[0] + float(law.polynomial(np.array([right]))[0][0])
     return coordinates
 

@@ -93,7 +93,7 @@ def _joined(real: Array, imaginary: Array) -> Array:
 
 
 class Jet:
-    """A quantity and its first two derivatives; arrays that broadcast against each other, real or complex."""
+    """A quantity and its first two derivatives: arrays, real or complex, that broadcast, or jets of them."""
 
     __slots__ = ("rate", "second", "value")
 
@@ -215,7 +215,7 @@ def jet_where(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
     """Return the first quantity where a condition holds, (n,), else the second."""
     if isinstance(first, Jet) and isinstance(second, Jet):
         fields = ((getattr(x, field) for x in (first, second)) for field in ("value", "rate", "second"))
-        return Jet(*(np.where(which, a, b) for a, b in fields))
+        return Jet(*(jet_where(which, a, b) for a, b in fields))
     return np.where(which, values(first), values(second))
 
 
@@ -291,10 +291,21 @@ def _power(base: Any, exponent: Any) -> Jet:
         return base * base
     if isinstance(base.value, Ball):
         return _ball_power(base, exponent)
+    if isinstance(base.value, Jet):
+        nested: Any = base.value
+        return composed(base, nested**exponent, *_power_derivatives(nested, float(exponent)))
     x, n = base.value, np.asarray(exponent, dtype=np.float64)
     first = np.where(n == 0.0, 0.0, n * x ** (n - 1.0))
     second = np.where(n * (n - 1.0) == 0.0, 0.0, n * (n - 1.0) * x ** (n - 2.0))
     return composed(base, x**n, first, second)
+
+
+def _power_derivatives(x: Jet, n: float) -> tuple[Any, Any]:
+    """Return the first two derivatives of x ** n."""
+    first, second = (
+        factor * x**power if factor else 0.0 * x for factor, power in ((n, n - 1.0), (n * (n - 1.0), n - 2.0))
+    )
+    return first, second
 
 
 def _ball_power(base: Jet, exponent: float) -> Jet:

@@ -1,6 +1,5 @@
 """Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -9,12 +8,12 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.files import read
-from mechsim.model.coupling_functions import CouplingFunction, TabledFunction, WrittenFunction
+from mechsim.model.coupling_functions import PlainFunction, TabledFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Coupling, Gear, state_variable
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
-from mechsim.subjects.toml_values import KeyPath, Values, suggestion
+from mechsim.subjects.toml_values import KeyPath, Values, suggestion, written_function
 from mechsim.units import Unit
 
 # name of the joint that is the default driver
@@ -363,16 +362,13 @@ def _zeros(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath
     return first, second
 
 
-def _function(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> CouplingFunction:
+def _function(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> PlainFunction:
     """Return the function of a coupling: an expression of q and the file's parameters, or a table."""
     text, values = table["function"], coordinates.values
     if not table.get("driver"):
         raise coordinates.error(path, "is a function without a driver; name the coordinate q")
     if not is_table(text):
-        if (values.length, values.angle) != ("m", "rad"):
-            raise coordinates.error((*path, "function"), "is in SI; give the file the units m and rad")
-        names = [name for name in values.parameters if re.search(rf"\b{re.escape(name)}\b", text)]
-        return WrittenFunction(text, tuple(names), tuple(values.parameters[name] for name in names))
+        return written_function(values, text, (*path, "function"))
     columns = read(values.source.sibling(text))
     if set(columns) != {"q", "value"}:
         raise coordinates.error((*path, "function"), f"has columns {', '.join(columns)}; give q and value")

@@ -5,15 +5,25 @@ three axes that are functions of s, the coordinate of the joint; a ball joint co
 equations are those of Haug, 1989, ch. 9: r_B - r_A - A c(s) = 0; without friction the force is normal to c'.
 """
 
-import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from mechsim.errors import InputError
+from mechsim.files import read
+from mechsim.model.coupling_functions import PlainFunction, TabledFunction, WrittenFunction
+from mechsim.model.curves import Curve, CurveAxis
+from mechsim.model.joints import Coupling
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.subjects.toml_values import Values, written_function
 
 CURVE = "curve"
-_MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
+MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
+# side of a roller -> sign of its offset to the left; of closed curves relative to their outside
+_SIDES = {"left": 1.0, "right": -1.0, "outside": 1.0, "inside": -1.0}
 
 
 def has_curves(document: Mapping[str, Any]) -> bool:
@@ -23,40 +33,117 @@ def has_curves(document: Mapping[str, Any]) -> bool:
     return "curves" in document or any(isinstance(row, dict) and row.get("kind") == CURVE for row in entries)
 
 
-def with_curves(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the contents of a file, whose keys are checked, with other joints in place of those on curves.
+def with_curves(
+    values: Values, document: Mapping[str, Any], read_document: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[Coupling]]:
+    """Return the contents of a file with other joints in place of those on curves, and their couplings.
+
+    Args:
+        values: reader of the file's numbers.
+        document: contents of the file, whose keys are checked.
+        read_document: the same in SI.
 
     Raises:
         InputError: for a joint on a curve that the file does not contain, keys that such a joint does not
-            have, or a curve without a joint.
+            have, a curve without a joint, or one that no point or roller can follow.
     """
-    written, joints = {key: value for key, value in document.items() if key != "curves"}, {}
-    used: set[str] = set()
-    links, couplings = dict(document.get("links", {})), dict(document.get("couplings", {}))
+    joints, couplings = dict[str, Any](), list[Coupling]()
+    links, stated = dict(document.get("links", {})), document.get("curves", {})
+    curves = {name: _curve(values, name, entry) for name, entry in read_document.get("curves", {}).items()}
     for name, joint in document.get("joints", {}).items():
         if joint["kind"] != CURVE:
+            if alone := {"roller", "side"} & {*joint}:
+                raise values.source.error(("joints", name, min(alone)), "is of a joint of kind curve only")
             joints[name] = joint
             continue
-        side, curves = dict(joint["a"]), document.get("curves", {})
+        side = dict(joint["a"])
         key = side.pop("curve", "")
-        curve = curves.get(key)
-        if curve is None or {*side} != {"link"} or {*joint} != {"kind", "a", "b"}:
+        if key not in curves or {*side} != {"link"} or not {*joint} <= {"kind", "a", "b", "roller", "side"}:
             raise InputError(
-                f"joint {name!r} is of kind curve; give only a = {{ link, curve }} and b = {{ link, at }}, "
-                f"with a curve of the file ({', '.join(curves) or 'it has none'})"
+                f"joint {name!r} is of kind curve; give only a = {{ link, curve }}, b = {{ link, at }}, "
+                f"roller and side, with a curve of the file ({', '.join(curves) or 'it has none'})"
             )
-        used.add(key)
         carrier = f"{VIRTUAL_PREFIX}{name}"
         along = {"link": f"{carrier}.s", "axis": [1.0, 0.0, 0.0]}
-        links |= {carrier: _MASSLESS, f"{carrier}.s": _MASSLESS}
+        links |= {carrier: MASSLESS, f"{carrier}.s": MASSLESS}
         joints[name] = {"kind": "prismatic", "a": {**along, "link": GROUND}, "b": along}
         joints[carrier] = {"kind": "cartesian", "a": side, "b": {"link": carrier}}
         joints[f"{name}.point"] = {"kind": "spherical", "a": {"link": carrier}, "b": joint["b"]}
-        for axis in "xyz":
-            text = re.sub(r"\bs\b", "q", str(curve.get(axis, "0"))) + " + 0*q"
-            couplings[f"{name}.{axis}"] = {"driver": name, "driven": f"{carrier}.{axis}", "function": text}
-    if unused := document.get("curves", {}).keys() - used:
+        with values.source.error_context(("joints", name)):
+            curve = _with_roller(curves[key], name, read_document["joints"][name])
+        for i, axis in enumerate("xyz"):
+            sides = f"{name}.{axis}", f"{carrier}.{axis}"
+            if i < len(curve.axes):
+                plain = isinstance(curve.axes[i], WrittenFunction) and not (curve.offset or curve.bounded)
+                function = curve.axes[i] if plain else CurveAxis(curve, i)
+                couplings.append(Coupling(*sides, name, (), function=function))
+            else:
+                couplings.append(Coupling(*sides, {}, (0.0,)))
+    used = {joint["a"].get("curve") for joint in document.get("joints", {}).values()}
+    if unused := stated.keys() - used:
         raise InputError(
             f"no joint is on the curve {min(unused)}; name it in side a of a joint, or leave it out"
         )
-    return written | {"links": links, "joints": joints} | ({"couplings": couplings} if couplings else {})
+    rest = {key: value for key, value in document.items() if key != "curves"}
+    return rest | {"links": links, "joints": joints}, couplings
+
+
+def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> Curve:
+    """Return a curve of a file, given by expressions of s or by a table."""
+    closed, stated = entry.get("closed", False), entry.get("range")
+    with values.source.error_context(("curves", name)):
+        if "table" in entry:
+            if {*entry} & {"x", "y", "z", "range"}:
+                raise InputError(f"curve {name!r} has a table and x, y, z or range; give one of them")
+            axes = _tabled(str(values.source.sibling(entry["table"])), closed)
+            return Curve(name, axes, axes[0].interval, closed, bounded=not closed)
+        if stated is not None and not stated[0] < stated[1]:
+            raise InputError(
+                f"curve {name!r} has the range {stated[0]:g} to {stated[1]:g}; give the lower end of s first"
+            )
+        if not {*entry} & {*"xyz"}:
+            raise InputError(f"curve {name!r} has no x, y, z and no table; give expressions of s, or a table")
+        texts = [entry.get(axis, "0") for axis in ("xyz" if "z" in entry else "xy")]
+        functions = tuple(written_function(values, f"{text} + 0*s", ("curves", name), "s") for text in texts)
+        interval = stated or ((0.0, REVOLUTION) if closed else (-np.pi, np.pi))
+        return Curve(name, functions, interval, closed, bounded=bool(stated) and not closed)
+
+
+def _tabled(path: str, closed: bool) -> tuple[PlainFunction, ...]:
+    """Return splines through a table with x, y, maybe z and s, by default the length of the chords."""
+    columns = read(path)
+    names = [axis for axis in "xyz" if axis in columns]
+    if names[:2] != ["x", "y"] or not {*columns} <= {*"sxyz"}:
+        raise InputError(
+            f"table {path!r} has columns {', '.join(columns)}; give x and y, and if needed z and s"
+        )
+    points = np.array([columns[axis] for axis in names])
+    chords = np.linalg.norm(np.diff(points), axis=0)
+    s = columns.get("s", np.concatenate([[0.0], np.cumsum(chords)]))
+    return tuple(
+        TabledFunction(path, tuple(s.tolist()), tuple(row.tolist()), closed, variable="s") for row in points
+    )
+
+
+def _with_roller(curve: Curve, name: str, joint: Mapping[str, Any]) -> Curve:
+    """Return the path of the centre of a joint's roller; the curve itself without one."""
+    radius, side = joint.get("roller", 0.0), joint.get("side", "outside" if curve.closed else "left")
+    subject = f"joint {name!r}"
+    if radius == 0.0:
+        if "side" in joint:
+            raise InputError(f"{subject} has a side without a roller; give the radius of the roller")
+        return curve
+    if not radius > 0.0:
+        raise InputError(
+            f"{subject} has a roller of {radius:g} m; give a radius above 0, and the side left or right"
+        )
+    if len(curve.axes) == 3:
+        raise InputError(
+            f"{subject} has a roller on the spatial curve {curve.name!r}; leave out z, or the roller"
+        )
+    if side in ("outside", "inside") and not curve.closed:
+        raise InputError(
+            f"has a roller {side} of curve {curve.name!r}, which is not closed; give left or right"
+        )
+    outwards = curve.outside() if side in ("outside", "inside") else 1.0
+    return replace(curve, offset=_SIDES[side] * outwards * radius)

@@ -294,6 +294,7 @@ _LINK = Table(
     },
     "a moving link",
 )
+_SIDES = ("left", "right", "outside", "inside")
 _JOINT = Table(
     {
         "kind": Text("kind of the joint, its free motions", (*KINDS, "curve")),
@@ -302,6 +303,10 @@ _JOINT = Table(
         "cross_angle": Number(
             "rad", "between the axes of a joint that rotates about both; default: a right angle"
         ),
+        "roller": Number(
+            "m", "of a joint of kind curve: radius of the roller that b carries; default: a point"
+        ),
+        "side": Text("of the roller, by default left of increasing s, or outside", _SIDES),
         "lead": Number("m", "displacement of a screw per revolution"),
         "length": Number("m", "of a distance joint, between the points of both sides"),
         "limits": TableOf(
@@ -406,7 +411,15 @@ ROOT = Table(
         "joints": TableOf(_JOINT, "joints"),
         "couplings": TableOf(_COUPLING, "gears, racks and polynomials between coordinates"),
         "curves": TableOf(
-            Table({axis: Text(f"{axis} in m as an expression of s") for axis in "xyz"}, "a curve of a link"),
+            Table(
+                {axis: Text(f"{axis} in m as an expression of s") for axis in "xyz"}
+                | {
+                    "table": Text("FILE.csv with x, y, maybe z and s, instead of expressions"),
+                    "closed": Boolean("whether it repeats after 2 pi, its range or its table"),
+                    "range": ListOf(Number("1", "a value of s"), "first and last s of expressions", 2),
+                },
+                "a curve of a link",
+            ),
             "curves for joints of kind curve",
         ),
         "points": TableOf(

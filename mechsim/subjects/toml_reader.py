@@ -1,7 +1,7 @@
 """Read a mechanism from a TOML file; docs/reference/toml.md documents its keys."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +11,7 @@ from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.files import read_text
 from mechsim.model.forces import WEIGHT
+from mechsim.model.joints import Coupling
 from mechsim.model.mechanism import Mechanism, Up, against
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.parameter_units import parameter_dependencies, parameter_units, require_dimensions
@@ -64,15 +65,15 @@ class TomlModel(ModelSource):
         units_of = parameter_units(source.document) if changed else {}
         parameters = source.document.get("parameters", {})
         values = values_of(source).with_parameters(parameters, changed, units_of)
+        added: Sequence[Coupling] = ()
         if has_curves(document):
-            values.checked(ROOT, document, ())
-            document = with_curves(document)
+            document, added = with_curves(values, document, values.checked(ROOT, document, ()))
         read = values.checked(ROOT, document, ())
         require_dimensions(source, {**parameters, **changed})
         coordinates = coordinates_of(values, read)
         with source.error_context(()):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
-            mechanism = mechanism_of(coordinates, drivers)
+            mechanism = mechanism_of(coordinates, drivers, added)
         require_pitch_points(source, mechanism, read)
         ranges, restitution = limits_of(coordinates)
         solver = LoopForm(
@@ -113,8 +114,10 @@ class TomlModel(ModelSource):
         return Parameters(dimensions, parameter_dependencies(document))
 
 
-def mechanism_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> Mechanism:
-    """Return the mechanism that a file describes, with its drivers."""
+def mechanism_of(
+    coordinates: FileCoordinates, drivers: tuple[str, ...], added: Sequence[Coupling] = ()
+) -> Mechanism:
+    """Return the mechanism that a file describes, with its drivers and the couplings of its curves."""
     source, read = coordinates.values.source, coordinates.read
     start, guess_coordinates = start_of(coordinates, drivers)
     gears, couplings = couplings_of(coordinates)
@@ -130,7 +133,7 @@ def mechanism_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> Mech
         gears=gears,
         guess={name: pose_of(source, name, entry) for name, entry in read.get("guess", {}).items()},
         start=start,
-        couplings=couplings,
+        couplings=(*couplings, *added),
         locked=locked_of(coordinates, drivers),
         guess_coordinates=guess_coordinates,
         up=_up(read),

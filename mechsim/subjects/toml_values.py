@@ -13,6 +13,7 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
+from mechsim.model.coupling_functions import WrittenFunction
 from mechsim.model.expressions import FUNCTIONS, evaluate_number
 from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.law_text import is_profile
@@ -363,6 +364,14 @@ class Values:
         if not isinstance(value, dict):
             raise self.source.error(path, f"is {shown(value)}; give a table")
         return value
+
+
+def written_function(values: Values, text: str, path: KeyPath, variable: str = "q") -> WrittenFunction:
+    """Return a function of a variable, in SI, with the parameters of the file."""
+    if (values.length, values.angle) != ("m", "rad"):
+        raise values.source.error(path, "is in SI; give the file the units m and rad")
+    names = [name for name in values.parameters if re.search(rf"\b{re.escape(name)}\b", text)]
+    return WrittenFunction(text, tuple(names), tuple(values.parameters[name] for name in names), variable)
 
 
 def values_of(source: TomlSource) -> Values:

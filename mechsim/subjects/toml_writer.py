@@ -12,7 +12,8 @@ from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.actuators import NO_LIMIT, Actuator, no_control
-from mechsim.model.coupling_functions import CouplingFunction, TabledFunction
+from mechsim.model.coupling_functions import TabledFunction
+from mechsim.model.curves import CouplingFunction, CurveAxis
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import Link
@@ -273,7 +274,11 @@ def _function(function: CouplingFunction | None) -> dict[str, Any]:
         return {"function": _absolute(function.text), "periodic": function.periodic}
     if function is None:
         return {}
-    text = function.text
+    if isinstance(function, CurveAxis):
+        raise InputError(
+            f"{function.text} cannot be written as TOML, since it is no expression; copy the file"
+        )
+    text = re.sub(rf"\b{function.variable}\b", "q", function.text)
     for name, value in zip(function.names, function.values, strict=True):
         text = re.sub(rf"\b{re.escape(name)}\b", f"({value!r})", text)
     return {"function": text}

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
+from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import InputError
 
 # a slider block on the ellipse (0.3 + 0.05 cos s, 0.2 sin s), whose rod is driven by a crank or by s
@@ -74,18 +76,135 @@ def test_an_unknown_curve_is_rejected(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        ('kind = "curve"', 'kind = "curve"\nroller = "6 mm"', "roller"),
         ('kind = "curve"', 'kind = "curve"\nlead = 1', "joint 'rail' is of kind curve"),
-        ('y = "', 'closed = true\ny = "', "closed"),
+        ('kind = "curve"', 'kind = "curve"\nside = "left"', "joint 'rail' has a side without a roller"),
+        ('kind = "curve"', 'kind = "curve"\nroller = "-1 mm"', "a roller of -0.001 m; give a radius above 0"),
+        ('kind = "revolute"', 'kind = "revolute"\nroller = "1 mm"', "of a joint of kind curve only"),
         ("[curves.ellipse]", '[curves.other]\nx = "s"\n[curves.ellipse]', "the curve other"),
+        ('y = "', 'range = [1, 0]\ny = "', "range 1 to 0; give the lower"),
+        ('y = "', 'closed = true\nrange = [0, 3]\ny = "', "not closed: its ends at s = 0 and 3 are 0.1034 m"),
+        (
+            'y = "0.2*sin(s)"',
+            'closed = true\ny = "0.1*sin(2*s)"',
+            "crosses itself near s = 1.57 and s = 4.71",
+        ),
+        ('y = "0.2*sin(s)"', 'y = "abs(s - 0.25)"', "not smooth: its tangent jumps or is zero at s = 0.25;"),
+        ('x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', 'x = "s**2"\ny = "s**3"', "not smooth.* at s = "),
+        ('x = "0.3 + 0.05*cos(s)"', 'table = "rail.csv"', "a table and x, y, z or range"),
+        ('x = "0.3 + 0.05*cos(s)"', 'z = "0.1*s"\nx = "0.3"', "roller on the spatial curve 'ellipse'"),
     ],
 )
-def test_what_is_not_used_is_rejected(tmp_path, old, new, named):
+def test_what_no_roller_can_follow_is_rejected(tmp_path, old, new, named):
     path = tmp_path / "rail.toml"
-    assert old in MODEL
-    path.write_text(MODEL.format(curve="ellipse").replace(old, new))
+    text = MODEL.format(curve="ellipse")
+    if "spatial" in named:
+        text = text.replace('kind = "curve"', 'kind = "curve"\nroller = "1 mm"')
+    assert old in text
+    path.write_text(text.replace(old, new))
     with pytest.raises(InputError, match=named):
         ms.load(str(path))
+
+
+@pytest.mark.parametrize(("radius", "accepted"), [(12.49, True), (12.51, False)])
+def test_a_roller_is_smaller_than_the_least_radius_of_curvature(tmp_path, radius, accepted):
+    # of an ellipse with the half axes 50 and 200 mm: 50**2 / 200 mm = 12.5 mm
+    roller = 'closed = true\nx = "0.3 + 0.05*cos(s)"'
+    text = MODEL.format(curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"', roller)
+    (tmp_path / "rail.toml").write_text(
+        text.replace('kind = "curve"', f'kind = "curve"\nroller = "{radius} mm"\nside = "inside"')
+    )
+    if accepted:
+        ms.load(str(tmp_path / "rail.toml"))
+    else:
+        with pytest.raises(InputError, match=r"radius of curvature 0\.0125 m at s = 1\.5708 .*cuts under"):
+            ms.load(str(tmp_path / "rail.toml"))
+
+
+@pytest.mark.parametrize("side", ["outside", "inside"])
+def test_the_centre_of_a_roller_follows_the_offset_curve(tmp_path, side):
+    roller = f'kind = "curve"\nroller = "6 mm"\nside = "{side}"'
+    text = (
+        MODEL.format(curve="ellipse")
+        .replace('kind = "curve"', roller)
+        .replace('y = "', 'closed = true\ny = "')
+    )
+    (tmp_path / "rail.toml").write_text(text)
+    model, times = ms.load(str(tmp_path / "rail.toml")), np.linspace(0.0, 1.0, 41)
+    point = model.solve(t=times).points["P"]
+
+    def centre(t):
+        s = 0.5 + 0.3 * np.sin(2 * np.pi * t)
+        normal = np.stack([0.2 * np.cos(s), 0.05 * np.sin(s)])
+        distance = 0.006 if side == "outside" else -0.006
+        along = np.sqrt((normal**2).sum(0))
+        return np.stack([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)]) + distance * normal / along
+
+    assert np.abs(point.position[:, :2].T - centre(times)).max() < 1e-14
+    velocity = centre(times + 1e-30j).imag / 1e-30
+    assert np.abs(point.velocity[:, :2].T - velocity).max() < 1e-12
+    if side == "outside":
+        assert ms.validate(model).passed
+
+
+def test_a_point_follows_a_periodic_spline_through_a_table(tmp_path):
+    s = np.linspace(0.0, 2 * np.pi, 25)
+    points = np.stack([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)], 1)
+    points[-1] = points[0]
+    table = "\n".join(",".join(f"{entry:.17g}" for entry in row) for row in np.column_stack([s, points]))
+    (tmp_path / "rail.csv").write_text(f"s,x,y\n{table}\n")
+    text = MODEL.format(curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE)
+    (tmp_path / "rail.toml").write_text(text)
+    model, times = ms.load(str(tmp_path / "rail.toml")), np.linspace(0.0, 1.0, 41)
+    spline = CubicSpline(s, points, bc_type="periodic")
+    value, rate = 0.5 + 0.3 * np.sin(2 * np.pi * times), 0.6 * np.pi * np.cos(2 * np.pi * times)
+    point = model.solve(t=times).points["P"]
+    assert np.abs(point.position[:, :2] - spline(value)).max() < 1e-14
+    assert np.abs(point.velocity[:, :2] - spline(value, 1) * rate[:, None]).max() < 1e-12
+
+
+CLOSED_TABLE = 'table = "rail.csv"\nclosed = true'
+
+
+@pytest.mark.parametrize(
+    ("rows", "named"),
+    [
+        ("s,x,y\n0,0,0\n1,1,0\n2,1,nan\n3,0,1\n4,0,0\n", "5 rows that are not all finite"),
+        ("s,x,y\n0,0,0\n2,1,0\n1,1,1\n3,0,1\n4,0,0\n", "with rising s"),
+        ("s,x,y\n0,0,0\n1,1,0\n2,0,0\n", "3 rows"),
+        ("x,y\n0,0\n1,0\n1,1\n0,1\n", "not closed: its ends at s = 0 and 3 are 1 m apart"),
+        ("q,y\n0,0\n1,0\n1,1\n0,1\n", "has columns q, y; give x and y"),
+    ],
+)
+def test_a_table_that_is_no_closed_curve_is_rejected(tmp_path, rows, named):
+    (tmp_path / "rail.csv").write_text(rows)
+    text = MODEL.format(curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE)
+    (tmp_path / "rail.toml").write_text(text)
+    with pytest.raises(InputError, match=named):
+        ms.load(str(tmp_path / "rail.toml"))
+
+
+STRUCTURE = """name = "structure"
+[curves.ellipse]
+x = "0.3 + 0.05*cos(s)"
+y = "0.2*sin(s)"
+[joints.arm]
+kind = "revolute"
+a.link = "ground"
+b.link = "arm"
+[joints.rail]
+kind = "curve"
+a = { link = "ground", curve = "ellipse" }
+b = { link = "arm", at = [0.3, 0, 0] }
+"""
+
+
+def test_a_structure_finds_where_its_arm_meets_the_curve(tmp_path):
+    (tmp_path / "structure.toml").write_text(STRUCTURE)
+    _, values = start_poses(ms.load(str(tmp_path / "structure.toml"), still=True).mechanism)
+    s = values["rail"]
+    point = np.array([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)])
+    assert abs(np.hypot(*point) - 0.3) < 1e-13
+    assert 0.09 == pytest.approx((0.3 + 0.05 * np.cos(s)) ** 2 + 0.04 * np.sin(s) ** 2, rel=1e-12)
 
 
 BEAD = """name = "bead"

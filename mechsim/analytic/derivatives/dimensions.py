@@ -11,6 +11,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
+from mechsim.model.curves import Curve, CurveAxis
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, End, Joint
@@ -27,6 +28,8 @@ NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     Coupling: ("left", "right", "coefficients", "zeros", "pressure_angle", "function"),
     WrittenFunction: ("values",),
     TabledFunction: ("positions", "targets"),
+    CurveAxis: ("curve",),
+    Curve: ("axes", "offset"),
     Link: ("inertia",),
     Inertia: ("mass", "centre", "moments"),
     Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "loads"),

@@ -62,10 +62,14 @@ def generic_poses(
         null_space = null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1]
         step = null_space.T @ random.standard_normal(len(null_space))
         longest = float(np.abs(step).max(initial=0.0))
-        if longest > 0.0:
-            q = nearest_consistent(
-                loops, loops.displaced(q, (step * SPACING / longest)[:, None]), tolerance, floor
-            )
+        # from the end of a table only one direction leads to poses
+        for way in (1.0, -1.0) if longest > 0.0 else ():
+            displaced = loops.displaced(q, (way * step * SPACING / longest)[:, None])
+            with np.errstate(all="ignore"):
+                nearby = nearest_consistent(loops, displaced, tolerance, floor)
+                if np.isfinite(loops.linearise(nearby)[0]).all():
+                    q = nearby
+                    break
         poses.append(q)
     return poses
 

@@ -308,12 +308,24 @@ def _nearest(mechanism: Mechanism) -> _Assembly:
 
 
 def disturbed(loops: TreeLoops, q: Coordinates) -> Coordinates:
-    """Return a configuration, and others with increasingly disturbed unknown coordinates."""
+    """Return a configuration, and others with increasingly disturbed unknown coordinates.
+
+    The arguments of functions, such as places along curves, are spread over their intervals.
+    """
     step = np.random.default_rng(1).uniform(-1.0, 1.0, (loops.tree.count, STARTS))
     step *= np.geomspace(LEAST_DISTURBANCE, LARGEST_DISTURBANCE, STARTS)
     step[list(loops.driven)] = 0.0
     step[:, 0] = 0.0
-    return loops.displaced(q.repeated(STARTS), step)
+    starts = loops.displaced(q.repeated(STARTS), step)
+    values, indices = starts.values, loops.tree.index_of
+    for law in loops.tree.mechanism.laws:
+        if law.function is None or not isinstance(law.right, str) or not isinstance(law.left, str):
+            continue
+        if (place := indices[law.right]) not in loops.driven:
+            values[place, 1:] = np.linspace(*law.function.interval, STARTS)[1:]
+        if (follower := indices[law.left]) not in loops.driven:
+            values[follower, 1:] = law.zeros[0] + law.polynomial(values[place, 1:])[0]
+    return starts
 
 
 def _regular(loops: TreeLoops, initial: Coordinates) -> bool:
