@@ -56,9 +56,9 @@ class WrittenFunction:
 
     def with_derivative(self, q: Array) -> tuple[Jet, Jet]:
         """Return the function and its derivative, each with two derivatives: a jet whose entries are jets."""
-        zero, one = np.zeros_like(q), np.ones_like(q)
+        zero, unit = np.zeros_like(q), np.ones_like(q)
         none: Any = Jet(zero, zero, zero)
-        result = self._evaluated(Jet(Jet(q, one, zero), Jet(one, zero, zero), none))
+        result = self._evaluated(Jet(Jet(q, unit, zero), Jet(unit, zero, zero), none))
         return none + result.value, none + result.rate
 
     def _evaluated(self, q: Jet) -> Jet:

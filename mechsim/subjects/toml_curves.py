@@ -14,23 +14,16 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.files import read
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction, WrittenFunction
-from mechsim.model.curves import Curve, CurveAxis
+from mechsim.model.curve_checks import require_followable
+from mechsim.model.curves import CurveAxis, GuideCurve
 from mechsim.model.joints import Coupling
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.toml_values import Values, written_function
 
-CURVE = "curve"
 MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
 # side of a roller -> sign of its offset to the left; of closed curves relative to their outside
 _SIDES = {"left": 1.0, "right": -1.0, "outside": 1.0, "inside": -1.0}
-
-
-def has_curves(document: Mapping[str, Any]) -> bool:
-    """Whether a file has curves, or joints on curves."""
-    joints = document.get("joints")
-    entries: list[Any] = list(joints.values()) if isinstance(joints, dict) else []
-    return "curves" in document or any(isinstance(row, dict) and row.get("kind") == CURVE for row in entries)
 
 
 def with_curves(
@@ -51,7 +44,7 @@ def with_curves(
     links, stated = dict(document.get("links", {})), document.get("curves", {})
     curves = {name: _curve(values, name, entry) for name, entry in read_document.get("curves", {}).items()}
     for name, joint in document.get("joints", {}).items():
-        if joint["kind"] != CURVE:
+        if joint["kind"] != "curve":
             if alone := {"roller", "side"} & {*joint}:
                 raise values.source.error(("joints", name, min(alone)), "is of a joint of kind curve only")
             joints[name] = joint
@@ -71,6 +64,7 @@ def with_curves(
         joints[f"{name}.point"] = {"kind": "spherical", "a": {"link": carrier}, "b": joint["b"]}
         with values.source.error_context(("joints", name)):
             curve = _with_roller(curves[key], name, read_document["joints"][name])
+            require_followable(curve)
         for i, axis in enumerate("xyz"):
             sides = f"{name}.{axis}", f"{carrier}.{axis}"
             if i < len(curve.axes):
@@ -88,7 +82,7 @@ def with_curves(
     return rest | {"links": links, "joints": joints}, couplings
 
 
-def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> Curve:
+def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> GuideCurve:
     """Return a curve of a file, given by expressions of s or by a table."""
     closed, stated = entry.get("closed", False), entry.get("range")
     with values.source.error_context(("curves", name)):
@@ -96,7 +90,7 @@ def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> Curve:
             if {*entry} & {"x", "y", "z", "range"}:
                 raise InputError(f"curve {name!r} has a table and x, y, z or range; give one of them")
             axes = _tabled(str(values.source.sibling(entry["table"])), closed)
-            return Curve(name, axes, axes[0].interval, closed, bounded=not closed)
+            return GuideCurve(name, axes, axes[0].interval, closed, bounded=not closed)
         if stated is not None and not stated[0] < stated[1]:
             raise InputError(
                 f"curve {name!r} has the range {stated[0]:g} to {stated[1]:g}; give the lower end of s first"
@@ -106,7 +100,7 @@ def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> Curve:
         texts = [entry.get(axis, "0") for axis in ("xyz" if "z" in entry else "xy")]
         functions = tuple(written_function(values, f"{text} + 0*s", ("curves", name), "s") for text in texts)
         interval = stated or ((0.0, REVOLUTION) if closed else (-np.pi, np.pi))
-        return Curve(name, functions, interval, closed, bounded=bool(stated) and not closed)
+        return GuideCurve(name, functions, interval, closed, bounded=bool(stated) and not closed)
 
 
 def _tabled(path: str, closed: bool) -> tuple[PlainFunction, ...]:
@@ -125,7 +119,7 @@ def _tabled(path: str, closed: bool) -> tuple[PlainFunction, ...]:
     )
 
 
-def _with_roller(curve: Curve, name: str, joint: Mapping[str, Any]) -> Curve:
+def _with_roller(curve: GuideCurve, name: str, joint: Mapping[str, Any]) -> GuideCurve:
     """Return the path of the centre of a joint's roller; the curve itself without one."""
     radius, side = joint.get("roller", 0.0), joint.get("side", "outside" if curve.closed else "left")
     subject = f"joint {name!r}"

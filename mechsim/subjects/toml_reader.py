@@ -26,7 +26,6 @@ from mechsim.subjects.toml_coordinates import (
     motion_laws_of,
     start_of,
 )
-from mechsim.subjects.toml_curves import has_curves, with_curves
 from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
@@ -67,6 +66,8 @@ class TomlModel(ModelSource):
         values = values_of(source).with_parameters(parameters, changed, units_of)
         added: Sequence[Coupling] = ()
         if has_curves(document):
+            from mechsim.subjects.toml_curves import with_curves
+
             document, added = with_curves(values, document, values.checked(ROOT, document, ()))
         read = values.checked(ROOT, document, ())
         require_dimensions(source, {**parameters, **changed})
@@ -112,6 +113,15 @@ class TomlModel(ModelSource):
                 else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
             )
         return Parameters(dimensions, parameter_dependencies(document))
+
+
+def has_curves(document: Mapping[str, Any]) -> bool:
+    """Whether a file has curves, or joints on curves."""
+    joints = document.get("joints")
+    entries: list[Any] = list(joints.values()) if isinstance(joints, dict) else []
+    return "curves" in document or any(
+        isinstance(row, dict) and row.get("kind") == "curve" for row in entries
+    )
 
 
 def mechanism_of(

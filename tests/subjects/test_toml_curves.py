@@ -204,7 +204,7 @@ def test_a_structure_finds_where_its_arm_meets_the_curve(tmp_path):
     s = values["rail"]
     point = np.array([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)])
     assert abs(np.hypot(*point) - 0.3) < 1e-13
-    assert 0.09 == pytest.approx((0.3 + 0.05 * np.cos(s)) ** 2 + 0.04 * np.sin(s) ** 2, rel=1e-12)
+    assert pytest.approx((0.3 + 0.05 * np.cos(s)) ** 2 + 0.04 * np.sin(s) ** 2, rel=1e-12) == 0.09
 
 
 BEAD = """name = "bead"

@@ -11,7 +11,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
-from mechsim.model.curves import Curve, CurveAxis
+from mechsim.model.curves import CurveAxis, GuideCurve
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, End, Joint
@@ -29,7 +29,7 @@ NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     WrittenFunction: ("values",),
     TabledFunction: ("positions", "targets"),
     CurveAxis: ("curve",),
-    Curve: ("axes", "offset"),
+    GuideCurve: ("axes", "offset"),
     Link: ("inertia",),
     Inertia: ("mass", "centre", "moments"),
     Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "loads"),

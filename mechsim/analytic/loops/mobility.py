@@ -63,8 +63,8 @@ def generic_poses(
         step = null_space.T @ random.standard_normal(len(null_space))
         longest = float(np.abs(step).max(initial=0.0))
         # from the end of a table only one direction leads to poses
-        for way in (1.0, -1.0) if longest > 0.0 else ():
-            displaced = loops.displaced(q, (way * step * SPACING / longest)[:, None])
+        for sign in (1.0, -1.0) if longest > 0.0 else ():
+            displaced = loops.displaced(q, (sign * step * SPACING / longest)[:, None])
             with np.errstate(all="ignore"):
                 nearby = nearest_consistent(loops, displaced, tolerance, floor)
                 if np.isfinite(loops.linearise(nearby)[0]).all():

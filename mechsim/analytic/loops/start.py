@@ -321,10 +321,10 @@ def disturbed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     for law in loops.tree.mechanism.laws:
         if law.function is None or not isinstance(law.right, str) or not isinstance(law.left, str):
             continue
-        if (place := indices[law.right]) not in loops.driven:
-            values[place, 1:] = np.linspace(*law.function.interval, STARTS)[1:]
+        if (argument := indices[law.right]) not in loops.driven:
+            values[argument, 1:] = np.linspace(*law.function.interval, STARTS)[1:]
         if (follower := indices[law.left]) not in loops.driven:
-            values[follower, 1:] = law.zeros[0] + law.polynomial(values[place, 1:])[0]
+            values[follower, 1:] = law.zeros[0] + law.polynomial(values[argument, 1:])[0]
     return starts
 
 
