@@ -86,6 +86,11 @@ class Actuator:
                     "limit below the upper one"
                 )
 
+    @property
+    def limited(self) -> bool:
+        """Whether control, state or force has a limit."""
+        return bool(np.isfinite([self.control_range, self.state_range, self.force_range]).any())
+
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError if the mechanism lacks one of the coordinates."""
         names = [name for joint in mechanism.joints for name in joint.coordinates]

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -385,6 +385,49 @@ def evaluate_number(text: str, names: Callable[[str], float], angle: float = 1.0
     return result
 
 
+class Instruction(NamedTuple):
+    """A step of an expression's evaluation on a stack of values.
+
+    Attributes:
+        name: "number", "variable", "Neg", an operator of `ast`, or a function.
+        value: the number, the variable's name, or the function of the last values of the stack.
+        operands: number of these values, which the result replaces.
+    """
+
+    name: str
+    value: Any
+    operands: int = 0
+
+
+_ARITHMETIC: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+
+
+def _instructions(node: ast.AST) -> tuple[Instruction, ...]:
+    """Return the evaluation of an expression that `Evaluator` accepts, operands first."""
+    match node:
+        case ast.Constant(value=value):
+            return (Instruction("number", float(cast(float, value))),)
+        case ast.Name(id=name):
+            return (Instruction("number", math.pi) if name == "pi" else Instruction("variable", name),)
+        case ast.UnaryOp(op=op, operand=operand):
+            negative = isinstance(op, ast.USub)
+            return (*_instructions(operand), *([Instruction("Neg", operator.neg, 1)] if negative else []))
+        case ast.BinOp(left=left, op=op, right=right):
+            last = Instruction(type(op).__name__, _ARITHMETIC[type(op)], 2)
+            return (*_instructions(left), *_instructions(right), last)
+        case ast.Call(func=ast.Name(id=name), args=args):
+            inner = (instruction for argument in args for instruction in _instructions(argument))
+            return (*inner, Instruction(name, FUNCTIONS[name].value, len(args)))
+        case _:
+            raise InputError(f"contains {ast.unparse(node)!r}; only arithmetic is allowed: {_ALLOWED}")
+
+
 @dataclass(frozen=True, slots=True)
 class Expression:
     """An expression of named arrays, such as a controller of states and time.
@@ -392,12 +435,12 @@ class Expression:
     Attributes:
         text: the expression; all names in SI, angles in [rad].
         names: names of its variables.
-        tree: its syntax tree.
+        instructions: its evaluation.
     """
 
     text: str
     names: tuple[str, ...]
-    tree: ast.expr
+    instructions: tuple[Instruction, ...]
 
     def __call__(self, values: Mapping[str, ArrayLike]) -> Array:
         """Return the values (n,) at variables name -> (n,); not finite where the expression has no value."""
@@ -421,8 +464,14 @@ class Expression:
         return result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
 
     def _evaluate(self, values: Mapping[str, Any]) -> Any:
+        stack: list[Any] = []
         with np.errstate(all="ignore"):
-            return Evaluator(lambda name: Term(values[name])).evaluate(self.tree).value
+            for name, value, operands in self.instructions:
+                if operands:
+                    stack[-operands:] = [value(*stack[-operands:])]
+                else:
+                    stack.append(value if name == "number" else values[value])
+        return stack[0]
 
 
 def compiled(text: str, names: Iterable[str]) -> Expression:
@@ -444,11 +493,12 @@ def compiled(text: str, names: Iterable[str]) -> Expression:
             raise InputError(
                 f"names {name!r}, which is not defined; choose from {', '.join((*allowed, 'pi'))}"
             )
-    expression = Expression(text, tuple(dict.fromkeys(name for name in used if name != "pi")), tree)
     try:
-        expression({name: np.full(1, 0.5) for name in expression.names})
+        with np.errstate(all="ignore"):
+            Evaluator(lambda name: Term(np.full(1, 0.5))).evaluate(tree)
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError("has no value that is a finite real number") from None
-    return expression
+    names = tuple(dict.fromkeys(name for name in used if name != "pi"))
+    return Expression(text, names, _instructions(tree))

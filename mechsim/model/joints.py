@@ -13,7 +13,7 @@ from mechsim.errors import InputError
 from mechsim.model.curves import CouplingFunction
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, polynomial
 from mechsim.numerics.inputs import number, numbers, require
 
 # highest degree of a coupling polynomial, the limit of MJCF's joint equality
@@ -119,10 +119,7 @@ class Coupling:
     def polynomial(self, right: Array) -> tuple[Array, Array, Array]:
         """Return p, or the function, and its first two derivatives at values of the right side."""
         offset = right - self.zeros[1]
-        if self.function is not None:
-            return self.function(offset)
-        p = np.polynomial.Polynomial(self.coefficients)
-        return p(offset), p.deriv(1)(offset), p.deriv(2)(offset)
+        return self.function(offset) if self.function else polynomial(self.coefficients, offset)
 
 
 # squared length of the sum of two unit vectors below which they count as antiparallel (rounding)

@@ -1,5 +1,7 @@
 """The array type of the package, error norms, and tangents of paths."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,6 +30,19 @@ def rms(errors: ArrayLike) -> float:
     if largest in (0.0, np.inf):
         return largest
     return largest * float(np.sqrt(np.mean((values / largest) ** 2)))
+
+
+def polynomial(coefficients: Iterable[float], x: Array) -> tuple[Array, Array, Array]:
+    """Return a polynomial and its first two derivatives at values (n,), by Horner's scheme.
+
+    Args:
+        coefficients: from the constant up.
+        x: values, which may have complex steps.
+    """
+    value, rate, half = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+    for entry in reversed([*coefficients]):
+        half, rate, value = half * x + rate, rate * x + value, value * x + entry
+    return value, rate, 2.0 * half
 
 
 # largest distance of the ends of a closed path, relative to its extent

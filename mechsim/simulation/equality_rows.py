@@ -1,15 +1,14 @@
 """The equality constraints that close a model's loops, read from the compiled model."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, polynomial
 from mechsim.simulation.state import cross_matrices, rotation_matrix
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
@@ -136,24 +135,20 @@ class CouplingConstraint:
     coefficients: Array
     equality: int
     function: Callable[[Array], tuple[Array, Array, Array]] | None = None
-    _polynomials: tuple[Callable[[Array], Array], ...] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        if (function := self.function) is not None:
-            orders = tuple(partial(_derivative, function, order) for order in range(3))
-            object.__setattr__(self, "_polynomials", orders)
-            return
-        polynomial = np.polynomial.Polynomial(self.coefficients)
-        object.__setattr__(self, "_polynomials", (polynomial, polynomial.deriv(1), polynomial.deriv(2)))
+    def values(self, right: Array) -> tuple[Array, Array, Array]:
+        """Return the polynomial and its first two derivatives at values of the right side."""
+        return self.function(right) if self.function else polynomial(self.coefficients, right)
 
     def expanded(self, right: float) -> list[float]:
         """Return the coefficients of the Taylor polynomial about a value of the right side."""
-        value, rate = (float(entry(np.array([right]))[0]) for entry in self._polynomials[:2])
-        before, second, after = self._polynomials[2](right + DIFFERENCE * np.arange(-1.0, 2.0)).tolist()
+        values, rates, (before, second, after) = self.values(right + DIFFERENCE * np.arange(-1.0, 2.0))
         third, fourth = (after - before) / (2.0 * DIFFERENCE), (after - 2.0 * second + before) / DIFFERENCE**2
-        about = np.polynomial.Polynomial([value, rate, second / 2.0, third / 6.0, fourth / 24.0])
-        coefficients = about(np.polynomial.Polynomial([-right, 1.0])).coef.tolist()
-        return [*coefficients, 0.0, 0.0, 0.0, 0.0][:5]
+        coefficients = [0.0] * 5
+        for entry in (fourth / 24.0, third / 6.0, second / 2.0, rates[1], values[1]):
+            below = [entry, *coefficients[:-1]]
+            coefficients = [lower - right * same for lower, same in zip(below, coefficients, strict=True)]
+        return coefficients
 
     @property
     def nonlinear(self) -> bool:
@@ -162,13 +157,13 @@ class CouplingConstraint:
 
     def evaluate(self, right: Array) -> tuple[Array, Array]:
         """Return the polynomial and its derivative at values of the right side."""
-        return self._polynomials[0](right), self._polynomials[1](right)
+        return self.values(right)[:2]
 
     def target(self, qpos: Array) -> Array:
         """Return the value that the constraint prescribes for the left side at states (n, nq), (n,)."""
         if self.right is None:
             return np.full(len(qpos), self.coefficients[0])
-        return self._polynomials[0](self.right.value(qpos))
+        return self.values(self.right.value(qpos))[0]
 
     def residual(self, qpos: Array) -> Array:
         """Return the constraint residual at states (n, nq), (n,) in [m] or [rad]."""
@@ -180,7 +175,7 @@ class CouplingConstraint:
         derivative[:, self.left.dofs] = self.left.weights
         if self.right is not None:
             derivative[:, self.right.dofs] -= (
-                self._polynomials[1](self.right.value(qpos))[:, None] * self.right.weights
+                self.values(self.right.value(qpos))[1][:, None] * self.right.weights
             )
         return derivative
 
@@ -189,11 +184,7 @@ class CouplingConstraint:
         if self.right is None:
             return np.zeros(len(qpos))
         rate = qvel[:, self.right.dofs] @ self.right.weights
-        return self._polynomials[2](self.right.value(qpos)) * rate**2
-
-
-def _derivative(function: Callable[[Array], tuple[Array, ...]], order: int, right: Array) -> Array:
-    return function(right)[order]
+        return self.values(self.right.value(qpos))[2] * rate**2
 
 
 def constraints(

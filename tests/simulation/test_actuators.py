@@ -80,7 +80,7 @@ def test_plain_mujoco_converges_to_the_analytic_run(case, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", ["position", "affine", "intvelocity"])
+@pytest.mark.parametrize("case", ["position", "affine", "intvelocity", "forcerange"])
 def test_the_check_passes_and_rejects_another_actuator(case, tmp_path):
     model, _, _ = model_of(tmp_path, case)
     run = ms.dynamics.run(model, duration=0.2, samples=10)

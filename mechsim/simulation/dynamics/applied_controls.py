@@ -16,7 +16,7 @@ from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.equality_rows import RodPair
-from mechsim.simulation.mjcf.force_elements import native
+from mechsim.simulation.mjcf.force_elements import MASSLESS, native
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
@@ -31,9 +31,10 @@ def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations
         model: the model.
         settings: of the integrator and the constraints.
         timestep: in [s].
-        iterations: minimum number of Newton iterations of MuJoCo's constraint solver in a step.
+        iterations: of Newton's method in MuJoCo's constraint solver, with equalities alone.
     """
     loops = replace(model.loops, model=copy.copy(model.model))
+    _weigh_massless(loops.model)
     inertias = loops.model.dof_armature.copy(), loops.model.dof_M0.copy()
     settings.apply(loops, timestep, velocity_products=True)
     stiffen_friction(loops.model, timestep, settings.compliance_used)
@@ -41,6 +42,22 @@ def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations
     loops.model.dof_armature[:], loops.model.dof_M0[:] = inertias
     loops.model.opt.iterations = max(loops.model.opt.iterations, iterations)
     return loops
+
+
+def _weigh_massless(model: mujoco.MjModel) -> None:
+    """Give massless bodies the inverse weights of the heaviest body.
+
+    MuJoCo makes constraints compliant in proportion to inverse weights. By those of negligible masses, a
+    coupling of a virtual body would yield more than the links move.
+    """
+    heavy, largest = copy.copy(model), model.body_mass.max()
+    massless = (model.body_mass < MASSLESS * largest) & (model.body_mass > 0.0)
+    if not massless.any():
+        return
+    heavy.body_mass[massless], heavy.body_inertia[massless] = largest, model.body_inertia.max()
+    mujoco.mj_setConst(heavy, mujoco.MjData(heavy))
+    for name in ("body_invweight0", "dof_invweight0", "tendon_invweight0"):
+        getattr(model, name)[:] = getattr(heavy, name)
 
 
 class AppliedControls:
@@ -59,18 +76,30 @@ class AppliedControls:
         self.controllers = Controllers(model)
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None
-        varying = any(profile.over is not None for profile in model.forces.load_profiles)
-        varying |= bool(self.controllers.used or model.forces.actuators)
-        self.constant = not (model.dry or varying or self.drives.names)
+        over = {profile.over for profile in model.forces.load_profiles} - {None}
+        #: whether controls depend on nothing but the time
+        self.timed = not (model.dry or self.controllers.others or "angle" in over)
+        other = not self.timed or self.controllers.used or self.drives.names
+        self.constant = not (other or over or model.forces.actuators)
+        self.first, self.table = 0.0, np.empty((0, loops.model.nu))
+
+    def look_ahead(self, time: float, steps: int) -> None:
+        """Evaluate controls that depend on nothing but the time at all stages of the next steps of RK4."""
+        if self.timed and not self.constant:
+            times = time + 0.5 * self.loops.model.opt.timestep * np.arange(2 * steps + 1)
+            self.first, self.table = time, self.model.controls(np.zeros(len(times)), times)
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set controls and applied forces at MuJoCo's state."""
         if self.drives.evaluating:
             return
-        angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
-        controls = self.model.controls(angle, np.array([data.time]))
-        oppose(self.model.dry, data.actuator_velocity[None], controls)
-        data.ctrl[:] = controls[0]
+        if len(self.table):
+            data.ctrl[:] = self.table[round((data.time - self.first) / (0.5 * self.loops.model.opt.timestep))]
+        else:
+            angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
+            controls = self.model.controls(angle, np.array([data.time]))
+            oppose(self.model.dry, data.actuator_velocity[None], controls)
+            data.ctrl[:] = controls[0]
         data.qfrc_applied[:] = 0.0
         self.controllers.apply(data)
         self.drives.apply(data)
@@ -78,7 +107,7 @@ class AppliedControls:
     @contextmanager
     def installed(self, data: mujoco.MjData) -> Generator[None]:
         """Apply them at every stage of a step of `data`; restore MuJoCo's callbacks afterwards."""
-        before = mujoco.get_mjcb_control()
+        before, self.table = mujoco.get_mjcb_control(), self.table[:0]
         if self.constant:
             self.apply(data)
         else:

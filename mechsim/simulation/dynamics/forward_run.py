@@ -50,8 +50,9 @@ REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
 NO_LINKS: Mapping[str, LinkMotion] = {}
-# minimum Newton iterations of MuJoCo's constraint solver in a step
-ITERATIONS = 20
+# Newton iterations of MuJoCo's constraint solver with equalities alone, whose cost is quadratic: two refine
+# the first; the motions of four_bar, rssr and jansen are then those of twenty
+ITERATIONS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +82,56 @@ class SteppedRun:
     seconds: float
 
 
-@quiet()
+@dataclass(frozen=True, slots=True)
+class Start:
+    """A model at its initial state, from which runs with different steps begin.
+
+    Attributes:
+        model: the model.
+        qpos: coordinates with closed loops, (nq,).
+        qvel: rates that satisfy the loops, (nv,).
+        activation: states of actuators that have one.
+        redundant: whether loop constraints depend on one another.
+    """
+
+    model: LoadedModel
+    qpos: Array
+    qvel: Array
+    activation: Array
+    redundant: bool
+
+    @quiet()
+    def stepped(
+        self,
+        times: Array,
+        substeps: int,
+        settings: Settings | None = None,
+        prescribed: Mapping[str, State] | None = None,
+        progress: Progress = no_progress,
+    ) -> SteppedRun:
+        """Step the model; see `stepped_run`."""
+        timestep = float(times[1] - times[0]) / substeps
+        settings = settings or (REDUNDANT if self.redundant else FREE)
+        controls = AppliedControls(
+            self.model, prepared(self.model, settings, timestep, ITERATIONS), prescribed
+        )
+        begin, start = timer.perf_counter(), (self.qpos, self.qvel, self.activation)
+        states, activations, diverged = _steps(controls, start, times, substeps, progress)
+        seconds = timer.perf_counter() - begin
+        motion, kinetic, potential, driving = _recorded(controls, states, activations)
+        return SteppedRun(
+            motion=motion,
+            kinetic=kinetic,
+            potential=potential,
+            driving=driving,
+            diverged=diverged,
+            compliant=settings == REDUNDANT,
+            timestep=timestep,
+            steps=substeps * (len(states.time) - 1),
+            seconds=seconds,
+        )
+
+
 def stepped_run(
     mechanism: Mechanism,
     forces: Forces,
@@ -92,30 +142,51 @@ def stepped_run(
     settings: Settings | None = None,
     *,
     kept: set[str] | None = None,
-    prescribed: Mapping[str, State] | None = None,
-    ranges: Ranges = NO_RANGES,
-    links: Mapping[str, LinkMotion] = NO_LINKS,
-    activation: Array | None = None,
-    progress: Progress = no_progress,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
 
     Args:
         mechanism: links without an inertia are rods.
         forces: applied forces, including the motor.
-        coordinates: initial values in [m] or [rad] of joint coordinates of the tree.
+        coordinates: initial values of joint coordinates, as in `start_of`.
         rates: initial rates per second, likewise.
         times: instants to record, evenly spaced, the first of the initial state, (n,) in [s].
         substeps: number of steps between two recorded instants.
         settings: of the integrator and the constraints; None chooses `FREE`, or `REDUNDANT` if loop
             constraints depend on one another.
+        kept: as in `start_of`.
+
+    Raises:
+        InputError: for a coordinate that the model does not have.
+        AssemblyError: if the loops do not close at the initial values.
+    """
+    return start_of(mechanism, forces, coordinates, rates, kept=kept).stepped(times, substeps, settings)
+
+
+@quiet()
+def start_of(
+    mechanism: Mechanism,
+    forces: Forces,
+    coordinates: Mapping[str, float],
+    rates: Mapping[str, float],
+    *,
+    kept: set[str] | None = None,
+    ranges: Ranges = NO_RANGES,
+    links: Mapping[str, LinkMotion] = NO_LINKS,
+    activation: Array | None = None,
+) -> Start:
+    """Return the model of a mechanism at an initial state.
+
+    Args:
+        mechanism: links without an inertia are rods.
+        forces: applied forces, including the motor.
+        coordinates: initial values in [m] or [rad] of joint coordinates of the tree.
+        rates: initial rates per second, likewise.
         kept: coordinates at which no loop is cut. Values of other coordinates are ignored if a loop is cut
             there. None keeps all coordinates that have a value.
-        prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
         ranges: joint -> lower and upper limit in [m] or [rad], which are soft in MuJoCo.
         links: link -> its motion, whose first instant gives the rotations and rates of spherical joints.
         activation: states of actuators that have one; None for their initial states.
-        progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
         InputError: for a coordinate that the model does not have.
@@ -134,25 +205,7 @@ def stepped_run(
     qvel = _rates(model, qpos, rates, spins)
     if activation is None:
         activation = np.array([a.start for a in forces.actuators if a.inflow is not None])
-    timestep = float(times[1] - times[0]) / substeps
-    settings = settings or (REDUNDANT if is_redundant(model.loops, qpos) else FREE)
-    loops = prepared(model, settings, timestep, ITERATIONS)
-    controls = AppliedControls(model, loops, prescribed)
-    begin = timer.perf_counter()
-    states, activations, diverged = _steps(controls, (qpos, qvel, activation), times, substeps, progress)
-    seconds = timer.perf_counter() - begin
-    motion, kinetic, potential, driving = _recorded(controls, states, activations)
-    return SteppedRun(
-        motion=motion,
-        kinetic=kinetic,
-        potential=potential,
-        driving=driving,
-        diverged=diverged,
-        compliant=settings == REDUNDANT,
-        timestep=timestep,
-        steps=substeps * (len(states.time) - 1),
-        seconds=seconds,
-    )
+    return Start(model, qpos, qvel, activation, is_redundant(model.loops, qpos))
 
 
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
@@ -306,8 +359,10 @@ def _steps(
     data.time = times[0]
     records = [(data.qpos.copy(), data.qvel.copy(), data.act.copy())]
     with controls.installed(data):
+        functions = any(row.function for row in controls.loops.couplings)
         for time in times[1:].tolist():
-            if any(row.function for row in controls.loops.couplings):
+            controls.look_ahead(data.time, substeps)
+            if functions:
                 for _ in range(substeps):
                     expand_functions(controls.loops, data.qpos)
                     mujoco.mj_step(stepped, data)
@@ -332,8 +387,8 @@ def _recorded(
     data, n = mujoco.MjData(stepped), len(states.time)
     sensors = np.empty((n, stepped.nsensordata))
     accelerations = np.empty((n, stepped.nv))
-    sites = {name: np.empty((n, 3)) for name in model.track.points}
-    bodies = {name: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
+    sites = {stepped.site(name).id: np.empty((n, 3)) for name in model.track.points}
+    bodies = {stepped.body(name).id: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
     energies = np.empty((n, 2))
     driving = {name: np.empty(n) for name in drives.names}
     with controls.installed(data):
@@ -345,11 +400,13 @@ def _recorded(
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort
             sensors[i], accelerations[i], energies[i] = data.sensordata, data.qacc, data.energy
-            for name, values in sites.items():
-                values[i] = data.site(name).xpos
-            for name, (position, rotation) in bodies.items():
-                position[i], rotation[i] = data.body(name).xpos, data.body(name).xmat.reshape(3, 3)
-    motion = _motion(model, stepped, states, accelerations, sensors, sites, bodies)
+            for number, values in sites.items():
+                values[i] = data.site_xpos[number]
+            for number, (position, rotation) in bodies.items():
+                position[i], rotation[i] = data.xpos[number], data.xmat[number].reshape(3, 3)
+    named_sites = dict(zip(model.track.points, sites.values(), strict=True))
+    named_bodies = dict(zip(model.track.links, bodies.values(), strict=True))
+    motion = _motion(model, stepped, states, accelerations, sensors, named_sites, named_bodies)
     return motion, energies[:, 1], energies[:, 0], driving
 
 
