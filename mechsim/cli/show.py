@@ -75,6 +75,7 @@ class ShowJson(TypedDict):
     joints: list[Joint]
     couplings: list[Coupling]
     locked: dict[str, float]
+    limits: dict[str, list[float | None]]
     mobility: int | Determinacy
     mobility_explained: list[str]
     outcome: NotRequired[Literal["determined", "underdetermined", "overdetermined"]]
@@ -159,7 +160,7 @@ def show(
 
 
 def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
-    declared = solver.written
+    declared, mechanism = solver.written, solver.mechanism
     if any(parameter["doc"] for parameter in data["parameters"].values()):
         rows = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
         print_table("Parameters", ("name", "value", "unit", "meaning"), rows)
@@ -171,6 +172,11 @@ def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
     print_table("Joints", ("joint", "kind", "links"), joints)
     couplings = [(law.name, _sum(law.left_terms), _polynomial(law)) for law in data["couplings"]]
     print_table("Couplings", ("coupling", "driven", "equals"), couplings)
+    limits = [
+        (name, *("none" if end is None else _text(end) for end in ends), mechanism.unit(name))
+        for name, ends in data["limits"].items()
+    ]
+    print_table("Limits", ("coordinate", "lower", "upper", "unit"), limits)
     typer.echo(in_colour("Mobility"))
     for line in data["mobility_explained"]:
         print_text(f"  {line}")

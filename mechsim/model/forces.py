@@ -19,6 +19,7 @@ from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Controller, Motor
+from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, require
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
@@ -124,6 +125,7 @@ class Forces:
         friction: friction in joints.
         springs: springs between points.
         joint_springs: springs in joints.
+        nonlinear_springs: springs with a law of their own, such as stops.
         loads: forces on points.
         couples: moments on links.
         crank_torque: load on the crank in [N m], positive for increasing crank angle, exerted on the driven
@@ -140,6 +142,7 @@ class Forces:
     friction: tuple[Friction, ...] = ()
     springs: tuple[Spring, ...] = ()
     joint_springs: tuple[JointSpring, ...] = ()
+    nonlinear_springs: tuple[NonlinearSpring, ...] = ()
     loads: tuple[Load, ...] = ()
     couples: tuple[Couple, ...] = ()
     crank_torque: LoadProfile | None = None
@@ -220,6 +223,22 @@ class Forces:
         """Coordinates that controllers and actuators read or act on, and those with an armature."""
         names = {name for controller in self.controllers for name in controller.coordinates}
         return names | {name for actuator in self.actuators for name in actuator.gear} | {*self.armature}
+
+    @property
+    def stop_ranges(self) -> dict[str, tuple[float, float]]:
+        """Coordinate -> its range between soft stops, infinite where there is none."""
+        ranges: dict[str, tuple[float, float]] = {}
+        for spring in self.nonlinear_springs:
+            if isinstance(spring.ends, str):
+                low, high = ranges.get(spring.ends, (-np.inf, np.inf))
+                upper = spring.law.side > 0.0
+                ranges[spring.ends] = (low, spring.law.limit) if upper else (spring.law.limit, high)
+        return ranges
+
+    @property
+    def sprung(self) -> list[str]:
+        """Coordinates along which nonlinear springs act."""
+        return [spring.ends for spring in self.nonlinear_springs if isinstance(spring.ends, str)]
 
 
 def forces_of(source: object, forces: Forces | None = None) -> Forces:

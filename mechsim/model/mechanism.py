@@ -280,6 +280,14 @@ class Mechanism:
         _require_known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])
         return next(joint for joint in self.joints if joint.name == name)
 
+    def joint_with(self, coordinate: str) -> tuple[Joint, int]:
+        """Return the joint with a coordinate, and the number of the coordinate in it."""
+        return next(
+            (joint, joint.coordinates.index(coordinate))
+            for joint in self.joints
+            if coordinate in joint.coordinates
+        )
+
     def ends(self, link: str) -> list[End]:
         """Return the joint ends on a link."""
         return [end for joint in self.joints for end in (joint.a, joint.b) if end.link == link]

@@ -88,6 +88,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
 def _described(solver: KinematicSolver) -> dict[str, Any]:
     """Return the components of a mechanism."""
     mechanism = solver.mechanism
+    limits = {**solver.ranges, **({} if solver.forces is None else solver.forces.stop_ranges)}
     return {
         "name": solver.name,
         "about": about(solver),
@@ -97,6 +98,9 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
         "joints": mechanism.joints,
         "couplings": mechanism.laws,
         "locked": dict(mechanism.locked),
+        "limits": {
+            name: [None if abs(end) == np.inf else end for end in ends] for name, ends in limits.items()
+        },
     }
 
 

@@ -1,7 +1,7 @@
 """Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -11,6 +11,7 @@ from mechsim.files import read
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Coupling, Gear, state_variable
+from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
 from mechsim.subjects.toml_values import KeyPath, Values, suggestion, written_function
@@ -178,35 +179,79 @@ def initial_of(coordinates: FileCoordinates) -> dict[str, float | tuple[float, .
     return initial
 
 
-def limits_of(coordinates: FileCoordinates) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
-    """Return the limits of coordinates in SI, and the coefficients of restitution that the file states."""
-    ranges: dict[str, tuple[float, float]] = {}
-    restitution: dict[str, float] = {}
+@dataclass
+class FileLimits:
+    """The limits of coordinates of a file, in SI.
+
+    Attributes:
+        ranges: coordinate -> lower and upper limit that no motion exceeds.
+        restitution: coordinate -> coefficient of restitution there, if the file states it.
+        stops: soft stops, which yield.
+    """
+
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    restitution: dict[str, float] = field(default_factory=dict[str, float])
+    stops: list[NonlinearSpring] = field(default_factory=list[NonlinearSpring])
+
+
+def limits_of(coordinates: FileCoordinates) -> FileLimits:
+    """Return the limits of coordinates, as ranges or as soft stops."""
+    found = FileLimits()
     for joint, table in coordinates.read["joints"].items():
-        limits = table.get("limits")
+        limits, whole = table.get("limits"), ("joints", joint, "limits")
         if limits is None:
             continue
-        whole = ("joints", joint, "limits")
+        if not KINDS[table["kind"]].units:
+            reason = f"is of a {table['kind']} joint, which has no coordinate to limit; leave it out"
+            raise coordinates.error(whole, reason)
         by_coordinate = any(isinstance(entry, dict) for entry in limits.values())
         for suffix, entry in limits.items() if by_coordinate else [("", limits)]:
             name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
             coordinates.require(name, path)
-            if not isinstance(entry, dict) or not {*entry} <= {"lower", "upper", "restitution"}:
-                raise coordinates.error(path, "has other keys; give lower, upper and restitution")
-            low, high = (
-                coordinates.value(name, entry[side], (*path, side)) if side in entry else otherwise
-                for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
-            )
-            if not low < high:
-                reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
-                raise coordinates.error(path, reason)
-            ranges[name] = low, high
-            if "restitution" in entry:
-                value = coordinates.values.quantity(entry["restitution"], "1", (*path, "restitution"))
-                if not 0.0 <= value <= 1.0:
-                    raise coordinates.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
-                restitution[name] = value
-    return ranges, restitution
+            _add_limits(coordinates, found, name, entry, path)
+    return found
+
+
+def _add_limits(
+    coordinates: FileCoordinates, found: FileLimits, name: str, entry: Any, path: KeyPath
+) -> None:
+    """Add the limits of one coordinate."""
+    keys: set[str] = {*entry} if isinstance(entry, dict) else {""}
+    soft, values = bool(keys & {"stiffness", "damping"}), coordinates.values
+    others = {"stiffness", "damping"} if soft else {"restitution"}
+    if not keys <= {"lower", "upper", *others} or not keys & {"lower", "upper"}:
+        reason = "needs lower or upper, and takes restitution, or stiffness and damping; give these alone"
+        raise coordinates.error(path, reason)
+    low, high = (
+        coordinates.value(name, entry[side], (*path, side)) if side in entry else otherwise
+        for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
+    )
+    if not low < high:
+        reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
+        raise coordinates.error(path, reason)
+    if not soft:
+        found.ranges[name] = low, high
+        if "restitution" in entry:
+            value = values.quantity(entry["restitution"], "1", (*path, "restitution"))
+            if not 0.0 <= value <= 1.0:
+                raise coordinates.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
+            found.restitution[name] = value
+        return
+    if KINDS[coordinates.kinds[name]].rod:
+        raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
+    units: tuple[Unit, Unit] = (
+        ("N/m", "N s/m") if coordinates.units[name] == "m" else ("N m/rad", "N m s/rad")
+    )
+    stiffness, damping = (
+        values.quantity(entry.get(key, 0.0), unit, (*path, key))
+        for key, unit in zip(("stiffness", "damping"), units, strict=True)
+    )
+    with values.source.error_context(path):
+        found.stops += [
+            NonlinearSpring(name, SoftStop(limit, side, stiffness, damping))
+            for limit, side in ((low, -1.0), (high, 1.0))
+            if abs(limit) < np.inf
+        ]
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Motor, TorqueSpeedLine
+from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
@@ -40,12 +41,14 @@ FRICTION_NUMBERS = (
 _STIFFNESS: dict[str, Unit] = {"m": "N/m", "rad": "N m/rad"}
 
 
-def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> Forces | None:
-    """Return the forces on a mechanism; None if the file defines none."""
+def forces_of(
+    values: Values, mechanism: Mechanism, read: Mapping[str, Any], stops: Sequence[NonlinearSpring]
+) -> Forces | None:
+    """Return the forces on a mechanism, with those of its stops; None if the file defines none."""
     rubbing = {
         name: joint["friction"] for name, joint in read.get("joints", {}).items() if "friction" in joint
     }
-    if "forces" not in read and not rubbing:
+    if "forces" not in read and not rubbing and not stops:
         return None
     table: dict[str, Any] = read.get("forces", {})
     with values.source.error_context(("forces",)):
@@ -57,6 +60,7 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
             ),
             springs=tuple(_springs(values, mechanism, table)),
             joint_springs=tuple(_joint_springs(values, mechanism, table)),
+            nonlinear_springs=tuple(stops),
             loads=tuple(_loads(values, mechanism, table)),
             couples=tuple(
                 Couple(link, load_profile_of(values, mechanism, moment, "N m", ("forces", "couples", link)))

@@ -311,7 +311,8 @@ _JOINT = Table(
         "length": Number("m", "of a distance joint, between the points of both sides"),
         "limits": TableOf(
             AnyOf((JointNumber("a limit"), TableOf(JointNumber("a limit"), "of a coordinate")), "a limit"),
-            "lower and upper limit of the coordinate, and restitution, 0 to 1; or these by coordinate",
+            "lower and upper limit of the coordinate, and restitution, 0 to 1, or stiffness and damping; or "
+            "these by coordinate",
         ),
         "friction": _FRICTION,
     },

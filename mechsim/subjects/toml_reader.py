@@ -76,15 +76,15 @@ class TomlModel(ModelSource):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
             mechanism = mechanism_of(coordinates, drivers, added)
         require_pitch_points(source, mechanism, read)
-        ranges, restitution = limits_of(coordinates)
+        limits = limits_of(coordinates)
         solver = LoopForm(
             mechanism,
             parameters=values.parameters,
             formula=formula_path(source, read.get("formula", {}).get("python", "")),
-            forces=forces_of(values, mechanism, read),
+            forces=forces_of(values, mechanism, read, limits.stops),
             initial=initial_of(coordinates),
-            ranges=ranges,
-            restitution=restitution,
+            ranges=limits.ranges,
+            restitution=limits.restitution,
             written=WrittenUnits(values.length, values.angle),
             facts=implausible_lengths(values, mechanism),
         )

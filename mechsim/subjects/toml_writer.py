@@ -231,16 +231,21 @@ def _joint(joint: Joint) -> dict[str, Any]:
 
 
 def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
-    """Return the limits of a joint's coordinates and their restitution; infinite ones are left out."""
+    """Return the limits of a joint's coordinates: ranges with their restitution, and soft stops."""
     limits: dict[str, Any] = {}
+    if solver is None:
+        return limits
     for name in joint.coordinates:
-        if solver is None or name not in solver.ranges:
-            continue
-        pairs = zip(("lower", "upper"), solver.ranges[name], strict=True)
+        pairs = zip(("lower", "upper"), solver.ranges.get(name, NO_LIMIT), strict=True)
         entry = {side: value for side, value in pairs if abs(value) < np.inf}
         if name in solver.restitution:
             entry["restitution"] = solver.restitution[name]
-        limits |= entry if name == joint.name else {name.removeprefix(f"{joint.name}."): entry}
+        for spring in () if solver.forces is None else solver.forces.nonlinear_springs:
+            if spring.ends == name:
+                entry["upper" if spring.law.side > 0.0 else "lower"] = spring.law.limit
+                entry |= _fields(spring.law, "stiffness", "damping")
+        if entry:
+            limits |= entry if name == joint.name else {name.removeprefix(f"{joint.name}."): entry}
     return {"limits": limits} if limits else {}
 
 

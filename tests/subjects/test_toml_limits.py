@@ -65,7 +65,7 @@ def test_limits_are_written_and_read_back(tmp_path):
     [
         ("{ lower = 1, upper = 0 }", "from 1 to 0; give a lower limit below"),
         ("{ lower = 0, restitution = 2 }", "is 2; give 0 to 1"),
-        ("{ low = 0 }", "give lower, upper and restitution"),
+        ("{ low = 0 }", "needs lower or upper, and takes restitution"),
         ("{ way = { lower = 0 } }", "height.way"),
     ],
 )

@@ -6,6 +6,7 @@ Coulomb friction (times the sign of w), and loads that depend on crank angle or 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,11 @@ from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.errors import InputError
-from mechsim.model.forces import Friction, Spring
+from mechsim.model.forces import Friction, Location, Spring
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import IDENTITY
+from mechsim.model.nonlinear_springs import NonlinearSpring, Phases
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 
@@ -154,6 +156,7 @@ def _about(first: Array, second: Array, p: Array, q: Array) -> Array:
 
 
 Stack = NDArray[np.float64]
+Ends = tuple[Location, Location]
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +200,8 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
     springs, damping, coulomb = nothing.copy(), nothing.copy(), nothing.copy()
     for spring in forces.springs:
         tension, damper, stored = _spring(unit, spring)
-        _add_tension(unit, springs, spring, tension)
-        _add_tension(unit, damping, spring, damper)
+        _add_tension(unit, springs, (spring.a, spring.b), tension)
+        _add_tension(unit, damping, (spring.a, spring.b), damper)
         energy = energy + stored
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
@@ -217,21 +220,41 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
 
 @dataclass(frozen=True, slots=True)
 class Loads:
-    """Loads that depend on crank angle or time.
+    """Loads that depend on crank angle, crank speed or time.
 
     Attributes:
-        wrenches: wrenches of loads on points and couples on links, (n, L, 6) in [N, N m].
+        wrenches: wrenches of loads, couples and nonlinear springs, (n, L, 6) in [N, N m].
         crank: torque on the crank itself, (n,) in [N m].
         torque: generalised force of both on the crank, (n,) in [N m].
+        energy: energy stored in nonlinear springs, (n,) in [J].
+        work: power of the loads, (n,) in [W].
+        lost: power lost in nonlinear springs, (n,) in [W].
     """
 
     wrenches: Array
     crank: Array
     torque: Array
+    energy: Array
+    work: Array
+    lost: Array
 
 
-def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
-    """Return the loads at crank angles and times (n,) in [s]; the time is None if unknown."""
+def loads(
+    model: DynamicModel,
+    unit: UnitMotion,
+    time: Array | None,
+    speed: Array | float = 1.0,
+    phases: Phases | None = None,
+) -> Loads:
+    """Return the loads at crank angles.
+
+    Args:
+        model: with the loads among its forces.
+        unit: motion per radian of the crank, or by time with a speed of 1.
+        time: times (n,) in [s]; None if unknown.
+        speed: crank speed in [rad/s].
+        phases: phase of each nonlinear spring; None for those of its length and rate.
+    """
     out = np.zeros_like(unit.twist)
     for load in model.forces.loads:
         link, point, _ = unit.locate(load.location)
@@ -240,17 +263,54 @@ def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
         slot = unit.slot(couple.link)
         if slot is not None:
             out[:, slot, 3:] += couple.moment.evaluate(unit.angle, time)
+    work, energy, lost = power(unit, out) * speed, np.zeros(len(unit)), np.zeros(len(unit))
+    for k, spring in enumerate(model.forces.nonlinear_springs):
+        length, rate = length_and_rate(unit, spring)
+        phase, rate = None if phases is None else phases[k], rate * speed
+        tension, elastic = spring.law.tension(length, rate, phase), spring.law.elastic(length, phase)
+        _add_along(unit, out, spring, tension)
+        energy, lost = energy + spring.law.energy(length), lost + (tension - elastic) * rate
     require_idle(unit, out, "a load")
     course = model.forces.crank_torque
     crank = np.zeros(len(unit)) if course is None else course.evaluate(unit.angle, time)
-    return Loads(out, crank, crank + power(unit, out))
+    return Loads(out, crank, crank + power(unit, out), energy, work, lost)
+
+
+def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, Array]:
+    """Return the length of a nonlinear spring and its rate at unit speed, (n,) each."""
+    if not isinstance(spring.ends, str):
+        line, length, rate = _line(unit, spring.ends)
+        return length, dot(line, rate)
+    joint, k = unit.mechanism.joint_with(spring.ends)
+    value: Any = _joint_values(unit, joint)[..., k]
+    known = unit.coordinates.get(spring.ends)
+    if known is not None:
+        # dimensions may have complex steps that known values lack
+        value = known + 1j * np.imag(value) if np.iscomplexobj(value) and np.isrealobj(known) else known
+    elif KINDS[joint.kind].units[k] == "rad":
+        # of the angles that differ by revolutions, the one next to the stop
+        value = spring.law.reference + wrapped(value - spring.law.reference)
+    return value, joint_rates(unit, joint)[k]
+
+
+def _add_along(unit: UnitMotion, stack: Array, spring: NonlinearSpring, tension: Array) -> None:
+    """Add the forces of a tension (n,) to a stack of wrenches."""
+    if not isinstance(spring.ends, str):
+        return _add_tension(unit, stack, spring.ends, tension)
+    joint, k = unit.mechanism.joint_with(spring.ends)
+    return add_joint_forces(unit, stack, joint, [-tension * (i == k) for i in range(KINDS[joint.kind].dof)])
 
 
 def joint_value(unit: UnitMotion, joint: Joint) -> Array:
     """Return the coordinate of a revolute or prismatic joint, (n,) in [rad] or [m]."""
+    return _joint_values(unit, joint)[..., 0]
+
+
+def _joint_values(unit: UnitMotion, joint: Joint) -> Array:
+    """Return the coordinates of a joint, (n, k) in [m] or [rad], angles within (-pi, pi]."""
     poses = unit.poses()
     a, b = (poses.get(end.link, IDENTITY) for end in (joint.a, joint.b))
-    return joint_coordinate(joint, a, b)[..., 0]
+    return joint_coordinate(joint, a, b)
 
 
 def power(unit: UnitMotion, wrenches: Array) -> Array:
@@ -275,22 +335,22 @@ def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
 
 def _spring(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
     """Return the spring's tension, its damper's tension at unit crank speed, and its energy, (n,) each."""
-    line, length, rate = _line(unit, spring)
+    line, length, rate = _line(unit, (spring.a, spring.b))
     stretch = length - spring.rest
     return spring.stiffness * stretch, spring.damping * dot(line, rate), 0.5 * spring.stiffness * stretch**2
 
 
-def _line(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
+def _line(unit: UnitMotion, ends: Ends) -> tuple[Array, Array, Array]:
     """Return the direction from a to b (zero if equal), the distance, and the derivative of b - a."""
-    (_, a, rate_a), (_, b, rate_b) = unit.locate(spring.a), unit.locate(spring.b)
+    (_, a, rate_a), (_, b, rate_b) = (unit.locate(end) for end in ends)
     gap = b - a
     length = np.sqrt(dot(gap, gap))
     safe = np.where(length > 0.0, length, 1.0)
     return gap / safe[:, None], length, rate_b - rate_a
 
 
-def _add_tension(unit: UnitMotion, stack: Stack, spring: Spring, tension: Array) -> None:
-    line, _, _ = _line(unit, spring)
-    for location, sign in ((spring.a, 1.0), (spring.b, -1.0)):
+def _add_tension(unit: UnitMotion, stack: Stack, ends: Ends, tension: Array) -> None:
+    line, _, _ = _line(unit, ends)
+    for location, sign in zip(ends, (1.0, -1.0), strict=True):
         link, where, _ = unit.locate(location)
         add_force(unit, stack, link, where, sign * tension[:, None] * line)

@@ -1,4 +1,4 @@
-"""Contacts: Coulomb friction that sticks or slides, and impacts and contacts at joint limits.
+"""Contacts: Coulomb friction that sticks or slides, impacts and contacts at joint limits, soft stops.
 
 The gaps g of the stops that are closed satisfy one complementarity problem, with their Jacobian W and the
 inverse mass matrix P on the loops. Impacts: v+ = v- + P W' L, 0 <= L, W v+ + e W v- >= 0, L' (W v+ + e W v-)
@@ -24,6 +24,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.errors import MechsimError
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.nonlinear_springs import NonlinearSpring, Phases, phases_of
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complementarity import complementary
 from mechsim.numerics.newton import root
@@ -87,12 +88,14 @@ class ContactMode:
         stuck: indices of the sticking frictions.
         contacts: indices of the stops in contact.
         adhesion: tensile force of each contact that is rounding, in [N m] or [N] times the coordinate's unit.
+        phases: phase of each nonlinear spring.
     """
 
     sliding: Array
     stuck: list[int] = field(default_factory=list[int])
     contacts: list[int] = field(default_factory=list[int])
     adhesion: Array = field(default_factory=lambda: np.zeros(0))
+    phases: Phases = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +118,9 @@ class Contacts:
 
     def accelerate(self, state: Kinematics, times: Array, mode: ContactMode) -> Dynamics:
         """Return the accelerations of n states at times (n,) in [s] in a contact mode."""
-        return self.equations.accelerate(state, times, mode.sliding, mode.stuck, self.indices(mode))
+        return self.equations.accelerate(
+            state, times, mode.sliding, mode.stuck, self.indices(mode), mode.phases
+        )
 
     def end_functions(self, mode: ContactMode) -> list[EventFunction]:
         """Return functions that cross zero downwards where a contact mode ends."""
@@ -135,6 +140,8 @@ class Contacts:
             functions.append(
                 lambda state, times, k=k: self._pressing(dynamics(state, times), mode)[k] + mode.adhesion[k]
             )
+        for k, phase in enumerate(mode.phases):
+            functions.append(lambda state, _, k=k, phase=phase: self._phase_left(state, k, phase) + OPEN_GAP)
         return functions
 
     def _friction_load(self, dynamics: Dynamics, mode: ContactMode) -> Array:
@@ -153,6 +160,23 @@ class Contacts:
                 redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
                 loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits)
         return loads
+
+    def _phase_left(self, state: Kinematics, k: int, phase: int) -> Array:
+        """Return what is left of the phase of a nonlinear spring, in units, (n,)."""
+        spring = self.equations.model.forces.nonlinear_springs[k]
+        lengths, rates = self.equations.spring_lengths(state)
+        return spring.law.remaining(phase, lengths[k], rates[k]) / self._unit_of(spring)
+
+    def _unit_of(self, spring: NonlinearSpring) -> float:
+        """Return the unit of a spring's length: a characteristic length, or 1 rad."""
+        mechanism = self.equations.model.mechanism
+        turning = isinstance(spring.ends, str) and mechanism.unit(spring.ends) == "rad"
+        return 1.0 if turning else mechanism.characteristic_length
+
+    def phases(self, state: Kinematics) -> Phases:
+        """Return the phases of the nonlinear springs in one state."""
+        springs = self.equations.model.forces.nonlinear_springs
+        return phases_of(springs, *(values[:, 0] for values in self.equations.spring_lengths(state)))
 
     def _pressing(self, dynamics: Dynamics, mode: ContactMode) -> Array:
         """Return the forces of the stops in contact, (contacts, n); negative for a tensile force."""
@@ -197,7 +221,9 @@ class Contacts:
         if not (self.gap_rates(rates)[closed] < -still).any():
             return rates
         mass = self.equations.mass(state)
-        falling = self.equations.accelerate(state, np.array([time]), mode.sliding).acceleration
+        falling = self.equations.accelerate(
+            state, np.array([time]), mode.sliding, phases=mode.phases
+        ).acceleration
         slowest = max(SOFT_IMPACT * fastest, float(np.sqrt(2.0 * np.abs(falling).max() * REBOUND * OPEN_GAP)))
         for number in range(MAX_IMPACTS):
             before = self.gap_rates(rates)[closed, 0]
@@ -272,7 +298,7 @@ class Contacts:
         slow = np.abs(self.gap_rates(state.rates)) <= SOFT_IMPACT * fastest
         resting = [i for i in self._closed(state) if slow[i, 0]]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
-        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck)
+        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state))
         together = None if resting or not stuck else self._moving_together(state, time, mode, fastest)
         if together is not None:
             return together

@@ -272,7 +272,9 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
             else equations.kinematics(q.select(which), rates[:, which], activation[:, which])
         )
         piece = next(piece for piece in pieces if piece.mode is mode)
-        dynamics = equations.accelerate(state, times[which], mode.sliding, mode.stuck, piece.contacts)
+        dynamics = equations.accelerate(
+            state, times[which], mode.sliding, mode.stuck, piece.contacts, mode.phases
+        )
         accelerations[:, which], driving[:, which] = dynamics.acceleration, dynamics.driving
         kinetic[which], potential[which] = dynamics.kinetic, dynamics.potential
     return DynamicRun(

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.applied_forces import applied, loads
+from mechsim.analytic.dynamics.applied_forces import applied, length_and_rate, loads
 from mechsim.analytic.dynamics.link_forces import (
     DryFriction,
     constrained_acceleration,
@@ -34,6 +34,7 @@ from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion_laws import State
+from mechsim.model.nonlinear_springs import Phases
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import stepped_sizes
 from mechsim.numerics.rank import significant
@@ -150,6 +151,12 @@ class EquationsOfMotion:
         return [self.loops.tree.index[link.name] for link in self.model.mechanism.links]
 
     @cached_property
+    def sprung(self) -> dict[str, int]:
+        """Index in the tree of each coordinate along which nonlinear springs act."""
+        index_of = self.loops.tree.index_of
+        return {name: index_of[name] for name in self.model.forces.sprung if name in index_of}
+
+    @cached_property
     def crank(self) -> int | None:
         """Index of the crank's coordinate; None without a crank."""
         mechanism = self.model.mechanism
@@ -193,6 +200,7 @@ class EquationsOfMotion:
         sliding: Array,
         stuck: Sequence[int] = (),
         contacts: Sequence[int] = (),
+        phases: Phases | None = None,
     ) -> Dynamics:
         """Return the accelerations at states.
 
@@ -202,11 +210,12 @@ class EquationsOfMotion:
             sliding: direction of each Coulomb friction's rate, (frictions,) of -1, 0, 1.
             stuck: indices of the sticking frictions.
             contacts: indices of the coordinates with a stop in contact.
+            phases: phase of each nonlinear spring; None for that of the state.
         """
         unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
         inertia = spatial_inertias(unit, *self.inertias)
         mass = self._mass(jacobians, inertia)
-        acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
+        acting, loaded = applied(self.model, unit), loads(self.model, unit, time, phases=phases)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
         at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
         directions = friction_directions(self.frictions, unit, jacobians)
@@ -240,11 +249,9 @@ class EquationsOfMotion:
             contact=multipliers[:, first + len(stuck) :].T,
             rows=rows,
             kinetic=kinetic_energy(mass, rates),
-            potential=acting.energy,
-            power_in=(loaded.wrenches * unit.twist).sum((1, 2))
-            + (at_joints * rates).sum(1)
-            + (driving * driven_rates).sum(0),
-            power_lost=-(acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
+            potential=acting.energy + loaded.energy,
+            power_in=loaded.work + (at_joints * rates).sum(1) + (driving * driven_rates).sum(0),
+            power_lost=loaded.lost - (acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
             activation=activation,
         )
 
@@ -271,7 +278,9 @@ class EquationsOfMotion:
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
         kinetic = kinetic_energy(self.mass(state), state.rates[self.free].T)[0]
-        return float(kinetic), float(applied(self.model, self._unit_motion(state)).energy[0])
+        unit = self._unit_motion(state)
+        potential = applied(self.model, unit).energy + _stored(self.model, unit)
+        return float(kinetic), float(potential[0])
 
     @property
     def steady(self) -> bool:
@@ -334,6 +343,14 @@ class EquationsOfMotion:
         values = np.linalg.svd(_constraint_jacobian(self, moved), compute_uv=False)
         return max(rank, int(significant(values).sum()))
 
+    def spring_lengths(self, state: Kinematics) -> tuple[Array, Array]:
+        """Return lengths and rates of the nonlinear springs, (springs, n) each."""
+        unit, springs = self._unit_motion(state), self.model.forces.nonlinear_springs
+        lengths, rates = np.empty((2, len(springs), len(unit)))
+        for k, spring in enumerate(springs):
+            lengths[k], rates[k] = length_and_rate(unit, spring)
+        return lengths, rates
+
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""
         directions = friction_directions(
@@ -358,7 +375,9 @@ class EquationsOfMotion:
         n = len(state.q)
         angle = np.zeros(n) if self.crank is None else state.q.values[self.crank]
         none = np.zeros((*twist.shape, 0))
-        return UnitMotion(self.model.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
+        unit = UnitMotion(self.model.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
+        known = {name: state.q.values[i] for name, i in self.sprung.items()}
+        return replace(unit, coordinates=known) if known else unit
 
     def _link_jacobians(self, state: Kinematics) -> Array:
         """Return each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""
@@ -376,6 +395,14 @@ class EquationsOfMotion:
             )
         change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
+
+
+def _stored(model: DynamicModel, unit: UnitMotion) -> Array:
+    """Return the energy in nonlinear springs, (n,) in [J]."""
+    springs = model.forces.nonlinear_springs
+    return sum(
+        (spring.law.energy(length_and_rate(unit, spring)[0]) for spring in springs), np.zeros(len(unit))
+    )
 
 
 def _actuator_forces(
@@ -451,7 +478,10 @@ def equations_of_motion(
     """
     mechanism, laws = model.mechanism, prescribed or {}
     controlled = sorted(model.forces.controlled)
-    kept = {name: 0.0 for name in [*(coordinates or {}), *laws, *controlled] if name not in mechanism.drivers}
+    named = {*(coordinates or {}), *laws, *controlled, *model.forces.sprung} - {*mechanism.drivers}
+    kept = dict.fromkeys(
+        [name for joint in mechanism.joints for name in joint.coordinates if name in named], 0.0
+    )
     loops, start = assembled(replace(mechanism, guess_coordinates={**kept, **mechanism.guess_coordinates}))
     for name in controlled:
         if name not in loops.tree.index_of or name in mechanism.locked:

@@ -201,7 +201,9 @@ class Integration:
         self.contacts = Contacts(equations, stops, restitution)
         self.layout = StateLayout(equations)
         self.time, self.state = 0.0, self.layout.pack(q, rates, 0.0, 0.0)
-        mode = ContactMode(np.zeros(len(equations.frictions)))
+        mode = ContactMode(
+            np.zeros(len(equations.frictions)), phases=self.contacts.phases(equations.kinematics(q, rates))
+        )
         self.right = RightHandSide(equations, self.contacts, self.layout, mode)
         self.fastest = float(np.abs(rates).max(initial=0.0))
         self.pieces: list[Piece] = []
@@ -445,7 +447,13 @@ class Integration:
             return "done", ""
         self.events.append(self.time)
         self._impact()
+        before = self.right.mode
         self._choose_mode()
+        if before.phases != self.right.mode.phases:
+            # a stop may have a strong damper
+            decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0))
+            self.implicit = decay * self.duration > MAX_DECAYS
+            return self._too_stiff(decay) or self._at_rest()
         return self._at_rest()
 
     def _choose_mode(self) -> None:

@@ -257,7 +257,7 @@ def _forces_at_rest(model: DynamicModel, angle: float, time: float) -> str:
     """Return the torques on a crank at rest at an angle in [rad] and a time in [s], as a sentence."""
     unit = model.unit_motion([angle])
     forces = reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
-    torque = loads(model, unit, np.array([time])).torque + model.forces.motor_torque(np.zeros(1))
+    torque = loads(model, unit, np.array([time]), 0.0).torque + model.forces.motor_torque(np.zeros(1))
     return (
         f"at crank angle {angle:.6g} rad the drive and loads give {torque[0]:.6g} N m and weight and "
         f"springs {forces.static[0]:.6g}, and dry friction holds up to {forces.coulomb[0]:.6g} N m"

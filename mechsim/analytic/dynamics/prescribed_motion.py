@@ -222,7 +222,7 @@ def moved_as(
         actuators: joint coordinate -> torque or force besides those of the drivers, (n,).
     """
     angle, flywheel = unit.angle, model.forces.flywheel
-    acting, outside = applied(model, unit), loads(model, unit, times)
+    acting, outside = applied(model, unit), loads(model, unit, times, w)
     inertial = unit.inertial(w, e)
     shared = np.zeros_like(inertial)
     if not unit.drivers:

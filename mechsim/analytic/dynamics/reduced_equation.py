@@ -176,7 +176,7 @@ def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, 
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
     unit = model.unit_motion(angle)
     reduced = reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
-    force = reduced.force(mean) + loads(model, unit, angle / mean).torque
+    force = reduced.force(mean) + loads(model, unit, angle / mean, mean).torque
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)
     order = np.arange(len(waves)) / turns

@@ -41,6 +41,7 @@ class UnitMotion:
         drivers: driver -> its value, (n,), under motion laws; the angle is then their path parameter.
         driver_rates: driver -> its derivative by the path parameter, (n,).
         driver_seconds: driver -> its second derivative, (n,).
+        coordinates: joint coordinate -> its value, (n,), angles not wrapped; of some coordinates.
     """
 
     mechanism: Mechanism
@@ -53,6 +54,7 @@ class UnitMotion:
     drivers: Mapping[str, Array] = field(default_factory=dict[str, Array])
     driver_rates: Mapping[str, Array] = field(default_factory=dict[str, Array])
     driver_seconds: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    coordinates: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
     __repr__ = short_repr
 
@@ -175,8 +177,9 @@ def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None 
     drivers = {name: motion.joints[name].value for name in motion.drivers}
     turning = {name: motion.joints[name].rate for name in motion.drivers}
     bending = {name: motion.joints[name].acceleration for name in motion.drivers}
+    known = {name: joint.value for name, joint in motion.joints.items()}
     plain = UnitMotion(
-        mechanism, motion.angle, position, rotation, twist, bias, none, drivers, turning, bending
+        mechanism, motion.angle, position, rotation, twist, bias, none, drivers, turning, bending, known
     )
     idle = _idle(plain, mechanism if nominal is None else nominal)
     if not idle.shape[-1]:

@@ -12,7 +12,6 @@ from mechsim.errors import InputError
 from mechsim.model.actuators import Actuator
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.equality_rows import RodPair
@@ -78,7 +77,8 @@ class AppliedControls:
         self.crank = loops.crank_address if model.mechanism.has_crank else None
         over = {profile.over for profile in model.forces.load_profiles} - {None}
         #: whether controls depend on nothing but the time
-        self.timed = not (model.dry or self.controllers.others or "angle" in over)
+        reacts = model.dry or self.controllers.others or model.forces.nonlinear_springs
+        self.timed = not (reacts or "angle" in over)
         other = not self.timed or self.controllers.used or self.drives.names
         self.constant = not (other or over or model.forces.actuators)
         self.first, self.table = 0.0, np.empty((0, loops.model.nu))
@@ -98,7 +98,7 @@ class AppliedControls:
         else:
             angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
             controls = self.model.controls(angle, np.array([data.time]))
-            oppose(self.model.dry, data.actuator_velocity[None], controls)
+            self.model.react(data.actuator_length[None], data.actuator_velocity[None], controls)
             data.ctrl[:] = controls[0]
         data.qfrc_applied[:] = 0.0
         self.controllers.apply(data)

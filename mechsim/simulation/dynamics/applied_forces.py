@@ -13,7 +13,7 @@ from mechsim.model.force_record import MeshForce
 from mechsim.model.joints import Joint
 from mechsim.model.meshes import Mesh, meshes_of, threads_of
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
+from mechsim.simulation.dynamics.loaded_model import SITE, TENDON, AppliedForces, LoadedModel
 from mechsim.simulation.equality_rows import RodPair
 
 Fields = Mapping[str, Array]
@@ -33,7 +33,10 @@ def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
         effort, gear = fields["actuator_force"][:, i, None], model.actuator_gear[i]
         target, reference = (int(index) for index in model.actuator_trnid[i])
         if model.actuator_trntype[i] != SITE:
-            forces.generalised[:, model.jnt_dofadr[target]] += effort[:, 0] * gear[0]
+            if model.actuator_trntype[i] == TENDON:
+                _add_pull(model, fields, target, -effort[:, 0], forces.wrenches)
+            else:
+                forces.generalised[:, model.jnt_dofadr[target]] += effort[:, 0] * gear[0]
             continue
         axes = fields["site_xmat"][:, reference].reshape(-1, 3, 3)
         bodies = model.site_bodyid[[target, reference]]
@@ -48,13 +51,17 @@ def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
 
 def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) -> None:
     """Add the force of a spring between two sites."""
-    first = int(model.tendon_adr[i])
-    if model.wrap_type[first] != int(mujoco.mjtWrap.mjWRAP_SITE):
+    if model.wrap_type[model.tendon_adr[i]] != int(mujoco.mjtWrap.mjWRAP_SITE):
         return
     stretch = fields["ten_length"][:, i] - model.tendon_lengthspring[i, 0]
     springs, dampers = model.tendon_stiffness, model.tendon_damping
     stiffness, damping = (float(np.ravel(values[i])[0]) for values in (springs, dampers))
-    tension = stiffness * stretch + damping * fields["ten_velocity"][:, i]
+    _add_pull(model, fields, i, stiffness * stretch + damping * fields["ten_velocity"][:, i], wrenches)
+
+
+def _add_pull(model: mujoco.MjModel, fields: Fields, i: int, tension: Array, wrenches: Array) -> None:
+    """Add the forces of a tension (n,) of a tendon between two sites."""
+    first = int(model.tendon_adr[i])
     sites = model.wrap_objid[first : first + 2]
     a, b = (fields["site_xpos"][:, site] for site in sites)
     length = np.sqrt(((b - a) ** 2).sum(1))

@@ -25,7 +25,6 @@ from mechsim.simulation.dynamics.applied_forces import (
     soften,
     together,
 )
-from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.load_friction import friction_of_state, rubbing_coordinates
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
@@ -75,7 +74,7 @@ def loaded_state(
     applied = loaded.nothing(len(angle))
     applied.controls[:] = loaded.controls(angle, states.time)
     rates = loaded.look(model, states, applied)
-    oppose(loaded.dry, rates["actuator_velocity"], applied.controls)
+    loaded.react(rates["actuator_length"], rates["actuator_velocity"], applied.controls)
     jacobian = loaded.loops.linearise(states.qpos)[1]
     constant = together(applied, dry_friction(loaded, rates, states.qvel))
     coordinates = rubbing_coordinates(loaded, rates) if reactions_of else []
@@ -283,7 +282,7 @@ def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array
     lost = -(state.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
     lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
     lost += (model.tendon_frictionloss * np.abs(state.plain["ten_velocity"])).sum(1) + state.rubbing
-    loads = slice(kinds.crank_torque.start, kinds.couples.stop)
+    loads = slice(kinds.crank_torque.start, kinds.nonlinear.stop)
     return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
 
 

@@ -22,7 +22,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
+from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions, oppose
 from mechsim.simulation.equality_rows import RodPair
 from mechsim.simulation.mjcf.force_elements import (
     Actuators,
@@ -56,7 +56,7 @@ FIELDS = (
     "actuator_velocity",
 )
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
-SITE = int(mujoco.mjtTrn.mjTRN_SITE)
+SITE, TENDON = int(mujoco.mjtTrn.mjTRN_SITE), int(mujoco.mjtTrn.mjTRN_TENDON)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +107,17 @@ class LoadedModel(ClosedModel):
         if forces.actuators and time is not None:
             values[:, kinds.actuators] = np.stack([a.control(time)[0] for a in forces.actuators], -1)
         return values
+
+    def react(self, length: Array, velocity: Array, controls: Array) -> None:
+        """Set the controls (n, nu) that depend on lengths and velocities of actuators, (n, nu) each.
+
+        They are those of nonlinear springs and of dry friction.
+        """
+        oppose(self.dry, velocity, controls)
+        first = self.actuators.nonlinear.start
+        for i, spring in enumerate(self.forces.nonlinear_springs, first):
+            turned = spring.law.reference if self.model.actuator_trntype[i] == SITE else 0.0
+            controls[:, i] = spring.law.tension(length[:, i] + turned, velocity[:, i])
 
     def nothing(self, n: int) -> AppliedForces:
         """Return applied forces of zero at n states."""

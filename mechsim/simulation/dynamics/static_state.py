@@ -140,7 +140,7 @@ class _Accelerations:
         """Return the accelerations at a state, (dof,)."""
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
-        self.controls.apply(data)
-        mujoco.mj_forward(self.prepared_model, data)
+        with self.controls.installed(data):
+            mujoco.mj_forward(self.prepared_model, data)
         result: Array = self.basis.T @ (data.qacc / self.units)
         return result

@@ -17,11 +17,13 @@ from mechsim.model.actuators import NO_LIMIT, Actuator, Range
 from mechsim.model.forces import Forces, Friction, JointSpring, Location, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
+from mechsim.model.limits import Ranges
 from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import ORIGIN, Inertia, vector
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
+from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.joints import model_names, part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
@@ -155,10 +157,10 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
 
     Actuators, in this order: "motor" (control 1 switches it on; for a DC motor it is the voltage),
     "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
-    1.x" ... (controls in [N m], ground axes); "spring in JOINT" for revolute joints; "friction in JOINT.z" or
-    ".x", ".y" and ".z" of a cut joint; and, if MuJoCo has no Coulomb friction for the joint, "friction in
-    JOINT dry.z" and so on, whose controls [N m] must oppose the actuators' velocities. The last are
-    "actuator NAME".
+    1.x" ... (controls in [N m], ground axes); "nonlinear spring 1" ... (the control is the tension); "spring
+    in JOINT" for revolute joints; "friction in JOINT.z" or ".x", ".y" and ".z" of a cut joint; and, if MuJoCo
+    has no Coulomb friction for the joint, "friction in JOINT dry.z" and so on, whose controls [N m] must
+    oppose the actuators' velocities. The last are "actuator NAME".
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
@@ -178,6 +180,8 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
         site = builder.point(f"couple {number}", (couple.link, ORIGIN))
         for i, axis in enumerate(AXES):
             _between(spec, f"couple {number}.{axis}", site, "ground axes", np.eye(6)[3 + i])
+    for number, spring in enumerate(forces.nonlinear_springs, 1):
+        _add_nonlinear_spring(builder, f"nonlinear spring {number}", spring)
     for number, spring in enumerate(forces.springs, 1):
         tendon = spec.add_tendon(
             name=f"spring {number}",
@@ -205,6 +209,7 @@ class Actuators:
     crank_torque: slice
     loads: slice
     couples: slice
+    nonlinear: slice
     springs: slice
     friction: slice
     actuators: slice
@@ -220,6 +225,7 @@ def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuato
         int(forces.crank_torque is not None),
         len(AXES) * len(forces.loads),
         len(AXES) * len(forces.couples),
+        len(forces.nonlinear_springs),
         len(turning),
     )
     ends = [0, *accumulate(counts), count - len(forces.actuators), count]
@@ -271,6 +277,15 @@ def _add_actuator(builder: Builder, actuator: Actuator) -> None:
 def _limits(limits: Range) -> tuple[bool, Range]:
     """Return whether there are limits, and finite ones for MuJoCo."""
     return limits != NO_LIMIT, (max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED))
+
+
+def limit_joints(spec: mujoco.MjSpec, ranges: Ranges) -> list[str]:
+    """Give the joints of a model their ranges; return the joints that it does not have, as cut ones."""
+    present = {joint.name: joint for joint in spec.joints}
+    for name in ranges.keys() & present.keys():
+        _, present[name].range = _limits(ranges[name])
+        present[name].limited = mujoco.mjtLimited.mjLIMITED_TRUE
+    return [name for name in ranges if name not in present]
 
 
 def _add_armature(builder: Builder, coordinate: str, inertia: float) -> None:
@@ -343,6 +358,26 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     made.gainprm[0] = 0.0
     made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     made.biasprm[:3] = 0.0, -spring.stiffness, 0.0
+
+
+def _add_nonlinear_spring(builder: Builder, name: str, spring: NonlinearSpring) -> None:
+    """Add an actuator along the length of a spring, whose control is the tension."""
+    if not isinstance(spring.ends, str):
+        tendon = builder.spec.add_tendon(name=name)
+        for side, point in zip("ab", spring.ends, strict=True):
+            tendon.wrap_site(builder.point(f"{name}.{side}", point))
+        made = builder.spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    elif builder.model_joints(joint := builder.mechanism.joint_with(spring.ends)[0]):
+        target = model_names(builder.mechanism)[spring.ends]
+        made = builder.spec.add_actuator(name=name, target=target, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    else:
+        # the length is the angle from the reference, between -pi and pi
+        rotated = End(
+            joint.a.link, joint.a.point, joint.a.axis, _rotated_reference(joint.a, spring.law.reference)
+        )
+        a, b = builder.site(f"{name}.a", rotated), builder.site(f"{name}.b", joint.b)
+        made = _between(builder.spec, name, b, a, np.eye(6)[5])
+    made.gainprm[0] = -1.0
 
 
 def _rotated_reference(end: End, angle: float) -> tuple[float, float, float]:

@@ -16,6 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import StraightPath, scalar_dof, straight_path
 from mechsim.simulation.joint_map import inertia_and_holding
+from mechsim.simulation.mjcf.force_elements import limit_joints
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.subjects.driver_positions import driver_path
 
@@ -86,9 +87,7 @@ def with_servos(
         # a servo needs no virtual drive inertia
         spec.joint(CRANK).armature = forces.flywheel
         _rename_joint(spec, CRANK, names[0])
-    for joint in spec.joints:
-        if joint.name in ranges:
-            joint.range, joint.limited = ranges[joint.name], mujoco.mjtLimited.mjLIMITED_TRUE
+    limit_joints(spec, ranges)
     for spring in forces.joint_springs:
         _use_joint_spring(spec, spring)
     path = _path(spec.compile(), names)

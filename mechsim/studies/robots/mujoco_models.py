@@ -8,12 +8,14 @@ from typing import Any
 import mujoco
 
 from mechsim.analytic.loops.rounded_geometry import corrected
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.force_elements import limit_joints
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.subjects.mjcf_source import mujoco_input, printed, read_mjcf
@@ -64,10 +66,16 @@ def mujoco_spec(
     own = mujoco_input(model, loops)
     if own is not None:
         return parse_file(own)[0]
-    from mechsim.simulation.source import assembled
     from mechsim.subjects.readers import load
 
     solver = load(model, set, still=True)
+    return spec_and_unlimited(solver)[0]
+
+
+def spec_and_unlimited(solver: KinematicSolver) -> tuple[mujoco.MjSpec, list[str]]:
+    """Return the specification of a mechanism, and the limited joints at which it cuts a loop."""
+    from mechsim.simulation.source import assembled
+
     spec = assembled(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
     if solver.mechanism.has_crank and (name := solver.mechanism.crank.name) != CRANK:
         # models of mechanisms reserve the name of the crank, and the user knows it by its own
@@ -79,7 +87,8 @@ def mujoco_spec(
                 name if joint == CRANK and equality.objtype == mujoco.mjtObj.mjOBJ_JOINT else joint
                 for joint in (equality.name1, equality.name2)
             )
-    return spec
+    stops = {} if solver.forces is None else solver.forces.stop_ranges
+    return spec, limit_joints(spec, {**solver.ranges, **stops})
 
 
 def notes_on(
@@ -96,7 +105,12 @@ def notes_on(
         return printed(parse_file(own).unread)
     from mechsim.subjects.readers import load
 
-    return [*load(model, set, still=True).facts]
+    solver = load(model, set, still=True)
+    limits = [
+        f"the limits of {name} are left out, since a loop is cut there"
+        for name in spec_and_unlimited(solver)[1]
+    ]
+    return [*solver.facts, *limits]
 
 
 def rounded_angle(model: Any) -> Finding | None:
