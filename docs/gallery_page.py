@@ -13,8 +13,6 @@ from mechsim.cli import main
 # gripper, ankle, platforms and the planar classics come first
 FIRST = ("parallel_gripper", "humanoid_ankle", "stewart_gough", "delta_robot", "four_bar", "slider_crank")
 PICTURE_SIZE = "240x180"
-# a gripper opens and closes; a full turn of its driver would fold it
-MOTIONS = {"parallel_gripper": "--drive right=57deg-25deg*cos(2*pi*t)"}
 RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
@@ -75,7 +73,7 @@ def _draw(extra: Path, name: str) -> None:
         if not still.is_file():
             _output(f"render {name} --size {PICTURE_SIZE} --no-labels -o {still}")
         if not (animation := still.with_suffix(".gif")).is_file():
-            motion = MOTIONS.get(name, "--frames-per-turn 24" if crank else "")
+            motion = "--frames-per-turn 24" if crank else ""
             _output(f"render {name} {RENDER} {motion} -o {animation}")
     except RuntimeError as error:
         print(error)

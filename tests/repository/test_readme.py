@@ -51,7 +51,7 @@ def test_the_first_example_prints_the_output_of_the_readme(monkeypatch, capsys):
         main()
     assert ended.value.code == 1
     printed = capsys.readouterr().out
-    for fact in ("FAIL", "1.87 mm", "arm is 0.056 m instead of 0.057 m", "100 %"):
+    for fact in ("FAIL", "1.21 mm at 80.35°", "arm is 0.056 m instead of 0.057 m", "100 %"):
         assert fact in output
         assert fact in printed
 
