@@ -72,6 +72,8 @@ def _converted(value: Any, param: Any, ctx: Any) -> Any:
         return value if kind is str else list(value)
     if kind is int and isinstance(value, str) and value.isdecimal():
         return int(value)
+    if type(value) is kind:
+        return value
     return type(param).get_runtime_param(param).coerce(value, param=param, ctx=ctx)
 
 

@@ -33,6 +33,33 @@ def components(nodes: Iterable[Node], edges: Iterable[tuple[Node, Node]]) -> lis
     return connected
 
 
+def spanning_edges(edges: Iterable[tuple[Node, Node, Other]]) -> list[Other]:
+    """Return the names of those edges (node, node, name) that join two trees of the edges before them.
+
+    Source: J. B. Kruskal, Proceedings of the American Mathematical Society 7 (1956) 48-50.
+    """
+    tree: dict[Node, set[Node]] = {}
+    kept: list[Other] = []
+    for a, b, name in edges:
+        first, second = tree.setdefault(a, {a}), tree.setdefault(b, {b})
+        if first is not second:
+            first |= second
+            tree |= dict.fromkeys(second, first)
+            kept.append(name)
+    return kept
+
+
+def distances(neighbours: Mapping[Node, Iterable[Node]], start: Node) -> dict[Node, int]:
+    """Return the least number of edges from a node to each node reachable from it."""
+    steps, waiting = {start: 0}, [start]
+    for node in waiting:
+        for other in neighbours.get(node, ()):
+            if other not in steps:
+                steps[other] = steps[node] + 1
+                waiting.append(other)
+    return steps
+
+
 def matching(neighbours: Mapping[Node, Collection[Other]]) -> dict[Node, Other]:
     """Return a maximum matching of a bipartite graph; neighbours are nodes of the other kind.
 

@@ -14,7 +14,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import independent_coordinates
 from mechsim.analytic.loops.start import CLOSED, close_nearest
-from mechsim.analytic.vector_method.rotations import cross, from_quaternion
+from mechsim.analytic.vector_method.rotations import cross, from_quaternion, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
@@ -93,16 +93,14 @@ def projected(
 def _moved(
     equations: EquationsOfMotion, coordinates: Mapping[str, float | Array], rotations: Mapping[str, Array]
 ) -> Coordinates:
-    from scipy.spatial.transform import Rotation
-
     requested = _columns(coordinates)
     named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(requested.shape[1])
     balls = {name: _ball_index(equations, name) for name in rotations}
     constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
     kept = _independent(equations, q, [*named, *constant])
-    first_rotations = [Rotation.from_matrix(q.turns[number, ..., 0]) for _, number in balls.values()]
+    first_rotations = [q.turns[number, ..., 0] for _, number in balls.values()]
     changes = [
-        (Rotation.from_matrix(target) * start.inv()).as_rotvec()
+        _rotation_vector(target @ start.T)
         for target, start in zip(rotations.values(), first_rotations, strict=True)
     ]
     indices = [*named, *kept.values()]
@@ -115,9 +113,15 @@ def _moved(
     for k in range(1, steps + 1):
         q = Coordinates(q.values, q.turns.copy())
         for (_, number), start, change in zip(balls.values(), first_rotations, changes, strict=True):
-            q.turns[number] = (Rotation.from_rotvec(change * k / steps) * start).as_matrix()[..., None]
+            q.turns[number] = turned_by(start[None], change[None] * (k / steps))[0][..., None]
         q = _closed(equations, q, indices, begin + (target - begin) * (k / steps), kept, constant)
     return q
+
+
+def _rotation_vector(rotation: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_rotvec()
 
 
 def _columns(values: Mapping[str, float | Array]) -> Array:

@@ -29,8 +29,6 @@ def singular_passages(
         state_at: times (n,) in [s] -> kinematics.
         end: end of the run in [s].
     """
-    from scipy.optimize import minimize_scalar
-
     tree = equations.loops.tree
     rows = [tree.index_of[name] for name in equations.model.mechanism.drivers]
     # without a degree of freedom, motion laws determine all of it
@@ -50,10 +48,17 @@ def singular_passages(
     lowest = (inner < values[:-2]) & (inner <= values[2:]) & (inner < REFINED * limit)
     instants: list[float] = []
     for i in (np.flatnonzero(lowest) + 1).tolist():
-        bounds = times[i - 1], times[i + 1]
-        minimum: Any = minimize_scalar(
-            lambda time: float(participation(np.array([time]))[0]), bounds=bounds, method="bounded"
-        )
-        if minimum.fun < SINGULAR * limit:
-            instants.append(float(minimum.x))
+        instant, least = _least(participation, times[i - 1], times[i + 1])
+        if least < SINGULAR * limit:
+            instants.append(instant)
     return tuple(instants)
+
+
+def _least(function: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
+    """Return the place of the least value of a function (n,) -> (n,) between two places, and that value."""
+    from scipy.optimize import minimize_scalar
+
+    minimum: Any = minimize_scalar(
+        lambda place: float(function(np.array([place]))[0]), bounds=(low, high), method="bounded"
+    )
+    return float(minimum.x), float(minimum.fun)

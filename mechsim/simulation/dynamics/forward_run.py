@@ -370,7 +370,7 @@ def _steps(
                 mujoco.mj_step(stepped, data, nstep=substeps)
             finished = (time - times[0]) / (times[-1] - times[0])
             progress(f"{substeps * (len(times) - 1):,} steps, {time:.4g} s", finished)
-            if any(warning.number for warning in data.warning):
+            if data.warning.number.any():
                 break
             records.append((data.qpos.copy(), data.qvel.copy(), data.act.copy()))
     qpos, qvel, activations = (np.array(values) for values in zip(*records, strict=True))

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +11,8 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import plane_normals, split_joints, virtual_body
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.graphs import components, distances, spanning_edges
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, coincident_points
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,19 +52,21 @@ def cut_loops(
     Raises:
         InputError: if cuts leave a loop or divide the chain, or a loop has no joint that can be cut.
     """
-    import networkx as nx
-
     if not mechanism.joints:
         raise InputError(f"{mechanism.name} has no joints; add one")
     requested, needed = set(cut or ()), _needed(mechanism)
     _require_cuttable(mechanism, requested, needed)
-    graph = _weighed(mechanism, requested, needed, keep)
-    if not nx.is_connected(graph):
-        disconnected = sorted(set(graph) - nx.node_connected_component(graph, GROUND))
+    joined = components(
+        [GROUND, *(link.name for link in mechanism.links)],
+        [(joint.a.link, joint.b.link) for joint in mechanism.joints],
+    )
+    if len(joined) > 1:
+        disconnected = sorted(name for names in joined[1:] for name in names)
         raise InputError(
             f"{mechanism.name}: no chain of joints connects the frame with {', '.join(disconnected)}; add one"
         )
-    kept = {key for _, _, key in nx.maximum_spanning_edges(graph, keys=True, data=False)}
+    ordered = _ordered_for_tree(mechanism, requested, needed, keep)
+    kept = {*spanning_edges((joint.a.link, joint.b.link, joint.name) for joint in ordered)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
     welded = welds and plane_normals(mechanism) is None
     rejected = [
@@ -111,14 +110,10 @@ def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
 
 
-def _weighed(
+def _ordered_for_tree(
     mechanism: Mechanism, requested: set[str], needed: set[str], keep: Collection[str]
-) -> "nx.MultiGraph[str]":
-    """Return links and joints as a graph; joints with larger weights stay in the tree first."""
-    import networkx as nx
-
-    graph: nx.MultiGraph[str] = nx.MultiGraph()
-    graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
+) -> list[Joint]:
+    """Return the joints in the order in which they stay in the tree."""
     distance = _distance_from_crank(mechanism)
 
     def priority(joint: Joint) -> tuple[bool | int, ...]:
@@ -132,9 +127,7 @@ def _weighed(
         return name not in requested, name in needed, not cuttable, name in keep, -dof, -steps
 
     # among joints with equal priority the first stays
-    for order, joint in enumerate(sorted(mechanism.joints, key=priority, reverse=True)):
-        graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=-order)
-    return graph
+    return sorted(mechanism.joints, key=priority, reverse=True)
 
 
 def _rejection_reason(joint: Joint, needed: set[str]) -> str:
@@ -164,16 +157,16 @@ def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
 
     Without a driver they count from the first joint.
     """
-    import networkx as nx
-
     driver = (mechanism.driven_joints or mechanism.joints)[0]
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
-    pairs = [(joint.a.link, joint.b.link) for joint in mechanism.joints]
-    graph: nx.Graph[str] = nx.Graph()
-    graph.add_node(driven)
-    graph.add_edges_from(pair for pair in pairs if GROUND not in pair)
-    steps = dict(nx.single_source_shortest_path_length(graph, driven))
-    return {link.name: steps.get(link.name, len(pairs)) for link in mechanism.links} | {GROUND: 0}
+    neighbours: dict[str, list[str]] = {}
+    for joint in mechanism.joints:
+        a, b = joint.a.link, joint.b.link
+        if GROUND not in (a, b):
+            neighbours.setdefault(a, []).append(b)
+            neighbours.setdefault(b, []).append(a)
+    steps, farthest = distances(neighbours, driven), len(mechanism.joints)
+    return {link.name: steps.get(link.name, farthest) for link in mechanism.links} | {GROUND: 0}
 
 
 def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
