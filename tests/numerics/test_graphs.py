@@ -4,7 +4,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from mechsim.numerics.graphs import components, matching, ordered_blocks, reachable
+from mechsim.numerics.graphs import components, distances, matching, ordered_blocks, reachable, spanning_edges
 
 
 def random_successors(seed: int, count: int = 12, edges: int = 16) -> dict[int, list[int]]:
@@ -19,6 +19,19 @@ def test_reachable_nodes_and_components_agree_with_networkx(seed):
     assert reachable(successors, [0]) == nx.descendants(graph, 0) | {0}
     undirected = {frozenset(component) for component in nx.connected_components(graph.to_undirected())}
     assert {frozenset(component) for component in components(graph, graph.edges)} == undirected
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_spanning_tree_and_distances_agree_with_networkx(seed):
+    successors = random_successors(seed)
+    pairs = [(a, b) for a, others in successors.items() for b in others]
+    edges = [(a, b, k) for k, (a, b) in enumerate(pairs)]
+    weighed = nx.MultiGraph()
+    for a, b, k in edges:
+        weighed.add_edge(a, b, key=k, weight=-k)
+    expected = {key for _, _, key in nx.maximum_spanning_edges(weighed, keys=True, data=False)}
+    assert {*spanning_edges(edges)} == expected
+    assert distances(successors, 0) == nx.single_source_shortest_path_length(nx.DiGraph(successors), 0)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -55,10 +55,10 @@ def singular_passages(
 
 
 def _least(function: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
-    """Return the place of the least value of a function (n,) -> (n,) between two places, and that value."""
+    """Return the argument of the least value of a function (n,) -> (n,) in an interval, and that value."""
     from scipy.optimize import minimize_scalar
 
     minimum: Any = minimize_scalar(
-        lambda place: float(function(np.array([place]))[0]), bounds=(low, high), method="bounded"
+        lambda argument: float(function(np.array([argument]))[0]), bounds=(low, high), method="bounded"
     )
     return float(minimum.x), float(minimum.fun)
