@@ -1,6 +1,5 @@
 """Command `mechsim plot`: writes a plot of a kind in `report.plot_table` to a file."""
 
-from dataclasses import replace
 from typing import Annotated, Any
 
 from mechsim.cli.command import Result, Stated, command, option_names
@@ -13,7 +12,6 @@ from mechsim.cli.load_options import (
 )
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed
 from mechsim.cli.output_paths import output_file, writable
-from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.pictures import plots
@@ -35,7 +33,7 @@ TIMED = (
     "quantities",
 )
 # kinds of plots in which points have no part
-WITHOUT_POINTS = ("phase", "transmission", "plan", "stability", "torque", "reactions", "power", "modes")
+WITHOUT_POINTS = ("phase", "transmission", "plan", "torque", "reactions", "power", "modes")
 # kinds of plots of vibrations, which need no run
 VIBRATIONS = ("bode", "modes")
 
@@ -60,9 +58,6 @@ def plot(
 
     The kinds history, phase, bode and modes draw a mechanism whose drivers move freely (`mechsim dynamics`).
     The kinds map, parallel and pareto draw measures, named by --of, from a file of `mechsim sweep`.
-
-    Kind precision takes 20 s, kind stability minutes; `mechsim tradeoff` and `mechsim extremes` print the
-    same numbers.
 
     Examples:
     mechsim plot four_bar --kind curve -o curve.svg
@@ -93,9 +88,7 @@ def plot(
             plotted = _driven(source, initial, options, speed, kind)
             if not plotted.solver.motion_laws.crank:
                 stated.exclude(["speed"], "under motion laws")
-        with progress("plot", None) as report:
-            plotted = replace(plotted, progress=report)
-            figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
+        figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(path, figure)
     data: Any = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
     return Result(data, lambda: print_masses(masses), files=[output])

@@ -17,20 +17,15 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
-from mechsim.model.progress import Progress
 from mechsim.model.quantities import numeric_quantity, quantity_names
 from mechsim.model.quantity import Quantity, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
-from mechsim.report.study_plots import extremes_map, work_precision
 from mechsim.studies.drawn_motion import drawn_motion, simulated_forces
-from mechsim.studies.extremes import stability_map
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
-from mechsim.studies.tradeoff.subject import subject_of
-from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.subjects import catalog
 from mechsim.theory.continuation.mechanism_trace import trace
 from mechsim.theory.velocity_plan import velocity_plan
@@ -46,8 +41,6 @@ SAMPLES = 360
 ERROR_SAMPLES = 180
 # options of a plot of motions
 OF_MOTIONS = ("points", "method")
-# budget of the measurement of a work-precision plot, in [s]; `mechsim tradeoff --plot` has its own
-BUDGET = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +73,6 @@ class PlotSource:
         options: options of the plot.
         motions: method -> an existing motion.
         bounds: method -> tolerance on the positions of its points in [m].
-        progress: called after each piece of long work.
         masses: filled in by plots that need them.
         release: a run from an initial state; None for a prescribed motion.
         model: masses and forces of the mechanism for a prescribed motion.
@@ -91,7 +83,6 @@ class PlotSource:
     options: PlotOptions = field(default_factory=PlotOptions)
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
-    progress: Progress = lambda _message, _fraction: None
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
     release: Release | None = None
     model: Callable[[KinematicSolver], DynamicModel] = dynamic_model
@@ -221,10 +212,6 @@ def _assemblies(source: PlotSource) -> "Figure":
     return plots.assembly_plot(table, columns or usual_columns(traced, table))
 
 
-def _stability(source: PlotSource) -> "Figure":
-    return extremes_map(stability_map.study([source.solver], quick=True, progress=source.progress))
-
-
 def _release(source: PlotSource) -> Release:
     assert source.release is not None
     source.masses.extend(source.release.model.masses)
@@ -337,11 +324,4 @@ PLOTS = {
     ),
     "bode": PlotKind("magnitude and phase of a frequency response", _bode, ("response",), released="always"),
     "modes": PlotKind("shapes of the modes of vibration", _modes, released="always"),
-    "precision": PlotKind(
-        "error over cost of MuJoCo's settings, measured now",
-        lambda source: work_precision(
-            measure_tradeoff(subject_of(source.solver, source.speed), budget=BUDGET)
-        ),
-    ),
-    "stability": PlotKind("where runs stop to be right along every axis, found now", _stability),
 }

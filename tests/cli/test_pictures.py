@@ -14,7 +14,6 @@ from mechsim.cli.schema import output_schema
 from mechsim.model.forces import Forces
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.report import plot_table
-from mechsim.studies.extremes import axes, stability_map
 from mechsim.theory.continuation.mechanism_trace import trace
 
 SMALL = ("--size", "96x72")
@@ -125,11 +124,8 @@ EXTRA_OPTIONS = {
 }
 
 
-# studies are slow and have their own test
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "kind", [kind for kind in plot_table.PLOTS if kind not in ("precision", "stability")]
-)
+@pytest.mark.parametrize("kind", plot_table.PLOTS)
 def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
     for name, reduced in (("SAMPLES", 36), ("ERROR_SAMPLES", 36), ("trace", partial(trace, starts=20))):
         monkeypatch.setattr(plot_table, name, reduced)
@@ -183,17 +179,6 @@ def test_a_torque_plot_shows_both_methods(mechsim, tmp_path):
     closed, both = ((tmp_path / f"{method}.svg").read_text() for method in ("closed", "simulated"))
     assert "MuJoCo" not in closed
     assert "MuJoCo" in both
-
-
-@pytest.mark.long
-def test_plots_of_studies_are_drawn(mechsim, tmp_path, monkeypatch):
-    monkeypatch.setattr(plot_table, "BUDGET", 0.5)
-    reduced = [("steps", axes.steps, [100.0, 50.0])]
-    monkeypatch.setattr(stability_map, "axes_of", lambda solver, quick: reduced)
-    for kind in ("precision", "stability"):
-        code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")
-        assert code == 0, err
-        assert ET.parse(tmp_path / f"{kind}.svg").getroot().tag.endswith("svg")
 
 
 @draws
