@@ -157,12 +157,9 @@ def _declared_fields(cls: Any, types: Mapping[str, Any], annotation: Any) -> lis
     return [
         field
         for field in fields(cls)
-        if field.name not in hidden and ("doc" in field.metadata or _is_typer(types[field.name]))
+        if field.name not in hidden
+        and ("doc" in field.metadata or get_origin(types[field.name]) is Annotated)
     ]
-
-
-def _is_typer(kind: Any) -> bool:
-    return get_origin(kind) is Annotated
 
 
 def _parameter(name: str, field: Field[Any], kind: Any) -> inspect.Parameter:

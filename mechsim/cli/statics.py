@@ -171,7 +171,7 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
         (
             _position(mechanism, equilibrium),
             equilibrium.dimension,
-            _stability(equilibrium),
+            {True: "yes", False: "no", None: "undecided"}[equilibrium.stable],
             "yes" if equilibrium.reached else "no",
             number(equilibrium.potential),
             ", ".join(_root_text(mode) for mode in equilibrium.modes),
@@ -188,11 +188,6 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
     title = f"{mechanism.name}: {kinds or f'{len(solutions)} equilibria'} {searched}{other}"
     head = ("at", "dimension", "stable", "reached", "potential [J]", "modes")
     print_table(title, head, rows)
-
-
-def _stability(equilibrium: Equilibrium) -> str:
-    """Return "yes", "no" or "undecided"."""
-    return {True: "yes", False: "no", None: "undecided"}[equilibrium.stable]
 
 
 def _root_text(mode: Mode) -> str:

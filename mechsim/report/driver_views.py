@@ -33,7 +33,6 @@ from mechsim.pictures.view.pose_grid import (
     PoseGrid,
     Readout,
     Slider,
-    SliderUnit,
     View,
     between,
     ghost_of,
@@ -119,7 +118,10 @@ def platform_of(mechanism: Mechanism, limits: Mapping[str, tuple[float, float]])
         return None
     with suppress(AssemblyError):
         poses = start_poses(mechanism)[0]
-        motions = _free_motions(mechanism, poses)
+        # independent free motions of all links, (k, 6 links), lengths relative to the size
+        stacked = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
+        jacobian = equations(mechanism, stacked, None).jacobian
+        motions = null_spaces(scaled(mechanism, jacobian)[0])[1]
         for link in _candidates(mechanism):
             origin, point = _reference_point(mechanism, link)
             coordinates = _controlled(mechanism, link, poses[link], point, motions)
@@ -155,13 +157,6 @@ def _reference_point(mechanism: Mechanism, link: str) -> tuple[str, Vector]:
     points = {name: point for name, (own, point) in mechanism.points.items() if own == link}
     at_origin = not points or ORIGIN in points.values()
     return (link, ORIGIN) if at_origin else next(iter(points.items()))
-
-
-def _free_motions(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
-    """Return independent free motions of all links, (k, 6 links), lengths relative to the size."""
-    stacked = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
-    jacobian = equations(mechanism, stacked, None).jacobian
-    return null_spaces(scaled(mechanism, jacobian)[0])[1]
 
 
 def _controlled(
@@ -289,7 +284,7 @@ def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, 
         for point in points:
             point_positions[point][index][stand] = motion.points[point].position
     sliders = tuple(
-        Slider(driver, _unit(mechanism, driver), nodes[k], False, box.start[driver])
+        Slider(driver, "m" if mechanism.unit(driver) == "m" else "rad", nodes[k], False, box.start[driver])
         for k, driver in enumerate(moved)
     )
     components = {
@@ -345,7 +340,3 @@ def _reached(path: LoopPath, direction: int, end: float) -> float:
         return end
     segments = path.segments[direction]
     return float(segments[-1].nodes[-1]) if segments else 0.0
-
-
-def _unit(mechanism: Mechanism, driver: str) -> SliderUnit:
-    return "m" if mechanism.unit(driver) == "m" else "rad"

@@ -89,10 +89,11 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
     """Return the components of a mechanism."""
     mechanism = solver.mechanism
     limits = {**solver.ranges, **({} if solver.forces is None else solver.forces.stop_ranges)}
+    rows = solver.parameter_rows.items()
     return {
         "name": solver.name,
         "about": about(solver),
-        "parameters": _parameters(solver),
+        "parameters": {name: {"value": value, "unit": unit, "doc": doc} for name, (value, unit, doc) in rows},
         "points": list(mechanism.points),
         "links": [link.name for link in mechanism.links],
         "joints": mechanism.joints,
@@ -161,11 +162,6 @@ def _mobility(solver: KinematicSolver) -> dict[str, Any]:
         "motion_laws": {name: getattr(law, "text", "a function of time") for name, law in laws},
         "duration": None if motion_laws.crank else motion_laws.duration,
     }
-
-
-def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
-    rows = solver.parameter_rows.items()
-    return {name: {"value": value, "unit": unit, "doc": doc} for name, (value, unit, doc) in rows}
 
 
 def assembly_facts(solver: KinematicSolver, angle: float) -> dict[str, Any]:

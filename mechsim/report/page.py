@@ -271,9 +271,14 @@ def versions() -> dict[str, str]:
 
 def computer() -> dict[str, str]:
     """Return a description of the computer."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return {
         "system": platform.platform(terse=True),
-        "processor": _processor(),
+        "processor": names[0] if names else platform.processor() or platform.machine(),
         "cores": str(os.cpu_count() or "unknown"),
     }
 
@@ -387,15 +392,6 @@ def _sparkline(checks: Sequence[Check]) -> str:
 def _this_command() -> str:
     name = Path(sys.argv[0]).name
     return " ".join(["mechsim" if name in ("__main__.py", "mechsim", "-c") else name, *sys.argv[1:]])
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def studies_in(folder: Path) -> list[StudySection]:

@@ -103,7 +103,14 @@ def extremes_map(study: "StabilityMap") -> "Figure":
         ax.set_title(name)
     for ax in list(axes.flat)[len(names) :]:
         ax.set_axis_off()
-    _legend(figure)
+    with needs("pictures"):
+        from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], ls="", marker=marker, color=colour, mfc="none", label=outcome)
+        for outcome, (_, marker, colour) in MARKERS.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
 
 
@@ -128,17 +135,6 @@ def _panel(ax: "Axes", study: "StabilityMap", name: str, mechanisms: list[str]) 
     ax.set_ylim(FLOOR / 3.0, 1e4)
     if name in ("dead centre", "beyond dead centre", "near tangent"):
         ax.invert_xaxis()
-
-
-def _legend(figure: "Figure") -> None:
-    with needs("pictures"):
-        from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], ls="", marker=marker, color=colour, mfc="none", label=outcome)
-        for outcome, (_, marker, colour) in MARKERS.items()
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -> "Figure":

@@ -147,7 +147,12 @@ def _exported(
     if style == "menagerie":
         from mechsim.studies.robots.menagerie import verification
 
-        _require_plain(format, contents)
+        has_motor = contents.speed is not None or contents.tolerance is not None
+        if format != "xml" or contents.scene != LEVEL or has_motor:
+            raise InputError(
+                "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
+                "--speed and --tolerance"
+            )
         text = _menagerie_text(solver, contents)
         return ExportedModel(solver.name, format, text, verification=verification(text, solver))
     if style != "plain":
@@ -189,16 +194,6 @@ def require_compatible(
         )
     if tolerance is not None and has_settings:
         raise InputError("--tolerance determines the settings; leave out the others")
-
-
-def _require_plain(format: str, contents: _Contents) -> None:
-    """Raise InputError for options that a model in the style of Menagerie excludes."""
-    has_motor = contents.speed is not None or contents.tolerance is not None
-    if format != "xml" or contents.scene != LEVEL or has_motor:
-        raise InputError(
-            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
-            "--speed and --tolerance"
-        )
 
 
 def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:

@@ -22,17 +22,13 @@ def _loading(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def load_and_call(*args: P.args, **options: P.kwargs) -> R:
         source: Any = args[0] if args else None
-        if _is_unread(source):
+        # MuJoCo is not imported to recognise its objects
+        if isinstance(source, str | PathLike) or type(source).__name__ in ("MjModel", "MjSpec"):
             rest: Any = (load(source, still=True), *args[1:])
             return function(*rest, **options)
         return function(*args, **options)
 
     return load_and_call
-
-
-def _is_unread(source: Any) -> bool:
-    # MuJoCo is not imported to recognise its objects
-    return isinstance(source, str | PathLike) or type(source).__name__ in ("MjModel", "MjSpec")
 
 
 dynamic_model = _loading(dynamics.dynamic_model)

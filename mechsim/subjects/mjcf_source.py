@@ -17,7 +17,6 @@ from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.finding import HARMLESS, Finding
-from mechsim.model.limits import Ranges
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
@@ -201,7 +200,11 @@ def _started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
     """
     values, locked = mechanism.guess_coordinates, mechanism.locked
     started = replace(mechanism, locked={name: values[name] for name in locked})
-    inside = _within_ranges(values, model.limits)
+    # joint values moved to the nearest end of their ranges
+    unlimited = (-np.inf, np.inf)
+    inside = {
+        name: float(np.clip(value, *model.limits.get(name, unlimited))) for name, value in values.items()
+    }
     has_loops = len(mechanism.joints) > len(mechanism.links)
     # poses of balls and free joints follow from no coordinate
     if inside != values and has_loops and len(values) == len(model.qpos):
@@ -220,12 +223,6 @@ def _started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
         if start.note
         else ClosedStart(mechanism)
     )
-
-
-def _within_ranges(values: Mapping[str, float], limits: Ranges) -> dict[str, float]:
-    """Return joint values moved to the nearest end of their ranges."""
-    unlimited = (-np.inf, np.inf)
-    return {name: float(np.clip(value, *limits.get(name, unlimited))) for name, value in values.items()}
 
 
 def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":

@@ -199,9 +199,5 @@ def _has_variables(node: ast.AST) -> bool:
     return any(
         isinstance(child, ast.Name) and child.id != "pi"
         for child in ast.walk(node)
-        if not _is_function(node, child)
+        if not any(isinstance(call, ast.Call) and call.func is child for call in ast.walk(node))
     )
-
-
-def _is_function(whole: ast.AST, node: ast.AST) -> bool:
-    return any(isinstance(call, ast.Call) and call.func is node for call in ast.walk(whole))

@@ -59,7 +59,8 @@ def read(where: Path, name: str) -> ReferenceTable:
     available = names(where)
     if name not in available:
         raise InputError(f"there are no reference data of {name!r}; choose from {', '.join(available)}")
-    sums = _sums(where)
+    lines = (where / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+    sums = {path: digest for digest, _, path in (line.partition("  ") for line in lines)}
     paths = {
         path: where / path for path in (f"data/{name}.csv", f"mechanisms/{name}.toml", "datapackage.json")
     }
@@ -85,11 +86,6 @@ def read(where: Path, name: str) -> ReferenceTable:
             if resource.startswith(DRIVE_FORCE_PREFIXES)
         },
     )
-
-
-def _sums(where: Path) -> dict[str, str]:
-    lines = (where / CHECKSUMS).read_text(encoding="utf-8").splitlines()
-    return {path: digest for digest, _, path in (line.partition("  ") for line in lines)}
 
 
 def _points(head: list[str]) -> list[str]:

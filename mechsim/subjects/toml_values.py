@@ -188,7 +188,10 @@ class Values:
             case Profile(unit=unit):
                 return value if is_profile(value) else self.quantity(value, unit, path)
             case JointNumber():
-                return self._unchecked(value, path)
+                # a number, a quantity or an expression unchanged, if the key gives it a unit later
+                if not isinstance(value, str):
+                    self.plain_number(value, path)
+                return value
             case Boolean():
                 if not isinstance(value, bool):
                     raise self.source.error(path, f"is {shown(value)}; give true or false")
@@ -209,12 +212,6 @@ class Values:
                 if fitting is None:
                     raise self.source.error(path, f"is {shown(value)}; give {about}")
                 return self.checked(fitting, value, path)
-
-    def _unchecked(self, value: Any, path: KeyPath) -> Any:
-        """Return a number, a quantity or an expression unchanged, if the key gives it a unit later."""
-        if not isinstance(value, str):
-            self.plain_number(value, path)
-        return value
 
     def quantity(self, value: Any, unit: Unit, path: KeyPath) -> float:
         """Return a number, a quantity or an expression in SI; numbers without a unit are in the file's."""

@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.readers import load
-from mechsim.theory.group_assemblies import GroupAssemblies, UnsolvedGroupError, group_assemblies
+from mechsim.theory.group_assemblies import UnsolvedGroupError, group_assemblies
 from mechsim.theory.mobility_count import plane_normal
 
 if TYPE_CHECKING:
@@ -61,7 +60,14 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         listed, reason = solver.assembly_points(angle), "its formula has every assembly"
         return _assemblies_of(angle, listed, True, reason)
     try:
-        groups = _by_groups(solver, angle)
+        # every assembly at the driver positions of the solver's own
+        if plane_normal(solver.mechanism) is None:
+            raise UnsolvedGroupError("it is not planar")
+        if solver.mechanism.couplings:
+            raise UnsolvedGroupError("racks and couplings belong to no Assur group")
+        links = solver.solve_along([angle]).links
+        poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+        groups = group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})
     except (InputError, AssemblyError) as error:
         return _assemblies_of(
             angle, solver.all_assembly_points(angle), False, f"found from random starts: {error}"
@@ -79,14 +85,3 @@ def _assemblies_of(
 ) -> Assemblies:
     selectors, points = (tuple(column) for column in zip(*listed, strict=True)) if listed else ((), ())
     return Assemblies(angle, selectors, points, complete, reason, families)
-
-
-def _by_groups(solver: KinematicSolver, angle: float) -> GroupAssemblies:
-    """Return every assembly at the driver positions of the solver's own."""
-    if plane_normal(solver.mechanism) is None:
-        raise UnsolvedGroupError("it is not planar")
-    if solver.mechanism.couplings:
-        raise UnsolvedGroupError("racks and couplings belong to no Assur group")
-    links = solver.solve_along([angle]).links
-    poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
-    return group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})

@@ -108,7 +108,10 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
     normal = plane_normal(mechanism)
     decomposition = assur_groups(mechanism)
     assert normal is not None
-    basis = _basis(normal)
+    # a right-handed basis whose third column is the normal, (3, 3)
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]).astype(np.float64)
+    first /= np.linalg.norm(first)
+    basis = np.array([first, np.cross(normal, first), normal], dtype=np.float64).T
     pairs = _plane_pairs(mechanism, poses, basis)
     placed: list[Placed] = [dict.fromkeys((GROUND, *decomposition.drivers), AT_REFERENCE)]
     families: dict[str, None] = {}
@@ -125,13 +128,6 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
         for assembly in placed
     )
     return GroupAssemblies(isolated, tuple(families))
-
-
-def _basis(normal: Array) -> Array:
-    """Return a right-handed basis whose third column is the normal, (3, 3)."""
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]).astype(np.float64)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first), normal], dtype=np.float64).T
 
 
 def _plane_pairs(mechanism: Mechanism, poses: Mapping[str, Pose], basis: Array) -> list[PlanePair]:
@@ -202,7 +198,7 @@ def _dyad(first: Outer, second: Outer, inner: PlanePair, placed: Placed) -> Iter
     elif guide.direction is not None:
         # circle and line: |M + s u - Q1| = r
         u, start = rotation[1] * guide.direction, placed[other_base](inner.point) - q1
-        foot = _dot(start, u)
+        foot = (start * u.conjugate()).real
         for s in _roots(foot * foot - abs(start) ** 2 + abs(inner.point - pin.point) ** 2, abs(start) ** 2):
             image = q1 + start + (s - foot) * u
             yield {
@@ -308,10 +304,6 @@ def _crossing(gap: complex, u: complex, v: complex) -> float | None:
     if abs(_cross(gap, v)) <= ROUNDING * abs(gap):
         raise FamilyError("its slides are parallel, so that it moves along them")
     return None
-
-
-def _dot(u: complex, v: complex) -> float:
-    return (u * v.conjugate()).real
 
 
 def _cross(u: complex, v: complex) -> float:

@@ -392,7 +392,13 @@ def mobility(mechanism: Mechanism) -> Mobility:
 
     Source: docs/explanation/sources.md for the counts; rank of the loop Jacobian, `loops.dof_count`.
     """
-    stands = _configurations(mechanism)
+    # the assembled start, and closed configurations at a small distance to either side
+    stands = [assemble(mechanism, [mechanism.start])]
+    for aside in (CRANK_STEP, -CRANK_STEP):
+        try:
+            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0], most_steps=20))
+        except AssemblyError:
+            continue  # a dead centre or a locked structure: the other poses count
     ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [
         (dof_count(mechanism, poses), poses) for poses in stands
     ]
@@ -410,14 +416,3 @@ def mobility(mechanism: Mechanism) -> Mobility:
         first_order=crank_moves and len(stands) == 1,
         free=free_motions(mechanism, poses, best.passive),
     )
-
-
-def _configurations(mechanism: Mechanism) -> list[Mapping[str, Pose]]:
-    """Return the assembled start, and closed configurations at a small distance to either side."""
-    stands = [assemble(mechanism, [mechanism.start])]
-    for aside in (CRANK_STEP, -CRANK_STEP):
-        try:
-            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0], most_steps=20))
-        except AssemblyError:
-            continue  # a dead centre or a locked structure: the other poses count
-    return stands

@@ -105,25 +105,20 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
     if solver.motion_laws.crank:
         raise InputError(f"{solver.name}: its drivers have no motion law")
     scene, controls = published_scene(solver)
-    fine = _finer(scene)
+    # the model with a finer step and unchanged constraint compliance
+    fine = copy.copy(scene.model)
+    step = float(fine.opt.timestep)
+    if not int(fine.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
+        # MuJoCo limits the time constant by the coarser step; keep that compliance
+        soft = fine.eq_solref[:, 0] > 0.0
+        fine.eq_solref[soft, 0] = np.maximum(fine.eq_solref[soft, 0], 2.0 * step)
+    fine.opt.timestep = step / STEP_RATIO
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"
     runs = [
         _at_instants(scene, run_scene(scene, model, records=None), evaluation, quantity)
         for model in (None, fine)
     ]
     return TwoRuns(runs[0], runs[1], evaluation, f"{how}, {controls}")
-
-
-def _finer(scene: UserScene) -> mujoco.MjModel:
-    """Return a scene's model with a finer step and unchanged constraint compliance."""
-    model = copy.copy(scene.model)
-    step = float(model.opt.timestep)
-    if not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
-        # MuJoCo limits the time constant by the coarser step; keep that compliance
-        soft = model.eq_solref[:, 0] > 0.0
-        model.eq_solref[soft, 0] = np.maximum(model.eq_solref[soft, 0], 2.0 * step)
-    model.opt.timestep = step / STEP_RATIO
-    return model
 
 
 def _at_instants(

@@ -258,7 +258,9 @@ def points_of_table(
         )
     rows = len(next(iter(table.values())).values)
     time = table[time_column].values if time_column else np.linspace(0.0, 1.0, rows)
-    through = _tabled_laws(mechanism, names, table, time)
+    # motion laws through the rows of a table, with the rates of the table or of a spline
+    states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
+    through = make_motion_laws(mechanism, states, float(np.ptp(time)))
     own = LoopForm(mechanism, forces=solver.forces, motion_laws=through)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     used += [time_column] if time_column else []
@@ -307,14 +309,6 @@ def _of_crank(
 
 def _driver_column(driver: str, table: Mapping[str, TableColumn]) -> str | None:
     return next((name for name in (driver, f"{driver}.q") if name in table), None)
-
-
-def _tabled_laws(
-    mechanism: Mechanism, names: Mapping[str, str], table: Mapping[str, TableColumn], time: Array
-) -> MotionLaws:
-    """Return motion laws through the rows of a table, with the rates of the table or of a spline."""
-    states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
-    return make_motion_laws(mechanism, states, float(np.ptp(time)))
 
 
 def _state(driver: str, column: str, table: Mapping[str, TableColumn], time: Array) -> State:

@@ -283,20 +283,14 @@ def _reason(
         return f"no proof on {len(rest)} intervals, the first from {instant(low)} to {instant(high)}"
     if not joins.all():
         return f"segments are not proven to join at {instant(segments.high[int(np.argmin(joins))])}"
-    if not _about_computed_motion(motion, segments):
+    # the computed motion is solved at the centres: near a singularity what is interpolated has errors above
+    # the width of the tubes
+    centre = segments.centre
+    solved = tested_segments(motion, centre, centre, motion.configurations(centre))
+    if not (solved.proven & inside(motion.equations, solved, segments)).all():
         return "the tube leaves the computed motion"
     covered = len(segments) and segments.low[0] == motion.low and segments.high[-1] == motion.high
     return "" if covered else "segments do not cover the range"
-
-
-def _about_computed_motion(motion: ComputedMotion, segments: Segments) -> bool:
-    """Return whether the configurations solved from the computed motion are proven to lie in the tubes.
-
-    They are solved at the centres, since near a singularity those interpolated have errors above the width.
-    """
-    centre = segments.centre
-    solved = tested_segments(motion, centre, centre, motion.configurations(centre))
-    return bool((solved.proven & inside(motion.equations, solved, segments)).all())
 
 
 def certify(

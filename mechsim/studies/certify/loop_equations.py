@@ -160,12 +160,9 @@ class ClosureEquations:
         length = float(np.sqrt(squared.mid[0, 0]))
         scale = 1.0 / (length * self.tree.length)
         gap = points[1] - points[0]
-        relative = self._relative(rod.sides)
+        relative = relative_motion(self.tree, rod.sides)
         jacobian = gap.T @ placed.linear + cross(points[0], gap).T @ placed.angular
         return (gap.T @ gap - squared) * (0.5 * scale), jacobian * scale @ relative
-
-    def _relative(self, sides: tuple[int, int]) -> Array:
-        return relative_motion(self.tree, sides)
 
 
 @dataclass(frozen=True)
@@ -249,24 +246,9 @@ def relative_motion(tree: SpanningTree, sides: tuple[int, int]) -> Array:
     return np.diag((b - a) * tree.units)
 
 
-def _sin_cos(angle: Number) -> tuple[Number, Number]:
-    return (angle, angle) if isinstance(angle, np.ndarray) else angle.sin_cos()
-
-
 def _about_z(angle: Number) -> Number:
-    sine, cosine = _sin_cos(angle)
+    sine, cosine = (angle, angle) if isinstance(angle, np.ndarray) else angle.sin_cos()
     return cosine * COSINE + sine * SINE + CONSTANT
-
-
-def _cayley(vector: Number, start: Number) -> tuple[Number, Number]:
-    """Return the rotation of a ball joint, and the angular velocities of the vector's components.
-
-    The rotation is (I - A)^-1 (I + A) times the start; A is the cross-product matrix of half the vector.
-    """
-    half = vector * 0.5
-    skew = concatenated([cross(half, np.eye(3)[:, i : i + 1]) for i in range(3)], -1)
-    scale = (half.T @ half + 1.0).reciprocal()
-    return (skew + skew @ skew) * (scale * 2.0) @ start + start, (skew + np.eye(3)) * scale
 
 
 def _relative_rotation(
@@ -277,7 +259,11 @@ def _relative_rotation(
     if branch.kind.ball:
         if isinstance(initial, np.ndarray):
             return initial, None
-        return _cayley(q[..., first : first + 3, :], initial)
+        # (I - A)^-1 (I + A) times the start; A is the cross-product matrix of half the Cayley vector
+        half = q[..., first : first + 3, :] * 0.5
+        skew = concatenated([cross(half, np.eye(3)[:, i : i + 1]) for i in range(3)], -1)
+        scale = (half.T @ half + 1.0).reciprocal()
+        return (skew + skew @ skew) * (scale * 2.0) @ initial + initial, (skew + np.eye(3)) * scale
     angles = [q[..., first + i : first + i + 1, :] for i in range(len(branch.kind.turns))]
     if branch.kind.crossed:
         sine, cosine = constants.angles[name]

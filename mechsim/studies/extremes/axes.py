@@ -179,11 +179,14 @@ def near_tangent(solver: ClosedForm, value: float, method: str) -> Trial:
     limiting = with_limiting_length(solver, value)
     angles = np.linspace(-np.pi, np.pi, 4001)
     angle = float(angles[np.argmin(limiting.discriminant(angles))]) + np.pi
+    # it starts at this angle
+    motion = limiting.solve([angle])
+    guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}
     return attempt(
         "near tangent",
         limiting,
         value,
-        with_start_angle(limiting, angle),
+        limiting.mechanism.with_guess(guess, angle),
         speed=SINGULAR_SPEED,
         method=method,
         note=f"by {method}",
@@ -281,10 +284,3 @@ def with_limiting_length(solver: ClosedForm, slack: float) -> TwoBranchForm:
         middle = 0.5 * (inside + outside)
         inside, outside = (middle, outside) if scaled(middle).crank_range().full else (inside, middle)
     return scaled(inside * (1.0 + slack * float(np.sign(1.0 - outside))))
-
-
-def with_start_angle(solver: ClosedForm, angle: float) -> Mechanism:
-    """Return the mechanism with its initial guess at a crank angle in [rad]."""
-    motion = solver.solve([angle])
-    guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}
-    return solver.mechanism.with_guess(guess, angle)

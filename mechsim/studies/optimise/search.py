@@ -123,7 +123,13 @@ class _DimensionSearch:
         limits: Sequence[Limit],
     ):
         self.moved, self.goal, self.limits = subject, goal, limits
-        self.names = _names(subject, vary)
+        names = dimension_names(subject, [*vary])
+        if names != [*vary]:
+            raise InputError(f"a whole position cannot vary; name its components, {', '.join(names)}")
+        if not names:
+            raise InputError("no dimension may vary; name some with their lowest and highest values")
+        subject.designs.require_independent(names)
+        self.names = names
         ends = [_ends(subject, name, vary[name]) for name in self.names]
         self.low, self.high = np.array(ends).T
         self.start = np.array([subject.designs.dimensions[name].value for name in self.names])
@@ -303,16 +309,6 @@ class _DimensionSearch:
 def _unit(limit: Limit) -> float:
     """Return the scale of a limit: its bounds, or 1 where they are zero."""
     return max(abs(limit.low or 0.0), abs(limit.high or 0.0)) or 1.0
-
-
-def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> list[str]:
-    names = dimension_names(subject, [*vary])
-    if names != [*vary]:
-        raise InputError(f"a whole position cannot vary; name its components, {', '.join(names)}")
-    if not names:
-        raise InputError("no dimension may vary; name some with their lowest and highest values")
-    subject.designs.require_independent(names)
-    return names
 
 
 def _ends(subject: MovedFamily, name: str, ends: tuple[float, float]) -> tuple[float, float]:

@@ -112,7 +112,9 @@ def published_run(source: KinematicSolver, profile: CrankProfile) -> PublishedRu
         source: mechanism read from the file.
         profile: motion of the crank, used without motion laws.
     """
-    path, settings = source.source.path, _settings(plainly_compiled(source.source.spec.copy()))
+    model = plainly_compiled(source.source.spec.copy())
+    own = settings_of(model).as_dict()
+    path, settings = source.source.path, {name: own[name] for name in ("timestep", *SHOWN) if name in own}
     steps = _duration(source, profile) / float(settings["timestep"])
     if not steps <= MAX_STEPS:
         note = f"they take {steps:.3g} steps, more than {MAX_STEPS:,}; give a shorter --duration"
@@ -243,11 +245,6 @@ def _duration(source: KinematicSolver, profile: CrankProfile | None) -> float:
         return float(source.motion_laws.duration)
     assert profile is not None
     return float(profile.duration)
-
-
-def _settings(model: mujoco.MjModel) -> dict[str, Any]:
-    own = settings_of(model).as_dict()
-    return {name: own[name] for name in ("timestep", *SHOWN) if name in own}
 
 
 def _servo_laws(

@@ -42,7 +42,6 @@ from mechsim.studies.scene.scene import UserScene, scene_of, with_assembled_star
 from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, tuned
 from mechsim.studies.scene.write_tuned import (
     KEY,
-    TunedText,
     control_lines,
     plain_model,
     python_of,
@@ -90,14 +89,6 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
     return spec
 
 
-def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
-    """Return the scene of a file made by `turning`; its points are tracked over whole revolutions."""
-    read = read_model(path, drivers=[CRANK], key=RUN_KEY)
-    duration = REVOLUTIONS * REVOLUTION / abs(speed)
-    points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
-    return scene_of(read, read.mechanism, duration=duration, points=points or None, key=RUN_KEY)
-
-
 @quiet()
 def exported_model(
     spec: mujoco.MjSpec,
@@ -121,7 +112,11 @@ def exported_model(
     with TemporaryDirectory() as folder:
         path = Path(folder, f"{stem_of(mechanism.name)}.xml")
         path.write_text(to_xml(turning(spec, mechanism, speed)), encoding="utf-8")
-        scene = turning_scene(str(path), mechanism, speed)
+        # its points are tracked over whole revolutions
+        read = read_model(str(path), drivers=[CRANK], key=RUN_KEY)
+        duration = REVOLUTIONS * REVOLUTION / abs(speed)
+        points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
+        scene = scene_of(read, read.mechanism, duration=duration, points=points or None, key=RUN_KEY)
         result = tuned(scene, tolerance, "closure", budget=budget, progress=progress)
         text = tuned_text(scene, result.best.settings, [], path.parent).after
         path.write_text(text, encoding="utf-8")
@@ -293,14 +288,10 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
     if script is not None:
         _write_script(script, result, read_back, path, laws)
     after = path.read_text(encoding="utf-8")
-    return TunedModel(reports[0], after, _diff(draft, after, result.scene.path, path), draft.included, notes)
-
-
-def _diff(draft: TunedText, after: str, before_path: str, after_path: Path) -> str:
     lines = difflib.unified_diff(
-        draft.before.splitlines(), after.splitlines(), before_path, str(after_path), lineterm="", n=0
+        draft.before.splitlines(), after.splitlines(), result.scene.path, str(path), lineterm="", n=0
     )
-    return "\n".join(lines)
+    return TunedModel(reports[0], after, "\n".join(lines), draft.included, notes)
 
 
 def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:

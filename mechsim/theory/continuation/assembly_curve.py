@@ -312,17 +312,15 @@ class AssemblyCurve:
         back = np.argsort(np.concatenate(order))
         joints = np.concatenate([chunk[0] for chunk in chunks])[back] + self._revolution_offsets
         position, rotation = (np.concatenate([chunk[k] for chunk in chunks], -1)[..., back] for k in (1, 2))
-        return self._record(arcs, joints, LinkPoses(position, rotation, np.empty(0)).by_link(tree.index))
+        poses = LinkPoses(position, rotation, np.empty(0)).by_link(tree.index)
+        named = {column.name: joints[:, i] for i, column in enumerate(self.joints.columns)}
+        moving = [(name, owner) for name, owner in self.mechanism.points.items() if owner[0] != GROUND]
+        points = {name: poses[link].point(local) for name, (link, local) in moving}
+        return CurvePoses(arcs, named[self.driver.name], named, poses, points, self.driver.unit == "rad")
 
     def samples(self, count: int) -> CurvePoses:
         """Return the poses at `count` arcs, evenly spaced over the closed curve, both ends included."""
         return self.poses_at(np.linspace(0.0, self.length, count))
-
-    def _record(self, arc: Array, joints: Array, poses: Mapping[str, Pose]) -> CurvePoses:
-        named = {column.name: joints[:, i] for i, column in enumerate(self.joints.columns)}
-        moving = [(name, owner) for name, owner in self.mechanism.points.items() if owner[0] != GROUND]
-        points = {name: poses[link].point(local) for name, (link, local) in moving}
-        return CurvePoses(arc, named[self.driver.name], named, poses, points, self.driver.unit == "rad")
 
     @cached_property
     def _driver(self) -> int:
