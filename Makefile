@@ -1,6 +1,6 @@
 PYTHON ?= .venv/bin/python
 
-.PHONY: check test test-long test-browser test-repository test-all validate docs
+.PHONY: check test test-long test-browser test-repository test-all validate docs three
 
 check:
 	$(PYTHON) -m ruff check .
@@ -32,3 +32,9 @@ validate:
 # pages in out/docs; every page's code runs, and a warning is an error
 docs:
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
+
+# three.js with what the pages use of it, from npm: its version and that of the bundler are stated here
+three:
+	set -e; folder=$$(mktemp -d); view=$$PWD/mechsim/pictures/view/three; cp "$$view/three.entry.js" "$$folder"; cd "$$folder"; \
+	npm install --silent three@0.187.0 esbuild@0.28.2; cp node_modules/three/LICENSE "$$view"; \
+	npx esbuild three.entry.js --bundle --minify --format=iife --global-name=THREE --target=es2020 --outfile="$$view/three.min.js"

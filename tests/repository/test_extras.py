@@ -19,7 +19,6 @@ OPTIONAL = (
     "PIL",
     "pandas",
     "xarray",
-    "jupyter_threejs_sage",
 )
 HIDE = f"""
 import sys

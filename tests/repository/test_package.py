@@ -42,7 +42,7 @@ def test_the_recipe_has_the_requirements_of_the_package():
         [*extras["pictures"], *extras["tables"], *extras["sweep"], *extras["robots"]]
     )
     assert constraints.items() <= from_extras.items()
-    assert set(from_extras) - set(constraints) == {"jupyter-threejs-sage"}
+    assert set(from_extras) - set(constraints) == set()
     assert f'version: "{mechsim.__version__}"' in recipe
 
 
@@ -59,3 +59,13 @@ def test_doi_descriptions_are_complete_and_name_the_authors():
         assert {"title", "description", "license", "keywords"} <= set(reported)
         assert reported["upload_type"] == kind
         assert reported["creators"] == [{"name": author}]
+
+
+def test_three_js_has_what_the_scripts_use_and_its_licence():
+    view = ROOT / "mechsim/pictures/view"
+    scripts = "".join(path.read_text() for path in sorted((view / "templates").glob("*.js")))
+    used = set(re.findall(r"\bTHREE\.(\w+)", scripts))
+    assert used == set(re.findall(r"\b[A-Z]\w+", (view / "three/three.entry.js").read_text()))
+    bundled = (view / "three/three.min.js").read_text()
+    assert [name for name in used if f"{name}:()=>" not in bundled] == []
+    assert "MIT" in (view / "three/LICENSE").read_text()

@@ -1,10 +1,9 @@
-"""The page: records as JSON, three.js from its Python package, and a script for display."""
+"""The page: records as JSON, three.js, and a script for display."""
 
 import base64
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim._version import __version__
-from mechsim.errors import MissingToolError, install_command, needs
+from mechsim.errors import needs
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, Pose
@@ -26,7 +25,6 @@ from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
 
 TEMPLATES = Path(__file__).parent / "templates"
-LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
 # number of poses from which the extent of a mechanism is determined
 MAX_POSES = 360
 
@@ -39,7 +37,7 @@ def page(view: View, library: str = "") -> str:
         library: file in the same folder with three.js; empty embeds it in the page.
 
     Raises:
-        MissingToolError: where the package that brings three.js is not installed.
+        MissingToolError: where jinja2 is not installed.
     """
     with needs("pictures"):
         import jinja2
@@ -64,17 +62,8 @@ def page(view: View, library: str = "") -> str:
 
 
 def three_js() -> str:
-    """Return the text of three.js from its Python package.
-
-    Raises:
-        MissingToolError: where it is not installed.
-    """
-    spec = find_spec(LIBRARY)
-    folders = [] if spec is None else list(spec.submodule_search_locations or ())
-    for folder in folders:
-        if (Path(folder) / BUILD).is_file():
-            return (Path(folder) / BUILD).read_text(encoding="utf-8")
-    raise MissingToolError(f"no three.js to draw a page with; {install_command('pictures')} installs it")
+    """Return the text of three.js with what the page uses of it."""
+    return (Path(__file__).parent / "three" / "three.min.js").read_text(encoding="utf-8")
 
 
 def _data(view: View) -> dict[str, Any]:

@@ -123,6 +123,8 @@ function text(value, unit) {
 
 /* ---- picture ---- */
 
+// colours reach the screen as the page states them
+THREE.ColorManagement.enabled = false;
 const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [], formerLines = [];
 let renderer = null, camera = null, controls = null, lamp = null;
 const steels = [];
@@ -165,14 +167,16 @@ function solidsOf(solids, material) {
 function build() {
   try {
     renderer = new THREE.WebGLRenderer({ canvas: $("picture"), antialias: true });
+    renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   } catch (error) {
     $("nowebgl").hidden = false;
   }
   const size = Math.max(DATA.cameras[0].width, DATA.cameras[0].height);
   if (size > 2) LENGTH = ["m", 1];
   camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.001, 10);
-  lamp = new THREE.DirectionalLight(0xffffff, 0.62);
-  scene.add(new THREE.AmbientLight(0xffffff, 0.5), lamp, lamp.target);
+  // three.js divides light by pi when a surface reflects it
+  lamp = new THREE.DirectionalLight(0xffffff, 0.62 * Math.PI);
+  scene.add(new THREE.AmbientLight(0xffffff, 0.5 * Math.PI), lamp, lamp.target);
   const glass = new THREE.MeshBasicMaterial({ color: 0x3a6ea5, transparent: true, opacity: 0.42, depthWrite: false });
   for (const [link, shapes] of Object.entries(DATA.bodies)) {
     scene.add(bodies[link] = new THREE.Group());
@@ -241,7 +245,7 @@ function addFloor() {
   box.left = box.bottom = -1.2 * size; box.right = box.top = 1.2 * size; box.near = 0.01 * size; box.far = 6 * size;
   scene.add(sun, sun.target);
   for (const solid of Object.values(solids)) castShadow(solid);
-  if (renderer) { renderer.shadowMap.enabled = true; renderer.shadowMap.type = THREE.PCFSoftShadowMap; }
+  if (renderer) { renderer.shadowMap.enabled = true; renderer.shadowMap.type = THREE.PCFShadowMap; }
 }
 
 const castShadow = (group) => group.traverse((part) => { part.castShadow = !!part.isMesh; });
@@ -309,7 +313,6 @@ function lookFrom(which) {
   stage.style.touchAction = "pan-y";
   controls.target.copy(centre);
   controls.enableDamping = false;
-  controls.enableKeys = false;
   controls.addEventListener("change", () => { draw(); remember(); });
   controls.update();
   resize();
