@@ -9,6 +9,7 @@ from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescri
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, fluctuation, flywheel_for, reduced
 from mechsim.analytic.dynamics.redundant_actuation import actuated, actuator_forces
+from mechsim.analytic.dynamics.run_reactions import joint_reactions
 from mechsim.analytic.dynamics.statics import (
     Equilibrium,
     equilibria,
@@ -38,6 +39,7 @@ __all__ = [
     "flywheel_for",
     "free_run",
     "holding",
+    "joint_reactions",
     "modes",
     "nearest_equilibrium",
     "prescribed",

@@ -156,37 +156,34 @@ def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None 
         InputError: for such a link without symmetry of revolution, whose rotation would be a second degree of
             freedom.
     """
-    links = [motion.links[link.name] for link in mechanism.links]
-    twist = np.stack(
-        [
-            np.concatenate([motion_of_link.velocity, motion_of_link.angular_velocity], -1)
-            for motion_of_link in links
-        ],
-        1,
-    )
-    bias = np.stack(
-        [
-            np.concatenate([motion_of_link.acceleration, motion_of_link.angular_acceleration], -1)
-            for motion_of_link in links
-        ],
-        1,
-    )
-    position = np.stack([motion_of_link.position for motion_of_link in links], 1)
-    rotation = np.stack([motion_of_link.rotation for motion_of_link in links], 1)
-    none = np.zeros((*twist.shape, 0))
-    drivers = {name: motion.joints[name].value for name in motion.drivers}
-    turning = {name: motion.joints[name].rate for name in motion.drivers}
-    bending = {name: motion.joints[name].acceleration for name in motion.drivers}
-    known = {name: joint.value for name, joint in motion.joints.items()}
-    plain = UnitMotion(
-        mechanism, motion.angle, position, rotation, twist, bias, none, drivers, turning, bending, known
-    )
+    plain = as_moved(mechanism, motion)
     idle = _idle(plain, mechanism if nominal is None else nominal)
     if not idle.shape[-1]:
         return plain
     _require_round(plain, idle)
     twist, bias = _without_spin(plain, idle)
     return replace(plain, twist=twist, bias=bias, idle=idle)
+
+
+def as_moved(mechanism: Mechanism, motion: Motion) -> UnitMotion:
+    """Return a motion stacked by link: at unit crank speed, or over the time instead of the angle."""
+    links = [motion.links[link.name] for link in mechanism.links]
+    twist = np.stack([np.concatenate([link.velocity, link.angular_velocity], -1) for link in links], 1)
+    bias = np.stack([np.concatenate([link.acceleration, link.angular_acceleration], -1) for link in links], 1)
+    drivers = {name: motion.joints[name] for name in motion.drivers}
+    return UnitMotion(
+        mechanism,
+        motion.angle,
+        np.stack([link.position for link in links], 1),
+        np.stack([link.rotation for link in links], 1),
+        twist,
+        bias,
+        np.zeros((*twist.shape, 0)),
+        {name: driver.value for name, driver in drivers.items()},
+        {name: driver.rate for name, driver in drivers.items()},
+        {name: driver.acceleration for name, driver in drivers.items()},
+        {name: joint.value for name, joint in motion.joints.items()},
+    )
 
 
 def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:

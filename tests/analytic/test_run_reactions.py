@@ -1,0 +1,67 @@
+"""Reactions along runs: a pendulum in closed form, impulse of the frame, and forces that are not covered."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+import mechsim as ms
+from mechsim.errors import InputError
+
+MASS, ARM, INERTIA, GRAVITY = 1.0, 2.0, 0.1, 9.80665
+WEIGHT = ms.Forces(gravity=(0.0, -GRAVITY, 0.0))
+
+
+def pendulum(driver=()):
+    moments = tuple(map(tuple, np.diag([0.04, INERTIA, INERTIA])))
+    body = ms.Link("body", inertia=ms.Inertia(MASS, (ARM, 0.0, 0.0), moments))
+    joint = ms.Joint("pin", "revolute", ms.End("ground"), ms.End("body"))
+    return ms.Mechanism("pendulum", (body,), (joint,), driver, {})
+
+
+@pytest.mark.parametrize("driver", [(), "pin"])
+def test_reaction_of_a_released_pendulum(driver):
+    """From horizontal rest: w^2 = 2 m g l sin(fall) / I0 and alpha = m g l cos(fall) / I0."""
+    model = ms.dynamics.dynamic_model(pendulum(driver), WEIGHT)
+    run = ms.dynamics.run(model, WEIGHT, duration=3.0, samples=50)
+    fall = -run.motion.joints["pin"].value
+    k = MASS * GRAVITY * ARM / (INERTIA + MASS * ARM**2)
+    outward = np.stack([np.cos(fall), -np.sin(fall)], 1)
+    down = np.stack([-np.sin(fall), -np.cos(fall)], 1)
+    centre = ARM * (k * np.cos(fall)[:, None] * down - 2.0 * k * np.sin(fall)[:, None] * outward)
+    reaction = ms.dynamics.joint_reactions(model, run)["pin"]
+    exact = MASS * (centre + np.array([0.0, GRAVITY]))
+    assert np.abs(reaction.force[:, :2] - exact).max() < 1e-10 * np.abs(exact).max()
+    assert np.abs(reaction.moment).max() < 1e-12
+
+
+def test_a_motor_on_the_crank_keeps_the_balance_and_one_on_another_joint_is_rejected():
+    linkage = ms.catalog.make("four_bar")
+    motor = replace(WEIGHT, motor=ms.motors.ConstantTorque(0.001))
+    model = ms.dynamics.dynamic_model(linkage, motor)
+    run = ms.dynamics.run(linkage, motor, duration=0.1, samples=400)
+    forces = ms.dynamics.joint_reactions(model, run)
+    frame = sum(
+        r.force if r.by == "ground" else -r.force for r in forces.values() if "ground" in (r.link, r.by)
+    )
+    links = [(link.inertia, run.motion.links[link.name]) for link in model.mechanism.links]
+    mass = sum(inertia.mass for inertia, _ in links)
+    momentum = sum(
+        inertia.mass * (m.velocity + np.cross(m.angular_velocity, m.rotation @ inertia.centre))
+        for inertia, m in links
+    )
+    # Newton for the whole mechanism, integrated over the run
+    impulse = simpson(frame + mass * np.array(WEIGHT.gravity), x=run.time, axis=0)
+    assert np.abs(impulse - momentum[-1] + momentum[0]).max() < 1e-7 * np.abs(impulse).max()
+    steered = replace(WEIGHT, controllers=(ms.Controller("A", "0.01 + 0*A.q"),))
+    run = ms.dynamics.run(linkage, steered, duration=0.05, samples=5)
+    with pytest.raises(InputError, match="not a driver"):
+        ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(linkage, steered), run)
+
+
+def test_a_run_in_which_friction_holds_the_joint_is_rejected():
+    brake = replace(WEIGHT, friction=(ms.Friction("pin", coulomb=100.0),))
+    run = ms.dynamics.run(pendulum(), brake, duration=0.05, samples=5)
+    with pytest.raises(InputError, match="sticks or touches a stop at 0 s"):
+        ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(pendulum(), brake), run)
