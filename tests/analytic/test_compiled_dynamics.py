@@ -159,6 +159,19 @@ def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
     assert fast.energy_error <= 1e-11
 
 
+def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(monkeypatch):
+    # the speed of the crank approaches that of the motor within 1.2e-5 s
+    def run():
+        return ms.dynamics.run("rssr", Forces(motor=TorqueSpeedLine(1.0, 62.8)), duration=0.03, samples=20)
+
+    fast = run()
+    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    slow = run()
+    assert (fast.executed, slow.executed) == ("C", "numpy")
+    assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-12
+    assert np.abs(fast.motion.speed - slow.motion.speed).max() <= 1e-10 * 62.8
+
+
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
 def test_the_error_follows_the_tolerance(tolerance):
     exact, run = run_of(tolerance=1e-13), run_of(tolerance=tolerance)

@@ -118,6 +118,10 @@ SINGULAR = 2e-2
 # number of time constants of the fastest decay within a run above which an implicit method is used: the
 # iteration of collocation needs about one step for every four
 MAX_DECAYS = 1e3
+# the same in C, whose explicit steps of 0.02 ms last `STABLE` time constants at most: the budget suffices for
+# 9e4. They would be stable up to six, but rates then vibrate by 5e-10 of themselves, by 1e-11 at three (rssr
+# whose motor decays within 1.2e-5 s, against the implicit method)
+MAX_DECAYS_IN_C, STABLE = 5e4, 3.0
 # the same above which the motion is not computed, since the decay multiplies the rounding of the rates: the
 # energy lost by a creeping rod is correct to 1e-5 at 1e11, and wrong at 1e12
 # (tests/analytic/test_stiff_runs.py)
@@ -210,7 +214,7 @@ class Integration:
         self.events: list[float] = []
         self.steps = 0
         self.regular = self.nearest = SINGULAR * self.right.conditioning(self.state)
-        self.implicit, self.duration = False, np.inf
+        self.implicit, self.duration, self.decay = False, np.inf, 0.0
         self.compiled: CompiledModel | None = None
         self.pivot = 1.0
         # whether numpy passes a configuration that is too close to a singular one for the C code
@@ -241,11 +245,10 @@ class Integration:
                 self.events.append(self.time)
             self._choose_mode()
             rest = self._at_rest()
-            decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
-            self.implicit = decay * self.duration > MAX_DECAYS
-            ended = self._too_stiff(decay) if rest is None else None
+            self._find_stiffness(self.duration)
+            ended = self._too_stiff() if rest is None else None
             if rest is None and ended is None:
-                self._compile()
+                self._compile(self.duration)
             while ended is None and self.time < duration:
                 locked = None if self.compiled is None or self.passing else self._locked()
                 ended = (
@@ -278,18 +281,27 @@ class Integration:
 
     def prepared(self, duration: float) -> CompiledModel | None:
         """Return the model in C for runs of a duration in [s]; None if numpy must integrate them."""
-        decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
-        self.implicit = decay * duration > MAX_DECAYS
-        self._compile()
+        self._find_stiffness(duration)
+        self._compile(duration)
         return self.compiled
+
+    def _find_stiffness(self, duration: float) -> None:
+        """Set the fastest decay in [1/s], and whether numpy needs the implicit method."""
+        self.decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0))
+        self.implicit = self.decay * duration > MAX_DECAYS
+
+    @property
+    def longest(self) -> float:
+        """Longest step in C in [s]."""
+        return STABLE / self.decay if self.implicit else np.inf
 
     def nearest_pivot(self) -> float:
         """Return the smallest pivot of the loop constraints at which C continues."""
         return SINGULAR * self.pivot * self.nearest / self.regular
 
-    def _compile(self) -> None:
+    def _compile(self, duration: float) -> None:
         """Let C integrate the motion, unless it does not contain the model, or there is no compiler."""
-        if self.implicit:
+        if self.decay * duration > MAX_DECAYS_IN_C:
             self.note = "the motion is stiff, and its implicit method runs in numpy"
             return
         try:
@@ -319,11 +331,11 @@ class Integration:
         """
         self.executed, self.passing = "C", True
         nearest, rank = self.nearest_pivot(), self.equations.rank
+        sliding, longest = self.right.mode.sliding, self.longest
+        balanced = not self.implicit
         settings, _ = scaled(
             model,
-            StepSettings(
-                self.tolerance, self.state, np.inf, rank, nearest, self.right.mode.sliding, locked, True
-            ),
+            StepSettings(self.tolerance, self.state, longest, rank, nearest, sliding, locked, balanced),
             self.layout,
             self.state,
             self.fastest,
@@ -451,9 +463,8 @@ class Integration:
         self._choose_mode()
         if before.phases != self.right.mode.phases:
             # a stop may have a strong damper
-            decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0))
-            self.implicit = decay * self.duration > MAX_DECAYS
-            return self._too_stiff(decay) or self._at_rest()
+            self._find_stiffness(self.duration)
+            return self._too_stiff() or self._at_rest()
         return self._at_rest()
 
     def _choose_mode(self) -> None:
@@ -478,13 +489,13 @@ class Integration:
             f"{states:,} states by {self.time:.6g} s; give a shorter duration or {remedy}"
         )
 
-    def _too_stiff(self, decay: float) -> tuple[Outcome, str] | None:
-        """Return the outcome if friction, dampers or controllers decay too fast, by a rate in [1/s]."""
-        if decay * self.duration <= MAX_STIFFNESS:
+    def _too_stiff(self) -> tuple[Outcome, str] | None:
+        """Return the outcome if friction, dampers or controllers decay too fast."""
+        if self.decay * self.duration <= MAX_STIFFNESS:
             return None
         return "too stiff", (
-            f"viscous friction, dampers or controllers slow motions down within {1.0 / decay:.1g} s, below "
-            f"{self.duration / MAX_STIFFNESS:.1g} s, the least in a run of {self.duration:g} s; reduce them, "
+            f"viscous friction, dampers or controllers slow motions down within {1.0 / self.decay:.1g} s, "
+            f"below {self.duration / MAX_STIFFNESS:.1g} s, the least in a run of {self.duration:g} s; reduce them, "
             "or lock the joint that they hold"
         )
 

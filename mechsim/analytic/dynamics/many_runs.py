@@ -134,7 +134,10 @@ def _in_c(
     if compiled is None:
         return None
     nearest = first.nearest_pivot()
-    settings = StepSettings(tolerance, first.state, np.inf, equations.rank, nearest, np.zeros(0), (), True)
+    unlocked = np.zeros(0), ()
+    settings = StepSettings(
+        tolerance, first.state, first.longest, equations.rank, nearest, *unlocked, not first.implicit
+    )
     blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
     states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
