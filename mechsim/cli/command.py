@@ -134,7 +134,7 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
         values |= {name: _value(name, field, values[name]) for name, field in own.items()}
         if stated is not None:
             values[stated] = _stated(values[stated])
-        with reported(function.__name__):
+        with reported(function.__name__.partition("_")[0]):
             result = function(**values)
         if result is not None:
             result.print(as_json)

@@ -40,6 +40,7 @@ class ExportJson(TypedDict):
     format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf"]]
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
+    left_out: NotRequired[str]
     verification: NotRequired[Verification | None]
     couplings: NotRequired[list[Coupled]]
     mechanisms: NotRequired[list[str]]
@@ -172,11 +173,12 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
             typer.echo(result.twin.summary(), err=output is None)
         if result.verification is not None:
             typer.echo(result.verification.markdown(), nl=False, err=output is None)
-        if result.shortfall:
-            typer.echo(result.shortfall, err=True)
+        for sentence in filter(None, (result.shortfall, result.left_out)):
+            typer.echo(sentence, err=True)
 
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if output is None else None, "shortfall": result.shortfall}
+    data["left_out"] = result.left_out
     data["verification"] = result.verification
     data["couplings"] = result.twin.coupled if result.twin else ()
     return Result(data, text, not result.shortfall)

@@ -18,7 +18,7 @@ from mechsim.errors import InputError
 from mechsim.model import motors
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, forces_of
 from mechsim.model.load_profile import Over, table
-from mechsim.model.masses import LinkMass, summary
+from mechsim.model.masses import STEEL, LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
 from mechsim.studies.release import DURATION, Release
 from mechsim.units import option
@@ -204,7 +204,7 @@ class LoadOptions:
     )
     flywheel: float | None = option(None, "Additional moment of inertia on the crank, in kg m2.")
     density: float = option(
-        7850.0, "Density in kg/m3 of links without masses, which are taken as round rods."
+        STEEL, "Density in kg/m3 of links without masses, which are taken as round rods."
     )
     diameter: float | None = option(
         None, "Diameter of these rods. Default: 0.05 of the mechanism's size.", unit="m"
@@ -239,9 +239,12 @@ class LoadOptions:
         read = solver.source
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
-        return dynamics.dynamic_model(
+        model = dynamics.dynamic_model(
             solver, self.forces(solver), density=self.density, diameter=self.diameter
         )
+        if (self.density, self.diameter) != (STEEL, None) and all(m.source != "rod" for m in model.masses):
+            raise InputError("the masses of all links are given; leave out --density and --diameter")
+        return model
 
 
 def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:

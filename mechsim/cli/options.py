@@ -138,6 +138,8 @@ def with_policy(solver: KinematicSolver, policy: str | None) -> KinematicSolver:
         return solver
     if policy not in ("smooth", "branch"):
         raise InputError(f"--change-point is {policy!r}; it can be smooth or branch")
+    if not solver.change_points():
+        raise InputError(f"{solver.name} has no change points; leave out --change-point")
     return solver.with_change_point("smooth" if policy == "smooth" else "branch")
 
 

@@ -71,6 +71,8 @@ RESERVED = 34
 
 # silence in [s] after which a command reports that it runs
 SILENCE = 20.0
+# start of the line, and erase it (ECMA-48, EL)
+CLEARED = "\r\x1b[K"
 
 Show = Callable[[int, str, float | None, float | None], None]
 
@@ -91,22 +93,32 @@ class _Shown:
 
 @contextmanager
 def reported(command: str) -> Generator[None]:
-    """Print the elapsed time of a command after each `SILENCE` without other progress."""
-    start, ended = time.monotonic(), Event()
+    """Report the elapsed time of a command while it shows no other progress.
+
+    A terminal has a line that changes every second and vanishes at the end; else there is a line after each
+    `SILENCE`.
+    """
+    start, ended, terminal = time.monotonic(), Event(), sys.stderr.isatty()
     _Shown.latest = start
 
     def report() -> None:
-        while not ended.wait(0.25 * SILENCE):
+        while not ended.wait(1.0 if terminal else 0.25 * SILENCE):
             now = time.monotonic()
-            if now >= _Shown.latest + SILENCE:
+            if terminal and start + FIRST <= now and not math.isinf(_Shown.latest):
+                print(f"{CLEARED}{command}: {now - start:.0f} s", end="", file=sys.stderr, flush=True)
+            elif not terminal and now >= _Shown.latest + SILENCE:
                 print_stderr(f"{command}: {now - start:.0f} s so far")
                 _Shown.latest = now
 
-    Thread(target=report, daemon=True).start()
+    thread = Thread(target=report, daemon=True)
+    thread.start()
     try:
         yield
     finally:
         ended.set()
+        if terminal and time.monotonic() >= start + FIRST:
+            thread.join()
+            print(CLEARED, end="", file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -191,6 +203,7 @@ def _bar(task: str, total: int | None, at_least: bool) -> Generator[Show]:
         TextColumn("{task.fields[rest]}"),
     )
     _Shown.latest = math.inf
+    print(CLEARED, end="", file=sys.stderr, flush=True)
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         row = bar.add_task(task, total=total, rest="")
 

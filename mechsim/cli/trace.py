@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypedDict
 
 from mechsim import files
 from mechsim.cli.command import Result, Stated, Without, command
-from mechsim.cli.options import ModelOptions
+from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import (
     Units,
     Value,
@@ -103,6 +103,7 @@ def trace(
         stated.exclude(["units"] if plot else ["units", "samples"], "without -o")
     if not 2 <= samples <= MAX_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 2 to {MAX_SAMPLES}")
+    require_other_drivers(source.model, source.sets, source)
     solver = source.load()
     shown = output_units(units, solver)
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))

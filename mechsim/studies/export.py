@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -44,6 +44,7 @@ class ExportedModel:
         format: "xml" or "toml".
         text: of the file.
         shortfall: sentence on a tolerance that is not satisfied; empty if it is.
+        left_out: sentence on a formula that the file cannot name; empty if none is left out.
         verification: of a model in the style of Menagerie; None for others.
         twin: couplings of a serial twin and their errors; None for others.
     """
@@ -54,6 +55,7 @@ class ExportedModel:
     shortfall: str = ""
     verification: Verification | None = None
     twin: SerialTwin | None = None
+    left_out: str = ""
 
     def __str__(self) -> str:
         return self.text
@@ -121,7 +123,11 @@ def export(
         require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
         solver = model if isinstance(model, KinematicSolver) and not set else load(model, set, **options)
         contents = _Contents(scene, tuple(cut), settings, timestep, speed, tolerance)
-        result = _exported(solver, format, style, contents, progress)
+        solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
+        result = replace(
+            _exported(solver, format, style, contents, progress),
+            left_out=left_out if format == "toml" else "",
+        )
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(result.text, encoding="utf-8")
@@ -162,6 +168,22 @@ def _exported(
         return ExportedModel(solver.name, format, text)
     text, shortfall = _mjcf_text(solver, contents, progress)
     return ExportedModel(solver.name, format, text, shortfall)
+
+
+def _with_formula_from(solver: KinematicSolver, folder: Path) -> tuple[KinematicSolver, str]:
+    """Return a mechanism whose formula is named from a folder, or has none if it lies elsewhere, and why."""
+    file, colon, function = solver.formula.rpartition(":")
+    if not file:
+        return solver, ""
+    try:
+        address = Path(file).resolve().relative_to(folder.resolve()).as_posix() + colon + function
+    except ValueError:
+        reason = (
+            f"the formula {solver.formula} is left out, because it lies outside the folder of the written "
+            "file; copy it there and name it in [formula]"
+        )
+        return solver.with_mechanism(solver.mechanism, formula=""), reason
+    return solver.with_mechanism(solver.mechanism, formula=address), ""
 
 
 def _require_twin(style: str, scene: str, *others: object) -> None:

@@ -100,6 +100,10 @@ CASES = [
     ("tradeoff loop.xml --costs", "--by loop"),
     ("validate four_bar --against a.csv", "--certify"),
     ("check loop.xml --json", "--output-format sarif"),
+    ("solve four_bar", "--change-point branch"),
+    ("simulate four_bar", "--scene dynamics"),
+    ("trace four_bar", "--drive crank=1rad/s"),
+    ("dynamics forward loop.xml --duration 1ms", "--density 1000"),
 ]
 
 

@@ -1,8 +1,11 @@
 """Estimates of the remaining time, with a clock set by the tests."""
 
+import time
+from io import StringIO
+
 import pytest
 
-from mechsim.cli.progress import TimeLeft, sections
+from mechsim.cli.progress import TimeLeft, reported, sections
 
 
 def worst_ratio(reports: list[tuple[float, float]], start: float | None = 0.0) -> float:
@@ -76,3 +79,14 @@ def test_no_estimate_exists_before_a_tenth_of_the_work() -> None:
     estimator = TimeLeft(0.0)
     assert estimator.update(0.09, 9.0) is None
     assert estimator.update(0.1, 10.0) == pytest.approx(90.0)
+
+
+def test_a_terminal_shows_the_elapsed_time_in_one_line_that_vanishes(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr", terminal)
+    monkeypatch.setattr("mechsim.cli.progress.FIRST", 0.0)
+    with reported("show"):
+        time.sleep(1.2)
+    erased = "\r\x1b[K"
+    assert terminal.getvalue() == f"{erased}show: 1 s{erased}"

@@ -1,5 +1,7 @@
 """Formulas in files are code: they are run from the folder of the file or below, or not at all."""
 
+from pathlib import Path
+
 import pytest
 from model_files import model_text
 
@@ -47,6 +49,19 @@ def test_a_formula_elsewhere_is_rejected_with_its_line(written, formula, tmp_pat
     with pytest.raises(ms.InputError, match=r"line 12: .*outside the folder of the mechanism"):
         ms.load(path)
     assert not (tmp_path / "other" / "was_run").exists()
+
+
+@pytest.mark.parametrize("place", ["models/copy.toml", "copy.toml", "models/below/copy.toml"])
+def test_an_exported_copy_names_the_formula_from_its_own_folder_or_states_that_it_does_not(
+    written, place, tmp_path
+):
+    result = ms.export(written("below/code.py:position"), tmp_path / place, format="toml")
+    file = ms.load(str(tmp_path / place)).formula.rpartition(":")[0]
+    assert (Path(file).resolve() if file else None) == tmp_path / "models" / "below" / "code.py"
+    assert not result.left_out
+    result = ms.export(written("below/code.py:position"), tmp_path / "other" / "copy.toml", format="toml")
+    assert ms.load(str(tmp_path / "other" / "copy.toml")).formula == ""
+    assert "below/code.py:position is left out" in result.left_out
 
 
 def test_no_formula_runs_no_code(written, monkeypatch, tmp_path):
