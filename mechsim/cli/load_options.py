@@ -203,9 +203,7 @@ class LoadOptions:
         metavar="J=EXPRESSION",
     )
     flywheel: float | None = option(None, "Additional moment of inertia on the crank, in kg m2.")
-    density: float = option(
-        STEEL, "Density in kg/m3 of links without masses, which are taken as round rods."
-    )
+    density: float = option(STEEL, "Density in kg/m3 of links without masses, which are taken as round rods.")
     diameter: float | None = option(
         None, "Diameter of these rods. Default: 0.05 of the mechanism's size.", unit="m"
     )

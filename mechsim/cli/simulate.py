@@ -124,8 +124,7 @@ def simulate(
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, path)
     if options.method == "pose":
         stated.exclude(OF_STEPS, "with --method pose, which takes no steps")
-    if path is None:
-        stated.exclude(["units"], "without -o")
+    stated.exclude(["units"] if path is None else [], "without -o")
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
     motion = _motion(solver, options, stated)
@@ -134,8 +133,7 @@ def simulate(
     else:
         run = _run(solver, motion, options, settings, model_scene)
         laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
-    if run.method == "pose":
-        stated.exclude(["scene"], "on solved poses")
+    stated.exclude(["scene"] if run.method == "pose" else [], "on solved poses")
     findings = scene_findings(solver, laws)
     few = None if motion is None or run.motion.broken else loss_of_significance(solver, run.motion)
     # the file is written last, so that invalid input writes nothing
@@ -144,6 +142,8 @@ def simulate(
         table = joints if motion else Poses(joints)
         files.write_table(path, in_units(table.columns(), joints.column_units(), shown))
 
+    method, unit = ("solved poses",) * 2 if run.method == "pose" else ("stepped", "time steps")
+
     def text() -> None:
         print_finding_lines(findings)
         if few is not None:
@@ -151,14 +151,12 @@ def simulate(
         if run.outcome == "diverged":
             print_text(f"diverged: {run.motion.broken}")
         else:
-            method = "solved poses" if run.method == "pose" else "stepped"
             typer.echo(headline(f"{solver.name}  MuJoCo, {method}", run.outcome == "passed"))
             print_text(
                 f"  points within {number(run.estimate, 3)} m of the solved poses "
                 f"(tolerance {number(run.tolerance, 3)} m)"
             )
         print_text(run.note)
-        unit = "solved poses" if run.method == "pose" else "time steps"
         typer.echo(f"  {run.steps} {unit} in {number(run.seconds)} s")
         _print_written(output, len(run.motion))
 

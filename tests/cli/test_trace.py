@@ -103,8 +103,8 @@ def test_a_video_of_a_trace_rejects_motion_options(mechsim, tmp_path):
     code, out, err = mechsim(*arguments, "-o", "still.png")
     assert (code, out) == (0, "wrote still.png\n"), err
     for options, output in (
-        (("--turns", "2"), "leave out --turns"),
-        (("--from", "both"), "leave out --from"),
+        (("--turns", "2"), "--turns has no effect"),
+        (("--from", "both"), "--from has no effect"),
     ):
         code, _, err = mechsim(*arguments, *options, "-o", "no.mp4")
         assert code == 2

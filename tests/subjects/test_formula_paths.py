@@ -51,12 +51,12 @@ def test_a_formula_elsewhere_is_rejected_with_its_line(written, formula, tmp_pat
     assert not (tmp_path / "other" / "was_run").exists()
 
 
-@pytest.mark.parametrize("place", ["models/copy.toml", "copy.toml", "models/below/copy.toml"])
+@pytest.mark.parametrize("copy", ["models/copy.toml", "copy.toml", "models/below/copy.toml"])
 def test_an_exported_copy_names_the_formula_from_its_own_folder_or_states_that_it_does_not(
-    written, place, tmp_path
+    written, copy, tmp_path
 ):
-    result = ms.export(written("below/code.py:position"), tmp_path / place, format="toml")
-    file = ms.load(str(tmp_path / place)).formula.rpartition(":")[0]
+    result = ms.export(written("below/code.py:position"), tmp_path / copy, format="toml")
+    file = ms.load(str(tmp_path / copy)).formula.rpartition(":")[0]
     assert (Path(file).resolve() if file else None) == tmp_path / "models" / "below" / "code.py"
     assert not result.left_out
     result = ms.export(written("below/code.py:position"), tmp_path / "other" / "copy.toml", format="toml")
