@@ -55,6 +55,8 @@ IMMOBILE = 1e-9
 REVERSAL = 1e-6
 # relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
+# smallest limit of a friction by the load, in [N] or [N m]: that of a joint without a load is zero
+NO_LIMIT = 1e-200
 # friction of a unit combination of redundant constraint forces, in [N] or [N m], that is rounding
 NO_FRICTION = 1e-9
 
@@ -150,7 +152,7 @@ class Contacts:
         If more frictions stick than the motion needs, their forces are not unique: those of the smallest
         largest load count, since the frictions hold if any distribution of the forces is admissible.
         """
-        limits = np.array([self.equations.frictions[i].magnitude for i in mode.stuck])[:, None]
+        limits = np.maximum(dynamics.limits[mode.stuck], NO_LIMIT)
         holding = dynamics.holding[mode.stuck] / limits
         loads = np.abs(holding).max(0)
         if len(limits) > 1:
@@ -158,7 +160,7 @@ class Contacts:
             for k, rows in enumerate(dynamics.rows):
                 unloaded = null_spaces(rows)[0][last - len(limits) : last]
                 redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
-                loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits)
+                loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
         return loads
 
     def _phase_left(self, state: Kinematics, k: int, phase: int) -> Array:
@@ -303,7 +305,6 @@ class Contacts:
         if together is not None:
             return together
         least_slip = REVERSAL * fastest**2
-        sizes = [friction.magnitude for friction in self.equations.frictions]
         for _ in range(MAX_CHANGES):
             mode = self._touching(state, time, mode, resting)
             dynamics = self.accelerate(state, np.array([time]), mode)
@@ -312,7 +313,8 @@ class Contacts:
             if reversing is not None and abs(slip := float(dynamics.slip[reversing, 0])) > least_slip:
                 mode = self._sliding(mode, reversing, slip)
                 continue
-            loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
+            limits = np.maximum(dynamics.limits[:, 0], NO_LIMIT)
+            loads = {i: abs(float(dynamics.holding[i, 0])) / limits[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             # smaller than the excess that ends sticking: the friction slides at that instant
             if slipping is None or self._friction_load(dynamics, mode)[0] <= 1.0 + 0.5 * BALANCED:

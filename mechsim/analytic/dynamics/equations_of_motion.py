@@ -25,6 +25,11 @@ from mechsim.analytic.dynamics.link_forces import (
     mass_matrix,
     spatial_inertias,
 )
+from mechsim.analytic.dynamics.load_friction import (
+    ConstrainedMotion,
+    frictions_in_motion,
+    loaded_coordinates,
+)
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.constraints import TreeLoops
@@ -82,6 +87,7 @@ class Dynamics:
         acceleration: accelerations of the coordinates in units, (count, n) per second squared.
         driving: drive force of each prescribed coordinate, (prescribed, n) in [N m] or [N].
         holding: force of each sticking friction, (frictions, n) in [N m] or [N].
+        limits: largest sticking force of each friction, and force of a sliding one, (frictions, n).
         slip: acceleration of the rate that each sticking friction opposes, (frictions, n) in [1/s2]; nonzero
             if the joint reverses at a dead centre, which no friction prevents.
         contact: force of each stop in contact along its coordinate, (contacts, n) in [N m] or [N] times the
@@ -97,6 +103,7 @@ class Dynamics:
     acceleration: Array
     driving: Array
     holding: Array
+    limits: Array
     slip: Array
     contact: Array
     rows: Array
@@ -164,13 +171,15 @@ class EquationsOfMotion:
 
     @cached_property
     def frictions(self) -> tuple[DryFriction, ...]:
-        """Every Coulomb friction above zero."""
+        """Every Coulomb friction above zero, or with a load."""
         frictions: list[DryFriction] = []
         for friction in self.model.forces.friction:
             joint = self.model.mechanism.joint(friction.joint)
+            loaded = loaded_coordinates(friction, self.model.mechanism)
             for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
-                if magnitude:
-                    frictions.append(DryFriction(joint, i, magnitude))
+                loads = tuple(item.number for item in loaded if item.coordinate == i)
+                if magnitude or loads:
+                    frictions.append(DryFriction(joint, i, magnitude, friction, loads))
         return tuple(frictions)
 
     @cached_property
@@ -219,19 +228,16 @@ class EquationsOfMotion:
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
         at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
         directions = friction_directions(self.frictions, unit, jacobians)
-        rubbing = np.zeros_like(at_joints)
-        for friction, direction, sign in zip(self.frictions, directions, sliding, strict=True):
-            rubbing -= friction.magnitude * sign * direction
         twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
-        force = (
-            generalised_forces(unit, jacobians, wrenches, inertial_wrenches(twist, bias, inertia))
-            + at_joints
-            + rubbing
-        )
+        inertial = inertial_wrenches(twist, bias, inertia)
+        force = generalised_forces(unit, jacobians, wrenches, inertial) + at_joints
         _, driven_rates, driven_accelerations = self.prescribed_motion(time)
         gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
         rows, gamma = self.constraint_rows(state, gamma, directions, stuck, contacts)
-        free, multipliers = constrained_acceleration(mass, force, rows, gamma)
+        motion = ConstrainedMotion(unit, jacobians, bias, mass, force, rows, gamma, wrenches, at_joints)
+        limits = self._friction_limits(motion, directions, sliding, stuck, contacts, time)
+        rubbing = _rubbing(limits, sliding, directions, force)
+        free, multipliers = constrained_acceleration(mass, force + rubbing, rows, gamma)
         acceleration = np.zeros_like(state.rates)
         acceleration[self.free] = free.T
         n, first = len(time), state.jacobian.shape[1]
@@ -245,6 +251,7 @@ class EquationsOfMotion:
             acceleration=acceleration,
             driving=driving / self.loops.units[self.prescribed_indices][:, None],
             holding=holding,
+            limits=limits,
             slip=slip,
             contact=multipliers[:, first + len(stuck) :].T,
             rows=rows,
@@ -253,6 +260,51 @@ class EquationsOfMotion:
             power_in=loaded.work + (at_joints * rates).sum(1) + (driving * driven_rates).sum(0),
             power_lost=loaded.lost - (acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
             activation=activation,
+        )
+
+    def _friction_limits(
+        self,
+        motion: ConstrainedMotion,
+        directions: Array,
+        sliding: Array,
+        stuck: Sequence[int],
+        contacts: Sequence[int],
+        time: Array,
+    ) -> Array:
+        """Return the magnitude of each sliding friction, and the limit of each other, (frictions, n)."""
+        limits = np.array([[friction.magnitude] * len(time) for friction in self.frictions])
+        if not any(friction.loads for friction in self.frictions):
+            return limits
+        motion = replace(motion, force=motion.force + _rubbing(limits, sliding, directions, motion.force))
+        first = motion.rows.shape[1] - len(stuck) - len(contacts)
+        drives = slice(first - len(self.prescribed), first)
+        driven, stopped = (np.searchsorted(self.free, index) for index in (self.prescribed_indices, contacts))
+        units = self.loops.units[self.free]
+
+        def in_joints(acceleration: Array, multipliers: Array) -> Array:
+            forces = -acceleration @ self._rotors
+            forces[:, driven] += multipliers[:, drives]
+            forces[:, stopped] += multipliers[:, first + len(stuck) :]
+            return forces / units
+
+        columns = {
+            name: int(np.searchsorted(self.free, index))
+            for name, index in self.loops.tree.index_of.items()
+            if index in self.free
+        }
+        # the balance has no equations of drivers, whose forces are those in joints
+        undriven = replace(self.model.mechanism, driver=())
+        motion = replace(motion, unit=replace(motion.unit, mechanism=undriven), steady=motion.steady / units)
+        return limits + frictions_in_motion(
+            motion,
+            in_joints,
+            columns,
+            self.frictions,
+            directions,
+            sliding,
+            slice(first, first + len(stuck)),
+            stuck,
+            [f"{undriven.name} at {value:.6g} s" for value in time],
         )
 
     def smooth_forces(self, state: Kinematics) -> tuple[Array, Array]:
@@ -310,15 +362,11 @@ class EquationsOfMotion:
 
     def _mass(self, jacobians: Array, inertia: Array) -> Array:
         """Return the mass matrix from link Jacobians and spatial inertias."""
-        mass = mass_matrix(jacobians, inertia)
-        if self.crank is not None:
-            column = int(np.searchsorted(self.free, self.crank))
-            mass[:, column, column] += self.model.forces.flywheel
-        return mass + self._armature
+        return mass_matrix(jacobians, inertia) + self._rotors
 
     @cached_property
-    def _armature(self) -> Array | float:
-        """Inertia of rotors, which depends on no coordinate, (free, free) in units."""
+    def _rotors(self) -> Array:
+        """Inertia of rotors and the flywheel, which depends on no coordinate, (free, free) in units."""
         forces, units = self.model.forces, self.loops.units[self.free]
         rows = [({name: 1.0}, inertia) for name, inertia in forces.armature.items()]
         rows += [(actuator.gear, actuator.inertia) for actuator in forces.actuators]
@@ -326,6 +374,9 @@ class EquationsOfMotion:
         for gear, inertia in rows:
             along = self.loops.tree.coupled(gear)[self.free] * units
             total += inertia * np.outer(along, along)
+        if self.crank is not None:
+            column = int(np.searchsorted(self.free, self.crank))
+            total[column, column] += forces.flywheel
         return total
 
     @cached_property
@@ -434,6 +485,14 @@ def _actuator_forces(
         if actuator.inflow is not None:
             activations.append(actuator.state_rate(time, length, speed, activation))
     return total[equations.free].T, np.reshape(activations, (-1, len(time)))
+
+
+def _rubbing(limits: Array, sliding: Array, directions: Array, force: Array) -> Array:
+    """Return the generalised force of the sliding frictions, (n, free)."""
+    rubbing = np.zeros_like(force)
+    for limit, sign, direction in zip(limits, sliding, directions, strict=True):
+        rubbing -= sign * limit[:, None] * direction
+    return rubbing
 
 
 def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:

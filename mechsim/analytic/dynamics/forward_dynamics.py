@@ -40,10 +40,9 @@ from mechsim.analytic.dynamics.contacts import (
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.analytic.dynamics.initial_state import StateLayout
 from mechsim.analytic.dynamics.link_forces import kinetic_energy
-from mechsim.analytic.dynamics.reduced_equation import require_constant_friction
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide, crossing
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.errors import AssemblyError, MissingToolError, OutputError
+from mechsim.errors import AssemblyError, FrictionError, MissingToolError, OutputError
 from mechsim.model.finding import Outcome
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
@@ -199,7 +198,6 @@ class Integration:
         progress: Progress = no_progress,
         budget: int = BUDGET,
     ) -> None:
-        require_constant_friction(equations.model, "runs from an initial state")
         self.equations, self.tolerance, self.progress = equations, tolerance, progress
         self.budget = budget
         self.contacts = Contacts(equations, stops, restitution)
@@ -259,6 +257,8 @@ class Integration:
             outcome, reason = ended or rest or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
+        except FrictionError as error:
+            outcome, reason = error.outcome, str(error)
         except JammedError as error:
             outcome, reason = "failed", f"{error} at {self.time:.6g} s"
         if not self.pieces:
@@ -416,6 +416,8 @@ class Integration:
             if self.right.blocked and self._approaches_singular():
                 return self._cross(solver.t_bound)
             if solver.status == "failed" or not np.isfinite(solver.y).all():
+                if self.right.unsolved is not None:
+                    raise self.right.unsolved
                 return "diverged", f"the integrator found no step at {self.time:.6g} s ({message})"
             kind = self._accept(solver.dense_output(), float(solver.t), solver.y)
             self.progress(f"{self.time:.4g} s", min(1.0, self.time / self.duration))

@@ -12,6 +12,7 @@ import numpy as np
 from mechsim.analytic.dynamics.applied_forces import add_joint_forces
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross, skew
+from mechsim.model.joint_friction import Friction
 from mechsim.model.joints import Joint
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
@@ -19,11 +20,16 @@ from mechsim.numerics.rank import significant
 
 @dataclass(frozen=True, slots=True)
 class DryFriction:
-    """A Coulomb friction: a joint, the index of its coordinate, and its magnitude in [N m] or [N]."""
+    """A Coulomb friction: a joint, the index of its coordinate, and its magnitude in [N m] or [N].
+
+    The magnitude is without the frictions by the load, which are `loads` of `friction`, by number.
+    """
 
     joint: Joint
     coordinate: int
     magnitude: float
+    friction: Friction
+    loads: tuple[int, ...] = ()
 
 
 def spatial_inertias(unit: UnitMotion, masses: Array, centres: Array, moments: Array) -> Array:
@@ -93,12 +99,17 @@ def friction_directions(frictions: Sequence[DryFriction], unit: UnitMotion, jaco
     n, columns = len(unit), jacobians.shape[-1]
     directions = np.zeros((len(frictions), n, columns))
     for row, friction in zip(directions, frictions, strict=True):
-        unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
-        unit_forces += [np.zeros(n)] * (len(friction.joint.coordinates) - len(unit_forces))
-        stack = np.zeros_like(unit.twist)
-        add_joint_forces(unit, stack, friction.joint, unit_forces)
-        row[:] = generalised_forces(unit, jacobians, stack)
+        row[:] = generalised_forces(unit, jacobians, friction_wrenches(friction, unit))
     return directions
+
+
+def friction_wrenches(friction: DryFriction, unit: UnitMotion) -> Array:
+    """Return the wrenches of a unit force of a friction on the links, (n, L, 6)."""
+    n, stack = len(unit), np.zeros_like(unit.twist)
+    unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
+    unit_forces += [np.zeros(n)] * (len(friction.joint.coordinates) - len(unit_forces))
+    add_joint_forces(unit, stack, friction.joint, unit_forces)
+    return stack
 
 
 def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Array) -> tuple[Array, Array]:

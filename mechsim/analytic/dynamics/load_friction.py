@@ -5,7 +5,7 @@ these wrenches (`mechsim.model.joint_friction`). The solution is unique if its m
 (`mechsim.numerics.friction_balance`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +18,10 @@ from mechsim.analytic.dynamics.applied_forces import (
     joint_rates,
     require_idle,
 )
+from mechsim.analytic.dynamics.link_forces import DryFriction, constrained_acceleration, friction_wrenches
 from mechsim.analytic.dynamics.reactions import linear_reactions
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joint_friction import Friction
@@ -51,21 +53,20 @@ class LoadedCoordinate:
         return [-direction if i == self.coordinate else zero for i in range(count)]
 
 
-def loaded_coordinates(forces: Forces, mechanism: Mechanism) -> list[LoadedCoordinate]:
-    """Return the frictions by the load."""
-    result: list[LoadedCoordinate] = []
-    for friction in forces.friction:
-        if friction.coefficient:
-            joint = mechanism.joint(friction.joint)
-            for number, (index, terms) in enumerate(friction.loads(joint, np.eye(3)[2:])):
-                if terms.any():
-                    result.append(LoadedCoordinate(friction, joint, number, index))
-    return result
+def loaded_coordinates(friction: Friction, mechanism: Mechanism) -> list[LoadedCoordinate]:
+    """Return the frictions by the load of a joint."""
+    joint = mechanism.joint(friction.joint)
+    if not friction.coefficient:
+        return []
+    numbered = enumerate(friction.loads(joint, np.eye(3)[2:]))
+    return [
+        LoadedCoordinate(friction, joint, number, index) for number, (index, terms) in numbered if terms.any()
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class LoadFriction:
-    """Frictions at n instants.
+    """Frictions by the load at n instants.
 
     Attributes:
         magnitude: magnitude of each, (n, k) in [N] or [N m].
@@ -81,8 +82,8 @@ class LoadFriction:
 
     def require_determined(self, coordinates: Sequence[LoadedCoordinate], labels: Sequence[str]) -> None:
         """Raise FrictionError at the first instant, labelled, without unique frictions."""
-        loose, several = self.undetermined.any(1), self.radius >= 1.0
-        wrong = loose | several | self.jammed
+        loose: NDArray[np.bool_] = self.undetermined.any(1)
+        wrong: NDArray[np.bool_] = loose | (self.radius >= 1.0) | self.jammed
         if not wrong.any():
             return
         i = int(np.argmax(wrong))
@@ -161,7 +162,7 @@ def with_load_friction(
     Raises:
         FrictionError: at instants without unique frictions.
     """
-    coordinates = loaded_coordinates(forces, unit.mechanism)
+    coordinates = [item for row in forces.friction for item in loaded_coordinates(row, unit.mechanism)]
     if not coordinates:
         return acting
     if np.iscomplexobj(unit.position):
@@ -196,3 +197,123 @@ def with_load_friction(
         for dry, magnitude in zip(frictions, solution.magnitude.T, strict=True)
     ]
     return replace(acting, coulomb=coulomb, dry=(*acting.dry, *loaded))
+
+
+@dataclass(frozen=True, slots=True)
+class ConstrainedMotion:
+    """The equations of a motion, M a = Q + J' lambda and J a + gamma = 0, at n states.
+
+    Attributes:
+        unit: the links' motion by time; its mechanism has no drivers.
+        jacobians: Jacobians of the links at the ground's origin, (n, L, 6, free).
+        bias: accelerations of the links at constant rates, at the ground's origin, (n, L, 6).
+        mass: M, (n, free, free).
+        force: Q without frictions by the load, (n, free).
+        rows: J, (n, m, free).
+        gamma: velocity-product terms, (n, m).
+        wrenches: applied wrenches on the links, without those in joints, (n, L, 6).
+        steady: forces on the coordinates of joints that do not depend on the accelerations, (n, free).
+    """
+
+    unit: UnitMotion
+    jacobians: Array
+    bias: Array
+    mass: Array
+    force: Array
+    rows: Array
+    gamma: Array
+    wrenches: Array
+    steady: Array
+
+    def solved(self, forces: Array) -> tuple[Array, Array]:
+        """Return accelerations (c, n, free) and multipliers (c, n, m) under Q, and changes by other forces.
+
+        `forces` are (c, n, free), the first of them Q.
+        """
+        count, n, _ = forces.shape
+        gamma = np.concatenate([self.gamma, np.zeros(((count - 1) * n, self.gamma.shape[1]))])
+        mass, rows = (np.tile(value, (count, 1, 1)) for value in (self.mass, self.rows))
+        acceleration, multipliers = constrained_acceleration(mass, forces.reshape(count * n, -1), rows, gamma)
+        return acceleration.reshape(count, n, -1), multipliers.reshape(count, n, -1)
+
+    def inertial(self, acceleration: Array, *, change: bool) -> Array:
+        """Return the inertial wrenches about the links' origins, (n, L, 6), or those of a change alone."""
+        twist = np.zeros_like(self.unit.twist) if change else self.unit.twist
+        moved = (self.jacobians @ acceleration[:, None, :, None])[..., 0] + (0.0 if change else self.bias)
+        linear = moved[..., :3] + cross(moved[..., 3:], self.unit.position)
+        linear = linear + cross(twist[..., 3:], twist[..., :3])
+        second = np.concatenate([linear, moved[..., 3:]], -1)
+        n = len(self.unit)
+        return replace(self.unit, twist=twist, bias=second).inertial(np.ones(n), np.zeros(n))
+
+    def on_links(self, tree: Mapping[str, int], forces: Array) -> Array:
+        """Return wrenches on the links of forces (n, free) on coordinates, by their column."""
+        stack = np.zeros_like(self.unit.twist)
+        for joint in self.unit.mechanism.joints:
+            if {*joint.coordinates} & {*tree}:
+                zero = np.zeros(len(stack))
+                own = [forces[:, tree[name]] if name in tree else zero for name in joint.coordinates]
+                add_joint_forces(self.unit, stack, joint, own)
+        return stack
+
+
+def frictions_in_motion(
+    motion: ConstrainedMotion,
+    in_joints: Callable[[Array, Array], Array],
+    columns: Mapping[str, int],
+    frictions: Sequence[DryFriction],
+    directions: Array,
+    sliding: Array,
+    stuck: slice,
+    sticking: Sequence[int],
+    labels: Sequence[str],
+) -> Array:
+    """Return the friction by the load of each Coulomb friction, (frictions, n); of a sticking one its limit.
+
+    Args:
+        motion: the equations of motion.
+        in_joints: accelerations (n, free) and multipliers (n, m) -> forces on joint coordinates, (n, free).
+        columns: joint coordinate -> its column among the free coordinates.
+        frictions: all Coulomb frictions.
+        directions: the generalised force of a unit of each, (frictions, n, free).
+        sliding: direction of each, (frictions,) of -1, 0, 1.
+        stuck: multipliers of the sticking frictions.
+        sticking: indices of the sticking frictions.
+        labels: of the states, for messages.
+
+    Raises:
+        FrictionError: at states without unique frictions.
+    """
+    numbered = [(f, number) for f, friction in enumerate(frictions) for number in friction.loads]
+    items = [
+        LoadedCoordinate(frictions[f].friction, frictions[f].joint, number, frictions[f].coordinate)
+        for f, number in numbered
+    ]
+    forces = np.stack([motion.force, *(-sliding[f] * directions[f] for f, _ in numbered)])
+    accelerations, multipliers = motion.solved(forces)
+    unit_wrenches = [friction_wrenches(friction, motion.unit) for friction in frictions]
+    # along each coordinate: frictions that slide without a load or stick, and changes of them
+    along = np.zeros((len(forces), len(frictions), len(motion.unit)))
+    along[0] = -np.array([friction.magnitude for friction in frictions])[:, None] * sliding[:, None]
+    along[:, sticking] = multipliers[:, :, stuck].transpose(0, 2, 1)
+    for column, (f, _) in enumerate(numbered, 1):
+        along[column, f] -= sliding[f]
+    needed: list[Array] = []
+    for column, (acceleration, multiplier, acting) in enumerate(
+        zip(accelerations, multipliers, along, strict=True)
+    ):
+        at_joints = in_joints(acceleration, multiplier) + (0.0 if column else motion.steady)
+        wrench = motion.inertial(acceleration, change=bool(column)) - motion.on_links(columns, at_joints)
+        wrench -= sum(
+            (force[:, None, None] * stack for force, stack in zip(acting, unit_wrenches, strict=True)), 0.0
+        )
+        needed.append(wrench if column else wrench - motion.wrenches)
+    signs = [
+        np.full(len(motion.unit), sliding[f]) if sliding[f] else -np.sign(along[0, f]) for f, _ in numbered
+    ]
+    solution = friction_by_load(motion.unit, np.stack(needed, -1), items, signs)
+    solution.require_determined(items, labels)
+    loads = np.zeros((len(frictions), len(motion.unit)))
+    for (f, _), magnitude in zip(numbered, solution.magnitude.T, strict=True):
+        loads[f] += magnitude
+    return loads

@@ -9,7 +9,7 @@ from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
 from mechsim.analytic.dynamics.initial_state import StateLayout, projected
 from mechsim.analytic.dynamics.linearization import independent_rates
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import StepSolution, collocated, node_times
 
@@ -29,6 +29,7 @@ class RightHandSide:
         nearest: smallest singular value of the loop constraints below which derivatives are NaN.
         blocked: whether a state had a smaller singular value.
         evaluations: number of states evaluated.
+        unsolved: the last state whose friction by the load has no unique solution; None if there is none.
     """
 
     equations: EquationsOfMotion
@@ -38,6 +39,7 @@ class RightHandSide:
     nearest: float = 0.0
     blocked: bool = field(default=False, init=False)
     evaluations: int = field(default=0, init=False)
+    unsolved: FrictionError | None = field(default=None, init=False)
 
     def kinematics(self, states: Array) -> Kinematics:
         """Return constraints and links at states (n, size)."""
@@ -62,7 +64,12 @@ class RightHandSide:
             # the integrator then rejects the step
             self.blocked = True
             return np.full_like(states, np.nan)
-        dynamics = self.contacts.accelerate(kinematics, times, self.mode)
+        try:
+            dynamics = self.contacts.accelerate(kinematics, times, self.mode)
+        except FrictionError as error:
+            # a state of a step that the integrator may reject
+            self.unsolved = error
+            return np.full_like(states, np.nan)
         return self.layout.derivatives(states, kinematics, dynamics)
 
     def on_loops(self, times: Array, states: Array) -> Array:

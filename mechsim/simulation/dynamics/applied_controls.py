@@ -14,6 +14,7 @@ from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
 from mechsim.simulation.equality_rows import RodPair
 from mechsim.simulation.mjcf.force_elements import MASSLESS, native
 from mechsim.simulation.mjcf.joints import model_names
@@ -71,7 +72,10 @@ class AppliedControls:
     def __init__(
         self, model: LoadedModel, loops: ModelLoops, laws: Mapping[str, State] | None = None
     ) -> None:
-        self.model, self.loops = model, loops
+        dry = list(model.dry)
+        rubbing = any(friction.coefficient for friction in model.forces.friction)
+        self.friction = UpdatedFriction(model, loops, dry) if rubbing else None
+        self.model, self.loops = replace(model, dry=dry), loops
         self.controllers = Controllers(model)
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None

@@ -25,6 +25,7 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.stepped_friction import with_placeholders
 from mechsim.simulation.mjcf import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import (
     MASSLESS_FREE,
@@ -219,7 +220,8 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         described = replace(described, driver=drivers)
     elif kept - {*mechanism.drivers}:
         cut = _cuts_elsewhere(mechanism, forces, kept)
-    spec = assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
+    placed = with_placeholders(described, forces)
+    spec = assembled(described, Scene(level="dynamics", forces=placed, cut=cut))
     points = tuple(name for name, (link, _) in mechanism.points.items() if link != GROUND)
     track = add_sensors(spec, points)
     compiled_model = compiled(spec)
@@ -243,7 +245,7 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         mechanism=described,
         forces=forces,
         actuators=actuator_slices(described, forces, compiled_model.nu),
-        dry=dry_frictions(compiled_model, forces.friction),
+        dry=dry_frictions(compiled_model, placed.friction),
     )
 
 
@@ -362,9 +364,11 @@ def _steps(
         functions = any(row.function for row in controls.loops.couplings)
         for time in times[1:].tolist():
             controls.look_ahead(data.time, substeps)
-            if functions:
+            if functions or controls.friction:
                 for _ in range(substeps):
                     expand_functions(controls.loops, data.qpos)
+                    if controls.friction:
+                        controls.friction.update(data)
                     mujoco.mj_step(stepped, data)
             else:
                 mujoco.mj_step(stepped, data, nstep=substeps)
@@ -396,6 +400,8 @@ def _recorded(
             data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
             data.act[:] = activations[i]
             expand_functions(controls.loops, data.qpos)
+            if controls.friction:
+                controls.friction.converge(data)
             mujoco.mj_forward(stepped, data)
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort

@@ -21,8 +21,9 @@ from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
 
 @dataclass(frozen=True, slots=True)
 class DryJoint:
-    """The dry friction of one joint: indices of its actuators, and its magnitude in [N m]."""
+    """The dry friction of one joint: its name, indices of its actuators, and its magnitude in [N m]."""
 
+    joint: str
     actuators: NDArray[np.int64]
     magnitude: float
 
@@ -34,7 +35,7 @@ def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[D
     for row in friction:
         numbers = [indices[name] for axis in AXES if (name := f"{coulomb_name(row.joint)}.{axis}") in indices]
         if numbers:
-            joints.append(DryJoint(np.array(numbers, dtype=np.int64), row.coulomb))
+            joints.append(DryJoint(row.joint, np.array(numbers, dtype=np.int64), row.coulomb))
     return joints
 
 

@@ -1,0 +1,198 @@
+"""Friction by the load of joints in stepped models: MuJoCo's Coulomb friction, updated before each step.
+
+The constraint forces at the start of a step, under the friction extrapolated from the two steps before, give
+the friction there; extrapolated to the middle of the step, it acts during the step. The error is proportional
+to the square of the step, and to the step after a joint reverses.
+"""
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from mechsim.model.force_record import Reaction
+from mechsim.model.forces import Forces
+from mechsim.model.joint_friction import Friction
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import pseudo_inverse
+from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, native, together
+from mechsim.simulation.dynamics.friction import DryJoint
+from mechsim.simulation.dynamics.inverse_dynamics import row_scale
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.reactions import transmitted
+from mechsim.simulation.mjcf.joints import model_names
+from mechsim.simulation.model_loops import ModelLoops
+
+# Coulomb friction in [N] or [N m] by which a model has one where only the load causes it; it is replaced
+PLACEHOLDER = 1e-12
+# relative change of the frictions of one state at which they have converged, and largest number of iterations
+CONVERGED, MAX_ITERATIONS = 1e-12, 100
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
+# where the magnitude of a friction is that acts by controls
+DRY = "dry"
+FIELDS = (
+    *("xpos", "xmat", "xipos", "site_xpos", "site_xmat", "actuator_force", "ten_length", "ten_velocity"),
+    *("subtree_com", "qacc"),
+)
+
+
+def with_placeholders(mechanism: Mechanism, forces: Forces) -> Forces:
+    """Return forces with some Coulomb friction wherever there is friction by the load."""
+
+    def rubbing(friction: Friction) -> Friction:
+        if not friction.coefficient:
+            return friction
+        mixed = KINDS[mechanism.joint(friction.joint).kind].mixed
+        names = ("coulomb", "coulomb_turn") if mixed else ("coulomb",)
+        return replace(friction, **{name: max(getattr(friction, name), PLACEHOLDER) for name in names})
+
+    return replace(forces, friction=tuple(map(rubbing, forces.friction)))
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFriction:
+    """A friction by the load, by its number in the joint, and where MuJoCo has its magnitude."""
+
+    friction: Friction
+    number: int
+    constant: float
+    array: str
+    index: int
+
+
+class UpdatedFriction:
+    """Friction by the load in a stepped model.
+
+    Args:
+        model: the mechanism and its forces.
+        loops: of the model to be stepped, which is changed.
+        dry: joints whose friction acts by controls; replaced by updated ones.
+    """
+
+    def __init__(self, model: LoadedModel, loops: ModelLoops, dry: list[DryJoint]) -> None:
+        self.model, self.loops, self.dry = model, loops, dry
+        self.stored = [
+            item
+            for friction in model.forces.friction
+            if friction.coefficient
+            for item in self._stored(friction)
+        ]
+        self.evaluated = model.looking(native=False)
+        self.data = mujoco.MjData(self.evaluated)
+        self.loads = np.zeros(len(self.stored))
+        # those of the step before; None before the first
+        self.before: Array | None = None
+
+    def _stored(self, friction: Friction) -> list[StoredFriction]:
+        mechanism, stepped = self.model.mechanism, self.loops.model
+        joint = mechanism.joint(friction.joint)
+        kind, names = KINDS[joint.kind], model_names(mechanism)
+        tendons = [stepped.tendon(i).name for i in range(stepped.ntendon)]
+        stored: list[StoredFriction] = []
+        for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
+            if not maps.any():
+                continue
+            constant = friction.sizes(kind)[index][1]
+            name = "" if kind.ball else names.get(joint.coordinates[index], joint.coordinates[index])
+            crank = mechanism.has_crank and joint.name == mechanism.crank.name
+            number_of_joint = mujoco.mj_name2id(
+                stepped, mujoco.mjtObj.mjOBJ_JOINT, "crank" if crank else name
+            )
+            if number_of_joint >= 0:
+                array = "dof_frictionloss", int(stepped.jnt_dofadr[number_of_joint])
+            elif f"friction in {joint.name}" in tendons:
+                array = "tendon_frictionloss", tendons.index(f"friction in {joint.name}")
+            else:
+                array = DRY, next(i for i, item in enumerate(self.dry) if item.joint == joint.name)
+            stored.append(StoredFriction(friction, number, constant, *array))
+        return stored
+
+    def update(self, data: mujoco.MjData) -> None:
+        """Set the friction of the next step by the constraint forces of the present state."""
+        if self.before is None:
+            self.converge(data)
+            self.before = self.loads
+            return
+        self._set(2.0 * self.loads - self.before)
+        present = self._loads(data)
+        self._set(1.5 * present - 0.5 * self.loads)
+        self.before, self.loads = self.loads, present
+
+    def converge(self, data: mujoco.MjData) -> None:
+        """Set the friction that the constraint forces of a state under this friction cause."""
+        for _ in range(MAX_ITERATIONS):
+            after = self._loads(data)
+            change, self.loads = np.abs(after - self.loads).max(), after
+            self._set(after)
+            if change <= CONVERGED * np.abs(after).max():
+                break
+
+    def _set(self, loads: Array) -> None:
+        """Set the friction in MuJoCo's model from frictions by the load."""
+        magnitudes: dict[tuple[str, int], float] = {}
+        for item, load in zip(self.stored, loads.tolist(), strict=True):
+            key = item.array, item.index
+            magnitudes[key] = max(magnitudes.get(key, item.constant) + load, PLACEHOLDER)
+        for (array, index), magnitude in magnitudes.items():
+            if array == DRY:
+                self.dry[index] = replace(self.dry[index], magnitude=magnitude)
+            else:
+                getattr(self.loops.model, array)[index] = magnitude
+
+    def _loads(self, data: mujoco.MjData) -> Array:
+        """Return the frictions by the load that the constraint forces of a state cause."""
+        mujoco.mj_forward(self.loops.model, data)
+        reactions = self._reactions(data)
+        rubbing, loads = self._on_dofs(data, FRICTION), np.zeros(len(self.stored))
+        for k, item in enumerate(self.stored):
+            joint = self.model.mechanism.joint(item.friction.joint)
+            axis = self._axis(data, joint)
+            moment = reactions[joint.name].moment[0]
+            if KINDS[joint.kind].helical and not item.number:
+                # the friction of the thread is part of its load
+                moment = moment + np.sign(rubbing[item.index]) * self.loads[k] * axis
+            _, maps = item.friction.loads(joint, axis[None])[item.number]
+            terms = maps[0] @ np.concatenate([reactions[joint.name].force[0], moment])
+            loads[k] = np.sqrt((terms**2).sum(1)).sum()
+        return loads
+
+    def _axis(self, data: mujoco.MjData, joint: Joint) -> Array:
+        """Return the axis of a joint on side a, (3,)."""
+        return data.xmat[self.model.body(joint.a.link)].reshape(3, 3) @ joint.a.frame[:, 2]
+
+    def _on_dofs(self, data: mujoco.MjData, kind: int) -> Array:
+        """Return the generalised force of the constraints of a kind, (nv,)."""
+        result = np.zeros(self.loops.model.nv)
+        forces = np.where(data.efc_type == kind, data.efc_force, 0.0)
+        mujoco.mj_mulJacTVec(self.loops.model, data, result, forces)
+        return result
+
+    def _reactions(self, data: mujoco.MjData) -> dict[str, Reaction]:
+        """Return the reactions of the joints with friction by the load."""
+        model, loops = self.model, self.loops
+        fields = {name: np.array(getattr(data, name))[None] for name in FIELDS}
+        jacobian = loops.linearise(data.qpos[None])[1]
+        scale, units = row_scale(model, jacobian.shape[1]), loops.units
+        multipliers = np.zeros((1, jacobian.shape[1]))
+        if multipliers.size:
+            scaled = np.swapaxes(jacobian * scale[:, None] * units, 1, 2)
+            on_dofs = self._on_dofs(data, EQUALITY)[None]
+            multipliers = scale * (pseudo_inverse(scaled) @ (on_dofs * units)[..., None])[..., 0]
+        wrenches = together(
+            native(model.model, fields),
+            loop_forces(model, fields, multipliers),
+            coupling_forces(model, fields, jacobian, multipliers),
+        ).wrenches[0]
+        scratch = self.data
+        scratch.qpos[:], scratch.qvel[:] = data.qpos, data.qvel
+        mujoco.mj_fwdPosition(self.evaluated, scratch)
+        mujoco.mj_fwdVelocity(self.evaluated, scratch)
+        scratch.qacc[:], scratch.xfrc_applied[:] = data.qacc, wrenches
+        mujoco.mj_rnePostConstraint(self.evaluated, scratch)
+        fields["cfrc_int"] = np.array(scratch.cfrc_int)[None]
+        joints = {item.friction.joint: model.mechanism.joint(item.friction.joint) for item in self.stored}
+        return {name: transmitted(model, joint, fields, multipliers) for name, joint in joints.items()}

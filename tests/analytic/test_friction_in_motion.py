@@ -1,0 +1,254 @@
+"""Runs under friction by the load: closed forms, an independent integration by scipy, and MuJoCo's order."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mechsim as ms
+from mechsim import dynamics
+from mechsim.simulation.dynamics.forward_run import stepped_run
+
+G = 9.81
+INCLINE = """
+name = "incline"
+[joints.slide]
+kind = "prismatic"
+a = {{ link = "ground", axis = [0.8, 0.6, 0], reference = [-0.6, 0.8, 0] }}
+b = {{ link = "block", axis = [0.8, 0.6, 0], reference = [-0.6, 0.8, 0] }}
+friction = {{ coefficient = {mu} }}
+[links.block]
+inertia = {{ mass = 2.0, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
+"""
+LADDER = """
+name = "ladder"
+[joints.floor]
+kind = "prismatic"
+a = {{ link = "ground", axis = [1, 0, 0], reference = [0, 1, 0] }}
+b = {{ link = "foot", axis = [1, 0, 0], reference = [0, 1, 0] }}
+friction = {{ coefficient = 0.4 }}
+[joints.foot]
+kind = "revolute"
+a = {{ link = "foot" }}
+b = {{ link = "ladder" }}
+[joints.top]
+kind = "revolute"
+a = {{ link = "ladder", at = [2, 0, 0] }}
+b = {{ link = "head" }}
+[joints.wall]
+kind = "prismatic"
+a = {{ link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }}
+b = {{ link = "head", axis = [0, 1, 0], reference = [1, 0, 0] }}
+friction = {{ coefficient = 0.3 }}
+[links.ladder]
+inertia = {{ mass = 10.0, centre = [1, 0, 0], moments = [0.1, 3.0, 3.0] }}
+[links.foot]
+inertia = {{ mass = 1e-9, centre = [0, 0, 0], moments = [1e-9, 1e-9, 1e-9] }}
+[links.head]
+inertia = {{ mass = 1e-9, centre = [0, 0, 0], moments = [1e-9, 1e-9, 1e-9] }}
+[guess]
+foot = {{ at = [{x}, 0, 0] }}
+ladder = {{ at = [{x}, 0, 0], turn = {{ axis = [0, 0, 1], angle = "{angle} deg" }} }}
+head = {{ at = [0, {y}, 0] }}
+"""
+SCREW = """
+name = "jack"
+[joints.thread]
+kind = "screw"
+lead = "{lead} mm"
+a = {{ link = "ground" }}
+b = {{ link = "load" }}
+friction = {{ coefficient = 0.12, pin_radius = "9 mm" }}
+[links.load]
+inertia = {{ mass = 100.0, centre = [0, 0, 0], moments = [1.0, 1.0, 0.02] }}
+[forces]
+gravity = [0, 0, -9.81]
+"""
+PRESS = """
+name = "press"
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "crank" }
+friction = { coefficient = 0.15, pin_radius = "8 mm" }
+[joints.A]
+kind = "revolute"
+a = { link = "crank", at = ["60 mm", 0, 0] }
+b = { link = "rod" }
+friction = { coefficient = 0.2, pin_radius = "6 mm", coulomb = "0.01 N m" }
+[joints.B]
+kind = "revolute"
+a = { link = "rod", at = ["200 mm", 0, 0] }
+b = { link = "slider" }
+friction = { coefficient = 0.25, pin_radius = "5 mm", viscous = 1e-3 }
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", axis = [1, 0, 0], reference = [0, 1, 0] }
+b = { link = "slider", axis = [1, 0, 0], reference = [0, 1, 0] }
+friction = { coefficient = 0.1 }
+[links.crank]
+inertia = { mass = 0.4, centre = ["20 mm", 0, 0], moments = [2e-4, 2e-4, 3e-4] }
+[links.rod]
+inertia = { mass = 0.5, centre = ["90 mm", 0, 0], moments = [1e-4, 2e-3, 2e-3] }
+[links.slider]
+inertia = { mass = 0.8, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }
+[guess]
+rod = { at = ["60 mm", 0, 0] }
+slider = { at = ["260 mm", 0, 0] }
+"""
+
+
+def test_a_block_on_an_incline_slides_up_and_down_again(file):
+    run = ms.dynamics.run(file(INCLINE.format(mu=0.3)), initial={"slide.v": 2.0}, duration=1.0, samples=10)
+    up, down = G * (0.6 + 0.3 * 0.8), G * (0.6 - 0.3 * 0.8)
+    reversal = 2.0 / up
+    expected = 2.0 * reversal - up * reversal**2 / 2.0 - down * (1.0 - reversal) ** 2 / 2.0
+    assert run.events == pytest.approx([reversal], rel=1e-12)
+    assert run.motion.joints["slide"].value[-1] == pytest.approx(expected, rel=1e-12)
+    assert run.energy_error <= 1e-12
+
+
+@pytest.mark.parametrize(("mu", "outcome"), [(0.7501, "stopped"), (0.7499, "done")])
+def test_a_block_holds_above_the_angle_of_friction(mu, outcome, file):
+    run = ms.dynamics.run(file(INCLINE.format(mu=mu)), initial={"slide.v": 2.0}, duration=1.0, samples=4)
+    assert run.outcome == outcome
+
+
+@pytest.mark.parametrize(("beyond", "outcome"), [(0.05, "stopped"), (-0.05, "done")])
+def test_a_leaning_ladder_slips_or_holds(beyond, outcome, file):
+    # tan of the least angle: (1 - mu_floor mu_wall) / (2 mu_floor)
+    angle = np.rad2deg(np.arctan((1.0 - 0.4 * 0.3) / 0.8)) + beyond
+    # the ladder points from its foot to the wall on the left
+    x, y = 2.0 * np.cos(np.deg2rad(angle)), 2.0 * np.sin(np.deg2rad(angle))
+    text = LADDER.format(x=x, y=y, angle=180.0 - angle)
+    run = ms.dynamics.run(file(text), duration=0.1, samples=4)
+    assert run.outcome == outcome, run.reason
+
+
+@pytest.mark.parametrize("lead", [6.0, 60.0])
+def test_a_screw_locks_itself_or_runs_down(lead, file):
+    run = ms.dynamics.run(file(SCREW.format(lead=lead)), duration=0.5, samples=4)
+    r, mu, mass, inertia = 9e-3, 0.12, 100.0, 0.02
+    tangent = lead * 1e-3 / (2 * np.pi * r)
+    if tangent <= mu:
+        assert run.outcome == "stopped"
+        return
+    # axial force F of the thread: F - m g = -m r a tan, and F r (tan - mu) / (1 + mu tan) = I a
+    share = r * (tangent - mu) / (1.0 + mu * tangent)
+    turning = mass * G * share / (inertia + mass * r * tangent * share)
+    assert run.motion.joints["thread.turn"].rate[-1] == pytest.approx(-0.5 * turning, rel=1e-11)
+
+
+class Press:
+    """The slider-crank in maximal coordinates x, y, angle of each body's centre, by its joints' forces."""
+
+    mass = np.array([0.4, 0.4, 3e-4, 0.5, 0.5, 2e-3, 0.8, 0.8, 1e-4])
+    # body, body, arms from their centres in the bodies' frames; None is the ground
+    pins = ((None, 0, 0.0, -0.02), (0, 1, 0.04, -0.09), (1, 2, 0.11, 0.0))
+
+    def arms(self, state):
+        for a, b, of_a, of_b in self.pins:
+            yield tuple(
+                (body, arm * np.array([np.cos(state[3 * body + 2]), np.sin(state[3 * body + 2])]), sign)
+                for body, arm, sign in ((a, of_a, -1.0), (b, of_b, 1.0))
+                if body is not None
+            )
+
+    def rates(self, state):
+        w = state[[11, 14, 17]]
+        return np.array([w[0], w[1] - w[0], w[2] - w[1], state[15]])
+
+    def derivative(self, state, signs):
+        rows, gamma = np.zeros((8, 9)), np.zeros(8)
+        for k, sides in enumerate(self.arms(state)):
+            for body, (x, y), sign in sides:
+                rows[2 * k, [3 * body, 3 * body + 2]] = sign, -sign * y
+                rows[2 * k + 1, [3 * body + 1, 3 * body + 2]] = sign, sign * x
+                gamma[2 * k : 2 * k + 2] += sign * state[9 + 3 * body + 2] ** 2 * np.array([x, y])
+        rows[6, 7] = rows[7, 8] = 1.0
+        matrix = np.block([[np.diag(self.mass), rows.T], [rows, np.zeros((8, 8))]])
+        load = np.zeros(9)
+        load[[1, 4, 7]] = -G * self.mass[[1, 4, 7]]
+        rates = self.rates(state)
+        along = np.zeros((4, 9))
+        along[0, 2], along[1, [2, 5]], along[2, [5, 8]], along[3, 6] = 1.0, (-1.0, 1.0), (-1.0, 1.0), 1.0
+        load += along.T @ -(np.array([0.0, 0.01, 0.0, 0.0]) * signs + np.array([0, 0, 1e-3, 0]) * rates)
+        columns = np.zeros((17, 5))
+        columns[:9, 0], columns[9:, 0], columns[:9, 1:] = load, gamma, -(signs[:, None] * along).T
+        solved = np.linalg.solve(matrix, columns)
+        friction = np.zeros(4)
+        for _ in range(200):
+            force = -(solved[9:, 0] + solved[9:, 1:] @ friction)
+            pins = np.hypot(force[[0, 2, 4]], force[[1, 3, 5]])
+            after = np.append(np.array([0.15 * 8e-3, 0.2 * 6e-3, 0.25 * 5e-3]) * pins, 0.1 * abs(force[6]))
+            if np.abs(after - friction).max() <= 1e-15 * after.max():
+                break
+            friction = after
+        return np.concatenate([state[9:], solved[:9, 0] + solved[:9, 1:] @ friction])
+
+
+def press_by_scipy(angle, rate, end):
+    """Return the crank angle at the end; frictions change their sign where a rate does."""
+    a, b, press = 0.06, 0.2, Press()
+    phi = np.arcsin(-a * np.sin(angle) / b)
+    dphi = -a * np.cos(angle) * rate / (b * np.cos(phi))
+
+    def e(t):
+        return np.array([np.cos(t), np.sin(t)])
+
+    def n(t):
+        return np.array([-np.sin(t), np.cos(t)])
+
+    pin, pin_rate = a * e(angle), a * rate * n(angle)
+    slider, slider_rate = pin + b * e(phi), pin_rate + b * dphi * n(phi)
+    state = np.concatenate(
+        [
+            [*0.02 * e(angle), angle, *(pin + 0.09 * e(phi)), phi, *slider, 0.0],
+            [*0.02 * rate * n(angle), rate, *(pin_rate + 0.09 * dphi * n(phi)), dphi, *slider_rate, 0.0],
+        ]
+    )
+    time, signs = 0.0, np.sign(press.rates(state))
+    while time < end:
+        events = [lambda t, y, k=k: press.rates(y)[k] for k in range(4)]
+        for event, sign in zip(events, signs, strict=True):
+            event.terminal, event.direction = True, -sign
+        solution = solve_ivp(
+            lambda t, y, signs=signs: press.derivative(y, signs),
+            (time, end),
+            state,
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-12,
+            events=events,
+        )
+        time, state = solution.t[-1], solution.y[:, -1]
+        hit = [k for k in range(4) if len(solution.t_events[k])]
+        signs = signs * np.where(np.isin(np.arange(4), hit), -1.0, 1.0)
+    return state[2], state[11]
+
+
+@pytest.mark.slow
+def test_a_slider_crank_agrees_with_an_integration_in_maximal_coordinates(file):
+    run = ms.dynamics.run(file(PRESS), initial={"crank.q": 0.3, "crank.v": 25.0}, duration=0.12, samples=4)
+    crank = run.motion.joints["crank"]
+    angle, rate = press_by_scipy(0.3, 25.0, 0.12)
+    assert len(run.events) == 1
+    assert crank.value[-1] == pytest.approx(angle, abs=1e-9)
+    assert crank.rate[-1] == pytest.approx(rate, abs=1e-8)
+    assert run.energy_error <= 1e-12
+    assert run.executed == "numpy"
+    assert "coefficient" in run.note
+
+
+@pytest.mark.slow
+def test_mujoco_converges_with_the_square_of_the_step(file):
+    path = file(PRESS)
+    run = ms.dynamics.run(path, initial={"crank.q": 0.3, "crank.v": 25.0}, duration=0.05, samples=2)
+    model = dynamics.dynamic_model(ms.load(path))
+    first = {name: float(joint.value[0]) for name, joint in run.motion.joints.items()}
+    rates = {name: float(joint.rate[0]) for name, joint in run.motion.joints.items()}
+    errors = []
+    for substeps in (25, 50, 100):
+        stepped = stepped_run(model.mechanism, model.forces, first, rates, run.time, substeps, kept={"crank"})
+        errors.append(np.abs(stepped.motion.joints["crank"].value - run.motion.joints["crank"].value).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.1)
