@@ -272,7 +272,7 @@ class EquationsOfMotion:
         time: Array,
     ) -> Array:
         """Return the magnitude of each sliding friction, and the limit of each other, (frictions, n)."""
-        limits = np.array([[friction.magnitude] * len(time) for friction in self.frictions])
+        limits = np.outer([friction.magnitude for friction in self.frictions], np.ones(len(time)))
         if not any(friction.loads for friction in self.frictions):
             return limits
         motion = replace(motion, force=motion.force + _rubbing(limits, sliding, directions, motion.force))

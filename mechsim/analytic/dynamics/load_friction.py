@@ -82,7 +82,7 @@ class LoadFriction:
 
     def require_determined(self, coordinates: Sequence[LoadedCoordinate], labels: Sequence[str]) -> None:
         """Raise FrictionError at the first instant, labelled, without unique frictions."""
-        loose: NDArray[np.bool_] = self.undetermined.any(1)
+        loose: NDArray[np.bool_] = np.asarray(self.undetermined.any(1), dtype=np.bool_)
         wrong: NDArray[np.bool_] = loose | (self.radius >= 1.0) | self.jammed
         if not wrong.any():
             return
