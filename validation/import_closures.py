@@ -21,6 +21,7 @@ GATES = {
     ("cli.validate", "pictures.plots.motion"): "--plot",
     ("cli.validate", "studies.certify.certificate"): "--certify",
     ("cli.validate", "studies.reference"): "--reference",
+    ("cli.export", "subjects.cam_files"): "--cam",
     ("studies.agreement.agreement", "studies.agreement.attribution"): "--against",
     ("studies.agreement.agreement", "studies.agreement.diagnosis"): "a comparison that fails",
     ("studies.agreement.evaluation_points", "analytic.dynamics.model"): "a formula with a torque",

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import typer
 
 from mechsim import files
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import (
     SPEED,
@@ -37,7 +38,7 @@ class ExportJson(TypedDict):
 
     output: str | None
     mechanism: NotRequired[str]
-    format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf"]]
+    format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf", "csv", "dxf", "svg"]]
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
     left_out: NotRequired[str]
@@ -52,6 +53,9 @@ class ExportOptions:
 
     every: str | None = option(None, "Export every mechanism into this folder.", name="--all", metavar="DIR")
     scene: str = option(LEVEL, "Detail of the MuJoCo model: pose, motion, dynamics or picture.")
+    cam: str | None = option(
+        None, "Write the profile of this joint of kind cam instead: .csv, .dxf or .svg.", metavar="JOINT"
+    )
     cut: str | None = option(None, "Joints at which the loops are cut.")
     file_format: str = option(
         "xml",
@@ -135,6 +139,10 @@ def export(
         stated.exclude(stated.options.keys() - {"every", "scene", "as_json"}, "with --all")
         return _catalogue(options.every, scene_of(options.scene))
     assert model is not None
+    if options.cam is not None:
+        if options != ExportOptions(cam=options.cam) or settings:
+            raise InputError("--cam writes a profile; leave out the options of a model")
+        return _cam(load_model(model, sets, driven), options.cam, output)
     options.require_compatible(settings)
     if options.file_format != "toml":  # which contains the motion laws
         require_other_drivers(model, sets, driven)
@@ -182,6 +190,25 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
     data["verification"] = result.verification
     data["couplings"] = result.twin.coupled if result.twin else ()
     return Result(data, text, not result.shortfall)
+
+
+def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result[ExportJson]:
+    """Write the profile of a cam."""
+    from mechsim.subjects.cam_files import EXTENSIONS, cam_on, cam_text, write_cam
+
+    cam = cam_on(solver.mechanism, joint)
+    path = None if output is None else writable(output, *EXTENSIONS)
+    if path is not None:
+        write_cam(path, cam)
+    text = cam_text(cam, ".csv") if path is None else None
+    kind: Any = ".csv" if path is None else path.suffix.lower()
+    data: ExportJson = {
+        "mechanism": solver.mechanism.name,
+        "format": kind[1:],
+        "output": output,
+        "text": text,
+    }
+    return Result(data, lambda: typer.echo(text or f"wrote {output}", nl=text is None))
 
 
 def _catalogue(path: str, scene: Scene) -> Result[ExportJson]:

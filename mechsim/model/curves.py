@@ -4,10 +4,11 @@ The centre of a roller of radius r follows the offset curve c + r n with the nor
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mechsim.model.cams import SegmentedLaw
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction, WrittenFunction
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
@@ -28,6 +29,9 @@ class GuideCurve:
         bounded: whether it ends with the interval.
         offset: distance of the roller's centre to the left of increasing s, in [m].
     """
+
+    # fields with numbers on which a motion depends
+    NUMBERS: ClassVar[tuple[str, ...]] = ("axes", "offset")
 
     name: str
     axes: tuple[PlainFunction, ...]
@@ -65,6 +69,8 @@ class CurveAxis:
         axis: 0, 1 or 2 for x, y or z.
     """
 
+    NUMBERS: ClassVar[tuple[str, ...]] = ("curve",)
+
     curve: GuideCurve
     axis: int
 
@@ -88,4 +94,4 @@ class CurveAxis:
         return value, rate, second
 
 
-CouplingFunction = WrittenFunction | TabledFunction | CurveAxis
+CouplingFunction = WrittenFunction | TabledFunction | CurveAxis | SegmentedLaw

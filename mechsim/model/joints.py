@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.curves import CouplingFunction
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array, polynomial
 from mechsim.numerics.inputs import number, numbers, require
+
+if TYPE_CHECKING:
+    from mechsim.model.curves import CouplingFunction
 
 # highest degree of a coupling polynomial, the limit of MJCF's joint equality
 MAX_DEGREE = 4

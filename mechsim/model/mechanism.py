@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, require
+
+if TYPE_CHECKING:
+    from mechsim.model.contacts import Contact
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Up, ...] = ("x", "y", "z", "-x", "-y", "-z")
@@ -73,6 +76,7 @@ class Mechanism:
         guess_coordinates: coordinate -> its value at the guess, in [m] or [rad], if a pose does not determine
             it: revolutions of a joint, or the exact position of a driver.
         up: coordinate axis that points up in pictures, such as "z" or "-y"; None lets the pictures choose.
+        contacts: joint on a curve or cam -> what its file describes, of which the other joints are equations.
     """
 
     name: str
@@ -87,6 +91,7 @@ class Mechanism:
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
     guess_coordinates: Mapping[str, float] = field(default_factory=dict[str, float])
     up: Up | None = None
+    contacts: Mapping[str, Contact] = field(default_factory=dict)
 
     __repr__ = short_repr
 

@@ -13,23 +13,25 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.files import read
+from mechsim.model.contacts import Contact
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction, WrittenFunction
 from mechsim.model.curve_checks import require_followable
 from mechsim.model.curves import CurveAxis, GuideCurve
 from mechsim.model.joints import Coupling
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.angles import REVOLUTION
+from mechsim.subjects.toml_cams import GuidedJoint, cam_joints, cam_of
+from mechsim.subjects.toml_keys import MASSLESS
 from mechsim.subjects.toml_values import Values, written_function
 
-MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
 # side of a roller -> sign of its offset to the left; of closed curves relative to their outside
 _SIDES = {"left": 1.0, "right": -1.0, "outside": 1.0, "inside": -1.0}
 
 
 def with_curves(
     values: Values, document: Mapping[str, Any], read_document: Mapping[str, Any]
-) -> tuple[dict[str, Any], list[Coupling]]:
-    """Return the contents of a file with other joints in place of those on curves, and their couplings.
+) -> tuple[dict[str, Any], list[Coupling], dict[str, Contact]]:
+    """Return the contents of a file with other joints in place of those on curves, couplings, and contacts.
 
     Args:
         values: reader of the file's numbers.
@@ -40,46 +42,62 @@ def with_curves(
         InputError: for a joint on a curve that the file does not contain, keys that such a joint does not
             have, a curve without a joint, or one that no point or roller can follow.
     """
-    joints, couplings = dict[str, Any](), list[Coupling]()
-    links, stated = dict(document.get("links", {})), document.get("curves", {})
+    joints, written = dict[str, Any](), dict[str, GuidedJoint]()
     curves = {name: _curve(values, name, entry) for name, entry in read_document.get("curves", {}).items()}
+    cams = {name: cam_of(values, name, entry) for name, entry in read_document.get("cams", {}).items()}
     for name, joint in document.get("joints", {}).items():
-        if joint["kind"] != "curve":
-            if alone := {"roller", "side"} & {*joint}:
-                raise values.source.error(("joints", name, min(alone)), "is of a joint of kind curve only")
-            joints[name] = joint
-            continue
-        side = dict(joint["a"])
-        key = side.pop("curve", "")
-        if key not in curves or {*side} != {"link"} or not {*joint} <= {"kind", "a", "b", "roller", "side"}:
-            raise InputError(
-                f"joint {name!r} is of kind curve; give only a = {{ link, curve }}, b = {{ link, at }}, "
-                f"roller and side, with a curve of the file ({', '.join(curves) or 'it has none'})"
-            )
-        carrier = f"{VIRTUAL_PREFIX}{name}"
-        along = {"link": f"{carrier}.s", "axis": [1.0, 0.0, 0.0]}
-        links |= {carrier: MASSLESS, f"{carrier}.s": MASSLESS}
-        joints[name] = {"kind": "prismatic", "a": {**along, "link": GROUND}, "b": along}
-        joints[carrier] = {"kind": "cartesian", "a": side, "b": {"link": carrier}}
-        joints[f"{name}.point"] = {"kind": "spherical", "a": {"link": carrier}, "b": joint["b"]}
         with values.source.error_context(("joints", name)):
-            curve = _with_roller(curves[key], name, read_document["joints"][name])
-            require_followable(curve)
-        for i, axis in enumerate("xyz"):
-            sides = f"{name}.{axis}", f"{carrier}.{axis}"
-            if i < len(curve.axes):
-                plain = isinstance(curve.axes[i], WrittenFunction) and not (curve.offset or curve.bounded)
-                function = curve.axes[i] if plain else CurveAxis(curve, i)
-                couplings.append(Coupling(*sides, name, (), function=function))
-            else:
-                couplings.append(Coupling(*sides, {}, (0.0,)))
-    used = {joint["a"].get("curve") for joint in document.get("joints", {}).values()}
-    if unused := stated.keys() - used:
+            if joint["kind"] == "cam":
+                written[name] = cam_joints(name, joint, cams, read_document.get("cams", {}))
+            elif joint["kind"] == "curve":
+                written[name] = _curve_joints(name, joint, curves, read_document["joints"][name])
+            elif alone := {"roller", "side"} & {*joint}:
+                raise InputError(f"{min(alone)} of joint {name!r} is of a joint of kind curve only")
+        joints |= written[name].joints if name in written else {name: joint}
+    for key, entries in (("curve", curves), ("cam", cams)):
+        used = {joint["a"].get(key) for joint in document.get("joints", {}).values()}
+        if unused := entries.keys() - used:
+            raise InputError(
+                f"no joint is on the {key} {min(unused)}; name it in side a of a joint, or leave it out"
+            )
+    rest = {key: value for key, value in document.items() if key not in ("curves", "cams")}
+    massless = {link: MASSLESS for made in written.values() for link in made.massless}
+    links = {"links": document.get("links", {}) | massless, "joints": joints}
+    couplings = [coupling for made in written.values() for coupling in made.couplings]
+    return rest | links, couplings, {name: made.contact for name, made in written.items()}
+
+
+def _curve_joints(
+    name: str, joint: Mapping[str, Any], curves: Mapping[str, GuideCurve], read_joint: Mapping[str, Any]
+) -> GuidedJoint:
+    """Return the joints of a joint on a curve."""
+    side = dict(joint["a"])
+    key = side.pop("curve", "")
+    if key not in curves or {*side} != {"link"} or not {*joint} <= {"kind", "a", "b", "roller", "side"}:
         raise InputError(
-            f"no joint is on the curve {min(unused)}; name it in side a of a joint, or leave it out"
+            f"joint {name!r} is of kind curve; give only a = {{ link, curve }}, b = {{ link, at }}, "
+            f"roller and side, with a curve of the file ({', '.join(curves) or 'it has none'})"
         )
-    rest = {key: value for key, value in document.items() if key != "curves"}
-    return rest | {"links": links, "joints": joints}, couplings
+    curve = _with_roller(curves[key], name, read_joint)
+    require_followable(curve)
+    carrier, force_joint = f"{VIRTUAL_PREFIX}{name}", f"{name}.point"
+    along = {"link": f"{carrier}.s", "axis": [1.0, 0.0, 0.0]}
+    joints = {
+        name: {"kind": "prismatic", "a": {**along, "link": GROUND}, "b": along},
+        carrier: {"kind": "cartesian", "a": side, "b": {"link": carrier}},
+        force_joint: {"kind": "spherical", "a": {"link": carrier}, "b": joint["b"]},
+    }
+    couplings: list[Coupling] = []
+    for i, axis in enumerate("xyz"):
+        sides = f"{name}.{axis}", f"{carrier}.{axis}"
+        if i < len(curve.axes):
+            plain = isinstance(curve.axes[i], WrittenFunction) and not (curve.offset or curve.bounded)
+            function = curve.axes[i] if plain else CurveAxis(curve, i)
+            couplings.append(Coupling(*sides, name, (), function=function))
+        else:
+            couplings.append(Coupling(*sides, {}, (0.0,)))
+    contact = Contact(side["link"], force_joint, name, side["link"], curve, bool(curve.offset))
+    return GuidedJoint((carrier, f"{carrier}.s"), joints, tuple(couplings), contact)
 
 
 def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> GuideCurve:

@@ -263,6 +263,7 @@ _END = Table(
         "at": vector("m", "position of the joint in the link's frame; default: the origin"),
         "axis": vector("1", "direction of the joint's axis in the link's frame; default z"),
         "curve": Text("of side a of a joint of kind curve: a curve of the file"),
+        "cam": Text("of side a of a joint of kind cam: a cam of the file"),
         "reference": vector(
             "1",
             "direction of zero joint angle, perpendicular to the axis; default x. If both sides of a slide "
@@ -297,7 +298,7 @@ _LINK = Table(
 _SIDES = ("left", "right", "outside", "inside")
 _JOINT = Table(
     {
-        "kind": Text("kind of the joint, its free motions", (*KINDS, "curve")),
+        "kind": Text("kind of the joint, its free motions", (*KINDS, "curve", "cam")),
         "a": _END,
         "b": _END,
         "cross_angle": Number(
@@ -387,6 +388,51 @@ PARAMETERS = TableOf(
     "parameters of the formulas",
 )
 
+_CAM = Table(
+    {
+        "follower": Table(
+            {
+                "kind": Text("what touches the cam", ("knife", "roller", "flat")),
+                "motion": Text("its motion; default translating", ("translating", "swinging")),
+                "radius": Number("m", "of a roller"),
+                "offset": Number(
+                    "m", "of the slide from the cam's centre, or of a swinging face from its pivot"
+                ),
+                "arm": Number("m", "from the pivot of a swinging follower to its roller or edge"),
+                "centre_distance": Number("m", "from the cam's centre to the pivot of a swinging follower"),
+            },
+            "the follower",
+            ("kind",),
+        ),
+        "closure": Text("what keeps the contact; default force, as of a spring", ("force", "form")),
+        "base_radius": Number("m", "least radius of the profile at zero lift"),
+        "law": AnyOf(
+            (
+                ListOf(
+                    Table(
+                        {
+                            "over": Number("rad", "its angle of the cam"),
+                            "to": JointNumber("lift at its end"),
+                            "kind": Text(
+                                "law of a rise or return", ("cycloidal", "modified_sine", "polynomial_345")
+                            ),
+                        },
+                        "a rise, return or dwell",
+                        ("over",),
+                    ),
+                    "segments",
+                ),
+                Text("an expression of q, the angle of the cam, in SI, or FILE.csv with q and value"),
+            ),
+            "lift as a function of the cam's angle",
+        ),
+    },
+    "a cam",
+    ("follower", "base_radius", "law"),
+)
+# inertia of a link that only connects joints
+MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
+
 ROOT = Table(
     {
         "name": Text("name of the mechanism"),
@@ -423,6 +469,7 @@ ROOT = Table(
             ),
             "curves for joints of kind curve",
         ),
+        "cams": TableOf(_CAM, "cams for joints of kind cam"),
         "points": TableOf(
             Table(
                 {"link": Text("name of a link"), "at": vector("m", "in the link's frame")},

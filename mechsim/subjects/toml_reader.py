@@ -2,10 +2,10 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -31,6 +31,9 @@ from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
 from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, shown, values_of
 from mechsim.units import WrittenUnits
+
+if TYPE_CHECKING:
+    from mechsim.model.contacts import Contact
 
 # largest file in bytes: mechanisms need far less
 MAX_BYTES = 1_000_000
@@ -65,16 +68,17 @@ class TomlModel(ModelSource):
         parameters = source.document.get("parameters", {})
         values = values_of(source).with_parameters(parameters, changed, units_of)
         added: Sequence[Coupling] = ()
+        contacts: Mapping[str, "Contact"] = {}
         if has_curves(document):
             from mechsim.subjects.toml_curves import with_curves
 
-            document, added = with_curves(values, document, values.checked(ROOT, document, ()))
+            document, added, contacts = with_curves(values, document, values.checked(ROOT, document, ()))
         read = values.checked(ROOT, document, ())
         require_dimensions(source, {**parameters, **changed})
         coordinates = coordinates_of(values, read)
         with source.error_context(()):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
-            mechanism = mechanism_of(coordinates, drivers, added)
+            mechanism = replace(mechanism_of(coordinates, drivers, added), contacts=contacts)
         require_pitch_points(source, mechanism, read)
         limits = limits_of(coordinates)
         solver = LoopForm(
@@ -116,12 +120,11 @@ class TomlModel(ModelSource):
 
 
 def has_curves(document: Mapping[str, Any]) -> bool:
-    """Whether a file has curves, or joints on curves."""
+    """Whether a file has curves or cams, or joints on them."""
     joints = document.get("joints")
     entries: list[Any] = list(joints.values()) if isinstance(joints, dict) else []
-    return "curves" in document or any(
-        isinstance(row, dict) and row.get("kind") == "curve" for row in entries
-    )
+    kinds = [row.get("kind") for row in entries if isinstance(row, dict)]
+    return not {"curves", "cams"}.isdisjoint(document) or "curve" in kinds or "cam" in kinds
 
 
 def mechanism_of(

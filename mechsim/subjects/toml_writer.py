@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.actuators import NO_LIMIT, Actuator, no_control
-from mechsim.model.coupling_functions import TabledFunction
-from mechsim.model.curves import CouplingFunction, CurveAxis
+from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import Link
@@ -23,6 +22,9 @@ from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import MotionLaw, WrittenLoad
 from mechsim.subjects.toml_forces import FRICTION_NUMBERS
+
+if TYPE_CHECKING:
+    from mechsim.model.curves import CouplingFunction
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 # limit in place of an infinite one on one side
@@ -273,13 +275,13 @@ def _coupling(coupling: Coupling) -> dict[str, Any]:
     return _stated(table, coefficients=(), periodic=False, **defaults)
 
 
-def _function(function: CouplingFunction | None) -> dict[str, Any]:
+def _function(function: "CouplingFunction | None") -> dict[str, Any]:
     """Return the keys of a function, its parameters as numbers."""
     if isinstance(function, TabledFunction):
         return {"function": _absolute(function.text), "periodic": function.periodic}
     if function is None:
         return {}
-    if isinstance(function, CurveAxis):
+    if not isinstance(function, WrittenFunction):
         raise InputError(
             f"{function.text} cannot be written as TOML, since it is no expression; copy the file"
         )

@@ -11,7 +11,6 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
-from mechsim.model.curves import CurveAxis, GuideCurve
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, End, Joint
@@ -21,15 +20,14 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 
-# fields with numbers on which motions and forces depend; load profiles over angle or time have none
+# fields with numbers on which motions and forces depend, besides those of curves and cams (NUMBERS); load
+# profiles over angle or time have none
 NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     Joint: ("a", "b", "cross_angle", "length"),
     End: ("point", "axis", "reference"),
     Coupling: ("left", "right", "coefficients", "zeros", "pressure_angle", "function"),
     WrittenFunction: ("values",),
     TabledFunction: ("positions", "targets"),
-    CurveAxis: ("curve",),
-    GuideCurve: ("axes", "offset"),
     Link: ("inertia",),
     Inertia: ("mass", "centre", "moments"),
     Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "loads"),
@@ -83,12 +81,14 @@ def _renumbered(description: Any, number: Callable[[float], Any]) -> Any:
     if isinstance(description, Mapping):
         return {key: _renumbered(entry, number) for key, entry in description.items()}
     kind = next((kind for kind in NUMBER_FIELDS if isinstance(description, kind)), None)
-    if kind is None:
+    names = getattr(description, "NUMBERS", ()) if kind is None else NUMBER_FIELDS[kind]
+    if not names:
         return description
+    kind = kind or type(description)
     copy: Any = object.__new__(_unchecked(kind))
     for name in (entry.name for entry in fields(kind)):
         value = getattr(description, name)
-        object.__setattr__(copy, name, _renumbered(value, number) if name in NUMBER_FIELDS[kind] else value)
+        object.__setattr__(copy, name, _renumbered(value, number) if name in names else value)
     return copy
 
 

@@ -1,0 +1,152 @@
+"""Joints of kind cam in TOML files: motion against the law, forces against the pressure angle."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics import dynamic_model, prescribed
+from mechsim.errors import InputError
+
+MODEL = """name = "cam"
+drivers = ["shaft"]
+[cams.lift]
+follower = {{ {follower} }}
+base_radius = "25 mm"
+law = {law}
+[links.cam]
+inertia = {{ mass = 0.2, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
+[links.follower]
+inertia = {{ mass = 0.3, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
+[joints.shaft]
+kind = "revolute"
+a.link = "ground"
+b.link = "cam"
+[joints.guide]
+{guide}
+[joints.contact]
+kind = "cam"
+a = {{ link = "cam", cam = "lift" }}
+b = {{ link = "follower", at = {at} }}
+[points]
+P = {{ link = "follower" }}
+[forces]
+gravity = [0, -9.81, 0]
+"""
+SEGMENTS = """[
+  { over = "120 deg", to = "10 mm", kind = "cycloidal" }, { over = "60 deg" },
+  { over = "120 deg", to = 0.0, kind = "polynomial_345" }, { over = "60 deg" } ]"""
+SLIDE = """kind = "prismatic"
+a = {{ link = "ground", at = [{x}, {y}, 0], axis = [0, 1, 0] }}
+b = {{ link = "follower", axis = [0, 1, 0] }}"""
+HINGE = """kind = "revolute"
+a = {{ link = "ground", at = [0.07, 0, 0], axis = [0, 0, -1], reference = [{x}, {y}, 0] }}
+b = {{ link = "follower", axis = [0, 0, -1] }}"""
+
+
+def hinged(angle):
+    return HINGE.format(x=-np.cos(angle), y=np.sin(angle))
+
+
+ROLLER = 'kind = "roller", radius = "6 mm"'
+# angles at zero lift: cosine law of the triangle 70, 60, 31 mm, and 25 - 4 = 70 sin
+ARM, FACE = np.arccos((0.07**2 + 0.06**2 - 0.031**2) / (2 * 0.07 * 0.06)), np.arcsin(0.021 / 0.07)
+FOLLOWERS = {
+    "knife": (
+        'kind = "knife", offset = "3 mm"',
+        SLIDE.format(x=0.003, y=np.sqrt(0.025**2 - 0.003**2)),
+        [0, 0, 0],
+    ),
+    "roller": (
+        f'{ROLLER}, offset = "3 mm"',
+        SLIDE.format(x=0.003, y=np.sqrt(0.031**2 - 0.003**2)),
+        [0, 0, 0],
+    ),
+    "flat": ('kind = "flat"', SLIDE.format(x=0, y=0.025), [0.05, 0, 0]),
+    "swinging roller": (
+        f'{ROLLER}, motion = "swinging", arm = "60 mm", centre_distance = "70 mm"',
+        hinged(ARM),
+        [0.06, 0, 0],
+    ),
+    "swinging flat": (
+        'kind = "flat", motion = "swinging", offset = "4 mm", centre_distance = "70 mm"',
+        hinged(FACE),
+        [0.03, -0.004, 0],
+    ),
+}
+
+
+def write(folder, kind, law=None):
+    follower, guide, centre = FOLLOWERS[kind]
+    law = law or ('"0.1*(1 - cos(q))"' if "swinging" in kind else '"0.005*(1 - cos(q))"')
+    path = folder / "cam.toml"
+    path.write_text(MODEL.format(follower=follower, guide=guide, at=centre, law=law))
+    return str(path)
+
+
+@pytest.mark.parametrize("kind", FOLLOWERS)
+def test_a_follower_moves_by_its_law_with_the_force_that_its_pressure_angle_implies(tmp_path, kind):
+    model, angles, speed = ms.load(write(tmp_path, kind)), np.linspace(0.0, 2 * np.pi, 25), 20.0
+    lift = 0.1 if "swinging" in kind else 0.005
+    follower = model.solve(angles, speed=speed).joints["guide"]
+    assert np.abs(follower.value - lift * (1 - np.cos(angles))).max() < 1e-14
+    assert np.abs(follower.rate - lift * np.sin(angles) * speed).max() < 1e-12
+    assert np.abs(follower.acceleration - lift * np.cos(angles) * speed**2).max() < 1e-10
+    result = prescribed(dynamic_model(model), angles, speed)
+    force = result.forces.reactions["contact.face" if "flat" in kind else "contact.point"].force
+    acceleration = lift * np.cos(angles) * speed**2
+    if "swinging" not in kind:
+        # along the slide: N cos(a) = m (a + g); across it N sin(a), from the shaft's side
+        along = 0.3 * (acceleration + 9.81)
+        offset = 0.0 if kind == "flat" else 0.003
+        start = np.sqrt((0.031 if kind == "roller" else 0.025) ** 2 - offset**2)
+        rise = lift * np.sin(angles)
+        tangent = 0.0 * angles if kind == "flat" else (rise - offset) / (start + lift * (1 - np.cos(angles)))
+        assert np.abs(force[:, 1] - along).max() < 1e-11
+        assert np.abs(force[:, 0] + along * tangent).max() < 1e-11
+        torque = along * rise
+    else:
+        torque = 1e-4 * acceleration * lift * np.sin(angles)
+    # the work on the shaft is that on the follower
+    assert np.abs(result.forces.torque - torque).max() < 1e-12 + 1e-11 * np.abs(torque).max()
+
+
+def test_both_methods_agree_on_a_law_of_segments(tmp_path):
+    path = write(tmp_path, "roller", SEGMENTS)
+    assert ms.validate(ms.load(path)).passed
+    lift = ms.load(path).solve(np.deg2rad([0, 60, 150, 240, 330])).joints["guide"].value
+    assert np.abs(lift - [0, 0.005, 0.01, 0.005, 0]).max() < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('radius = "6 mm", ', "", "radius is wrong; give radius"),
+        ('offset = "3 mm"', 'arm = "3 mm"', "arm is wrong; give radius and, if needed, offset"),
+        ('radius = "6 mm"', 'radius = "-6 mm"', "is -0.006 m; give a length above 0"),
+        ('cam = "lift"', 'cam = "lever"', "with a cam of the file .lift"),
+        ('over = "60 deg" } ]', 'over = "50 deg" } ]', "ends after 350 deg at 0 m; end after 360 deg at 0"),
+        ('to = "10 mm", ', "", "is no segment"),
+        ("[joints.contact]\nkind", "[joints.contact]\nlead = 1\nkind", "give only a = { link, cam }"),
+    ],
+)
+def test_cams_that_contradict_themselves_are_rejected(tmp_path, old, new, named):
+    path = write(tmp_path, "roller", SEGMENTS)
+    text = (tmp_path / "cam.toml").read_text()
+    assert old in text
+    (tmp_path / "cam.toml").write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=named):
+        ms.load(path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "named"),
+    [
+        ("q,value\n0,0\n2,0.01\n4,0.01\n6,0\n", "from 0 to 6 rad .*give one revolution"),
+        ("angle,value\n0,0\n2,0.01\n4,0.01\n6,0\n", "has columns angle, value"),
+        ("q,value\n0,0\n2,nan\n4,0.01\n6.283185307179586,0\n", "not all finite"),
+    ],
+)
+def test_tables_that_are_no_law_are_rejected(tmp_path, rows, named):
+    (tmp_path / "law.csv").write_text(rows)
+    with pytest.raises(InputError, match=named):
+        ms.load(write(tmp_path, "roller", '"law.csv"'))
