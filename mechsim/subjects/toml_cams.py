@@ -114,8 +114,8 @@ def cam_joints(
     cam = cams.get(joint["a"].get("cam"))
     if cam is None or not {*side} <= {"link", "at", "reference"} or not {*joint} <= {"kind", "a", "b"}:
         raise InputError(
-            f"joint {name!r} is of kind cam; give only a = {{ link, cam }}, if needed at and reference, and b = "
-            f"{{ link, at }}, with a cam of the file ({', '.join(cams) or 'it has none'})"
+            f"joint {name!r} is of kind cam; give only a = {{ link, cam }}, if needed at and reference, and "
+            f"b = {{ link, at }}, with a cam of the file ({', '.join(cams) or 'it has none'})"
         )
     guide, lifted = f"{VIRTUAL_PREFIX}{name}.guide", f"{VIRTUAL_PREFIX}{name}"
     back = {"axis": [0.0, 0.0, -1.0]}

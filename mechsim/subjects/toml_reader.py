@@ -68,7 +68,7 @@ class TomlModel(ModelSource):
         parameters = source.document.get("parameters", {})
         values = values_of(source).with_parameters(parameters, changed, units_of)
         added: Sequence[Coupling] = ()
-        contacts: Mapping[str, "Contact"] = {}
+        contacts: Mapping[str, Contact] = {}
         if has_curves(document):
             from mechsim.subjects.toml_curves import with_curves
 
