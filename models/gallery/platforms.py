@@ -23,17 +23,17 @@ def solved(residual, start, count):
     return x
 
 
-def turned(vector, x, y, z):
-    """Return a vector, (3,), turned about x, then y, then z, as (3, n)."""
+def rotated(vector, x, y, z):
+    """Return a vector, (3,), rotated about x, then y, then z, as (3, n)."""
     a, b, c = vector
     b, c = b * np.cos(x) - c * np.sin(x), b * np.sin(x) + c * np.cos(x)
     a, c = a * np.cos(y) + c * np.sin(y), c * np.cos(y) - a * np.sin(y)
     return np.array([a * np.cos(z) - b * np.sin(z), a * np.sin(z) + b * np.cos(z), c + 0.0 * z])
 
 
-def apart(one, other, distance):
-    """Return how far two places (3, n) are from being a distance apart."""
-    return ((one - other) ** 2).sum(0) - distance**2
+def excess(first, second, distance):
+    """Return the square of the distance of points (3, n) minus that of a distance."""
+    return ((first - second) ** 2).sum(0) - distance**2
 
 
 def around(radius, angle, height=0.0):
@@ -41,9 +41,9 @@ def around(radius, angle, height=0.0):
     return radius * np.cos(np.deg2rad(angle)), radius * np.sin(np.deg2rad(angle)), height
 
 
-def upright(place):
-    """Return places (3, n) in mm whose height is their third coordinate as (n, 3) in [m], height along y."""
-    return np.column_stack([place[0], place[2], -place[1]]) / 1000.0
+def upright(points):
+    """Return points (3, n) in mm whose height is their third coordinate as (n, 3) in [m], height along y."""
+    return np.column_stack([points[0], points[2], -points[1]]) / 1000.0
 
 
 def column(vector):
@@ -51,50 +51,50 @@ def column(vector):
     return np.array(vector)[:, None]
 
 
-def driven(at, letter, count):
+def coordinates(drivers, letter, count):
     """Return the coordinates of drivers called l1, l2 and so on."""
-    return [at[f"{letter}{i + 1}"] for i in range(count)]
+    return [drivers[f"{letter}{i + 1}"] for i in range(count)]
 
 
-def five_bar(at, p):
+def five_bar(drivers, p):
     """Return the tool, above the line between the elbows."""
-    left = -p["half"] + p["arm"] * np.exp(1j * at["left"])
-    right = p["half"] + p["arm"] * np.exp(1j * at["right"])
-    way = (right - left) / 2.0
-    tool = left + way * (1.0 + 1j * np.sqrt(p["forearm"] ** 2 / abs(way) ** 2 - 1.0))
+    left = -p["half"] + p["arm"] * np.exp(1j * drivers["left"])
+    right = p["half"] + p["arm"] * np.exp(1j * drivers["right"])
+    half = (right - left) / 2.0
+    tool = left + half * (1.0 + 1j * np.sqrt(p["forearm"] ** 2 / abs(half) ** 2 - 1.0))
     return {"P": np.column_stack([tool.real, tool.imag, 0.0 * tool.real]) / 1000.0}
 
 
-def planar_3rrr(at, p):
+def planar_3rrr(drivers, p):
     """Return the plate's centre and a corner."""
     angles = (90.0, 210.0, 330.0)
     elbows = [
         column(around(p["base"], angle)) + p["arm"] * np.array([np.cos(q), np.sin(q), 0.0 * q])
-        for angle, q in zip(angles, driven(at, "m", 3), strict=True)
+        for angle, q in zip(angles, coordinates(drivers, "m", 3), strict=True)
     ]
 
     def corner(x, angle):
         zero = 0.0 * x[2]
-        return np.array([x[0], x[1], zero]) + turned(around(p["plate"], angle), zero, zero, x[2])
+        return np.array([x[0], x[1], zero]) + rotated(around(p["plate"], angle), zero, zero, x[2])
 
     def residual(x):
         return np.array(
-            [apart(corner(x, angle), e, p["forearm"]) for angle, e in zip(angles, elbows, strict=True)]
+            [excess(corner(x, angle), e, p["forearm"]) for angle, e in zip(angles, elbows, strict=True)]
         )
 
-    x = solved(residual, (0.0, 0.0, 0.0), len(at["m1"]))
+    x = solved(residual, (0.0, 0.0, 0.0), len(drivers["m1"]))
     return {
         "P": np.column_stack([x[0], x[1], 0.0 * x[0]]) / 1000.0,
         "corner": corner(x, 90.0).T / 1000.0,
     }
 
 
-def delta_robot(at, p):
+def delta_robot(drivers, p):
     """Return the plate's centre, where three spheres meet, and the first elbow."""
     elbows = [
         column(around(p["base"], angle))
         + p["arm"] * (np.cos(q) * column(around(1.0, angle)) - np.sin(q) * column((0.0, 0.0, 1.0)))
-        for angle, q in zip((0.0, 120.0, 240.0), driven(at, "m", 3), strict=True)
+        for angle, q in zip((0.0, 120.0, 240.0), coordinates(drivers, "m", 3), strict=True)
     ]
     a, b, c = (
         (elbow - column(around(p["plate"], angle))).T
@@ -110,41 +110,41 @@ def delta_robot(at, p):
     return {"P": upright((a + centre - height * normal).T), "E1": upright(elbows[0])}
 
 
-def stewart_gough(at, p):
+def stewart_gough(drivers, p):
     """Return the plate's centre and a corner."""
     feet = [column(around(p["base"], angle)) for angle in (10.0, 110.0, 130.0, 230.0, 250.0, 350.0)]
     corners = (50.0, 70.0, 170.0, 190.0, 290.0, 310.0)
-    legs = [1000.0 * length for length in driven(at, "l", 6)]
+    legs = [1000.0 * length for length in coordinates(drivers, "l", 6)]
 
     def corner(x, angle):
-        return x[:3] + turned(around(p["plate"], angle), *x[3:])
+        return x[:3] + rotated(around(p["plate"], angle), *x[3:])
 
     def residual(x):
         ends = zip(feet, corners, legs, strict=True)
-        return np.array([apart(corner(x, angle), foot, leg) for foot, angle, leg in ends])
+        return np.array([excess(corner(x, angle), foot, leg) for foot, angle, leg in ends])
 
-    x = solved(residual, (0.0, 0.0, p["height"], 0.0, 0.0, 0.0), len(at["l1"]))
+    x = solved(residual, (0.0, 0.0, p["height"], 0.0, 0.0, 0.0), len(drivers["l1"]))
     return {"P": upright(x[:3]), "corner": upright(corner(x, 50.0))}
 
 
-def humanoid_ankle(at, p):
+def humanoid_ankle(drivers, p):
     """Return toe and heel of the foot, which rolls, then pitches."""
     sides = (("left", p["half"], p["left_up"]), ("right", -p["half"], p["right_up"]))
 
-    def place(x, vector):
-        return turned(vector, x[1], x[0], 0.0 * x[0])
+    def point(x, vector):
+        return rotated(vector, x[1], x[0], 0.0 * x[0])
 
     def residual(x):
-        found = []
+        rows = []
         for name, aside, up in sides:
-            q = at[name]
+            q = drivers[name]
             pin = np.array([-p["crank"] * np.cos(q), 0.0 * q, p["crank"] * np.sin(q)])
             pin = pin + column((p["crank"] - p["back"], aside, up))
-            found.append(apart(place(x, (-p["back"], aside, p["foot_up"])), pin, up - p["foot_up"]))
-        return np.array(found)
+            rows.append(excess(point(x, (-p["back"], aside, p["foot_up"])), pin, up - p["foot_up"]))
+        return np.array(rows)
 
-    x = solved(residual, (0.0, 0.0), len(at["left"]))
+    x = solved(residual, (0.0, 0.0), len(drivers["left"]))
     return {
-        "toe": upright(place(x, (110.0, 0.0, -30.0))),
-        "heel": upright(place(x, (-40.0, 20.0, -30.0))),
+        "toe": upright(point(x, (110.0, 0.0, -30.0))),
+        "heel": upright(point(x, (-40.0, 20.0, -30.0))),
     }

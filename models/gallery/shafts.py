@@ -13,16 +13,16 @@ def rim(angle, radius, first, second, centre=(0.0, 0.0, 0.0)):
     return (np.array(centre) + radius * on) / 1000.0
 
 
-def turned(angle, radius):
+def on_circle(angle, radius):
     """Return a point in mm in the plane of the shafts that lies at an angle."""
     return rim(angle, radius, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 def crossed(angle, p):
-    """Return the tips of the yokes before and beyond a cross, where tan(out) = tan(in) cos(bend)."""
-    bend = np.deg2rad(p["bend"])
-    out = np.arctan2(np.sin(angle) * np.cos(bend), np.cos(angle))
-    across = (-np.sin(bend), np.cos(bend), 0.0)
+    """Return the tips of the yokes before and beyond a cross, where tan(out) = tan(in) cos(shaft_angle)."""
+    shaft_angle = np.deg2rad(p["bend"])
+    out = np.arctan2(np.sin(angle) * np.cos(shaft_angle), np.cos(angle))
+    across = (-np.sin(shaft_angle), np.cos(shaft_angle), 0.0)
     return (
         rim(angle, p["arm"], (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
         rim(out, p["arm"], across, (0.0, 0.0, 1.0)),
@@ -38,9 +38,9 @@ def cardan_joint(angle, p):
 def double_cardan(angle, p):
     """Return the tips of all yokes: the last turns as the first."""
     driving, middle = crossed(angle, p)
-    bend = np.deg2rad(p["bend"])
-    centre = (p["length"] * np.cos(bend), p["length"] * np.sin(bend), 0.0)
-    back = (np.sin(2.0 * bend), -np.cos(2.0 * bend), 0.0)
+    shaft_angle = np.deg2rad(p["bend"])
+    centre = (p["length"] * np.cos(shaft_angle), p["length"] * np.sin(shaft_angle), 0.0)
+    back = (np.sin(2.0 * shaft_angle), -np.cos(2.0 * shaft_angle), 0.0)
     driven = rim(angle, p["arm"], (0.0, 0.0, 1.0), back, centre)
     return {"driving": driving, "middle": middle, "driven": driven}
 
@@ -48,12 +48,12 @@ def double_cardan(angle, p):
 def oldham_coupling(angle, p):
     """Return the disc's centre: on the circle over the offset, where two lines at right angles meet."""
     across = p["offset"] * np.cos(angle) / 1000.0
-    return {"disc": across[:, None] * turned(angle, 1000.0)}
+    return {"disc": across[:, None] * on_circle(angle, 1000.0)}
 
 
 def planetary_gear(angle, p):
     """Return the planet's axle and a point of planet and sun: Willis."""
-    axle = turned(angle, p["arm"])
+    axle = on_circle(angle, p["arm"])
     planet = angle * (1.0 - p["teeth_ring"] / p["teeth_planet"])
     sun = angle * (1.0 + p["teeth_ring"] / p["teeth_sun"])
-    return {"axle": axle, "planet": axle + turned(planet, p["planet"]), "sun": turned(sun, p["sun"])}
+    return {"axle": axle, "planet": axle + on_circle(planet, p["planet"]), "sun": on_circle(sun, p["sun"])}

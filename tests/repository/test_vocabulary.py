@@ -7,7 +7,17 @@ import pytest
 from readability.private_words import page_uses, private_name, python_uses, uses
 
 ROOT = Path(__file__).parents[2]
-CHECKED = ("mechsim", "docs", "README.md", "CONTRIBUTING.md", "tests", "validation", "reference", "examples")
+CHECKED = (
+    "mechsim",
+    "docs",
+    "README.md",
+    "CONTRIBUTING.md",
+    "tests",
+    "validation",
+    "reference",
+    "examples",
+    "models",
+)
 
 
 @pytest.mark.parametrize("path", CHECKED)
