@@ -13,9 +13,14 @@ F and M are magnitudes of the force and moment that the joint transmits, about i
 coefficient of friction mu, pin radius r_p, collar radius r_b and bearing length l are those of the joint, T_0
 its `coulomb`. Terms without a radius or length are left out.
 
+At rest T is `static` / mu times as large, or `static` / T_0 without a coefficient. With `stribeck` v_s it
+falls from there at a rate v: T(v) = T_c + (T_s - T_c) exp(-(v / v_s)^2), with T_c in motion and T_s at rest.
+
 Source: J. Fraczek and M. Wojtyra, On the unique solvability of a direct dynamics problem for mechanisms with
 redundant constraints and Coulomb friction in joints, Mechanism and Machine Theory 46 (2011) 312-334; R.
-Budynas and J. Nisbett, Shigley's Mechanical Engineering Design (2015), section 8-2.
+Budynas and J. Nisbett, Shigley's Mechanical Engineering Design (2015), section 8-2; B. Armstrong-Helouvry, P.
+Dupont and C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of
+machines with friction, Automatica 30 (1994) 1083-1138, section 2.1.
 """
 
 from dataclasses import dataclass
@@ -52,6 +57,9 @@ class Friction:
         pin_radius: radius at which the friction of a rotation acts, in [m]: of the pin, ball or thread.
         collar_radius: radius at which the friction of the axial force of a pin acts, in [m].
         bearing_length: length l over which a pair of forces carries a bending moment, in [m].
+        static: coefficient of friction at rest, or Coulomb friction at rest without a coefficient; 0 for that
+            in motion.
+        stribeck: rate v_s in [rad/s] or [m/s] by which friction falls to that in motion; 0 for at once.
     """
 
     joint: str
@@ -63,6 +71,8 @@ class Friction:
     pin_radius: float = 0.0
     collar_radius: float = 0.0
     bearing_length: float = 0.0
+    static: float = 0.0
+    stribeck: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("viscous", "viscous_turn"):
@@ -74,11 +84,42 @@ class Friction:
             at_least_zero(what, getattr(self, name))
             if name in _LENGTHS and getattr(self, name) and not self.coefficient:
                 raise InputError(f"{what} has no effect without a coefficient; give one, or leave it out")
+        for name in ("static", "stribeck"):
+            at_least_zero(f"{name} of friction in joint {self.joint!r}", getattr(self, name))
+        moving = self.coefficient or self.coulomb
+        if self.static and not 0.0 < moving <= self.static:
+            raise InputError(
+                f"static friction in joint {self.joint!r} is {self.static}, below that in motion, "
+                f"{moving}, or without any; give coulomb or a coefficient, and at least as much at rest"
+            )
+        if self.stribeck and not self.static:
+            raise InputError(
+                f"stribeck in joint {self.joint!r} has no effect without static friction; give static, or "
+                "leave it out"
+            )
 
     @property
     def dry(self) -> bool:
         """Whether there is Coulomb friction."""
         return bool(self.coulomb or self.coulomb_turn or self.coefficient)
+
+    @property
+    def varies(self) -> bool:
+        """Whether Coulomb friction depends on the load or the rate."""
+        return bool(self.coefficient or self.static)
+
+    @property
+    def ratio_at_rest(self) -> float:
+        """Friction at rest relative to that in motion, 1 or more."""
+        return self.static / (self.coefficient or self.coulomb) if self.static else 1.0
+
+    def ratio(self, rate: Array) -> Array:
+        """Return the friction at rates relative to that in fast motion."""
+        if not self.stribeck:
+            return np.ones(np.shape(rate))
+        # beyond 30 v_s the exponential underflows
+        relative = np.minimum(np.abs(rate) / self.stribeck, 30.0)
+        return 1.0 + (self.ratio_at_rest - 1.0) * np.exp(-(relative**2))
 
     def check(self, joint: Joint) -> None:
         """Raise InputError unless the joint can have this friction."""
@@ -91,14 +132,19 @@ class Friction:
                 f"friction of rotation besides that of sliding is given in {where}; only a "
                 f"{kinds_that(lambda kind: kind.mixed)} joint has both"
             )
-        if not self.coefficient:
+        if self.static and kind.mixed:
+            raise InputError(
+                f"static friction is given in {where}, which slides and rotates; give it in a joint that has "
+                "one of both motions"
+            )
+        if not self.varies:
             return
         if not _loaded(kind):
             raise InputError(
-                f"a coefficient of friction is given in {where}; give `coulomb` there, or a coefficient in a "
-                f"{kinds_that(_loaded)} joint"
+                f"a coefficient of friction, or static, is given in {where}; give `coulomb` alone, or it "
+                f"in a {kinds_that(_loaded)} joint"
             )
-        if kind.turns and not self.pin_radius:
+        if self.coefficient and kind.turns and not self.pin_radius:
             raise InputError(
                 f"the coefficient of friction in {where} has no radius at which the friction acts; give "
                 "pin_radius"
@@ -124,6 +170,8 @@ class Friction:
             For each friction the index of its coordinate in the joint, 0 for a ball, and (n, TERMS, 3, 6).
         """
         kind, mu, r = KINDS[joint.kind], self.coefficient, self.pin_radius
+        if not mu:
+            return [(0, np.zeros((len(axis), TERMS, 3, 6)))] if self.static else []
         along = axis[:, :, None] * axis[:, None, :]
         across = np.eye(3) - along
         arm = 1.0 / self.bearing_length if self.bearing_length else 0.0

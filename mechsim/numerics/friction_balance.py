@@ -12,8 +12,8 @@ MAX_ITERATIONS = 100
 REDUCED = 0.5
 
 
-def balanced_friction(base: Array, response: Array) -> tuple[Array, Array, Array]:
-    """Return the friction x with x_k = sum over t of norm(base_kt + sum over j of response_ktj x_j).
+def balanced_friction(constant: Array, base: Array, response: Array) -> tuple[Array, Array, Array]:
+    """Return the friction x with x_k = c_k + sum over t of norm(base_kt + sum over j of response_ktj x_j).
 
     The right side changes by at most B times the change of x, with B_kj = sum over t of norm(response_ktj).
     If the spectral radius of B is below 1, it is a contraction: the solution exists and is unique, and the
@@ -21,6 +21,7 @@ def balanced_friction(base: Array, response: Array) -> tuple[Array, Array, Array
     Several Variables, 1970, section 13.1). Newton's method is faster.
 
     Args:
+        constant: parts c of the frictions that do not depend on loads, (n, k).
         base: terms of the load of each friction without friction, (n, k, terms, 3).
         response: their changes by a unit of each friction, (n, k, terms, 3, k).
 
@@ -37,7 +38,7 @@ def balanced_friction(base: Array, response: Array) -> tuple[Array, Array, Array
         terms = base + np.einsum("nktcj,nj->nktc", response, x)
         sizes = np.sqrt((terms**2).sum(3))
         unit = terms / np.where(sizes > 0.0, sizes, 1.0)[..., None]
-        return sizes.sum(2), np.einsum("nktc,nktcj->nkj", unit, response)
+        return constant + sizes.sum(2), np.einsum("nktc,nktcj->nkj", unit, response)
 
     x = np.zeros((n, k))
     value, derivative = image(x)

@@ -102,10 +102,13 @@ def _frictions(
     for joint, entry in tables.items():
         path = (*before, joint, *after)
         unit = _unit(values, mechanism, joint, path)
-        first = {
-            key: values.quantity(entry.get(key, 0.0), units[unit], (*path, key))
-            for key, units in (("viscous", _VISCOUS), ("coulomb", _COULOMB))
+        units: dict[str, Unit] = {
+            "viscous": _VISCOUS[unit],
+            "coulomb": _COULOMB[unit],
+            "static": "1" if "coefficient" in entry else _COULOMB[unit],
+            "stribeck": "m/s" if unit == "m" else "rad/s",
         }
+        first = {key: values.quantity(entry[key], units[key], (*path, key)) for key in units if key in entry}
         others = {key: entry[key] for key in FRICTION_NUMBERS if key in entry}
         with values.source.error_context(path):
             yield Friction(joint, **first, **others)

@@ -119,6 +119,8 @@ _FRICTION = Table(
         "pin_radius": Number("m", "radius of the pin, ball or thread, at which friction acts"),
         "collar_radius": Number("m", "radius at which the friction of an axial force acts"),
         "bearing_length": Number("m", "distance of the two forces that carry a bending moment"),
+        "static": JointNumber("coefficient at rest; without a coefficient, Coulomb friction at rest"),
+        "stribeck": JointNumber("rate [rad/s or m/s] by which friction falls to that in motion"),
     },
     "friction in a joint",
 )

@@ -134,7 +134,7 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     for actuator in forces.actuators:
         table["motors", actuator.name] = _actuator(actuator)
     for friction in forces.friction:
-        values = _fields(friction, "viscous", "coulomb", *FRICTION_NUMBERS)
+        values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *FRICTION_NUMBERS)
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
     for i, spring in enumerate(forces.springs, 1):
         ends = {"a": _point(spring.a), "b": _point(spring.b)}

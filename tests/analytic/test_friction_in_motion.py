@@ -1,12 +1,16 @@
 """Runs under friction by the load: closed forms, an independent integration by scipy, and MuJoCo's order."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim import dynamics
+from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.simulation.dynamics.forward_run import stepped_run
+from mechsim.studies.dynamics_check import crosscheck_forward
 
 G = 9.81
 INCLINE = """
@@ -136,6 +140,60 @@ def test_a_screw_locks_itself_or_runs_down(lead, file):
     share = r * (tangent - mu) / (1.0 + mu * tangent)
     turning = mass * G * share / (inertia + mass * r * tangent * share)
     assert run.motion.joints["thread.turn"].rate[-1] == pytest.approx(-0.5 * turning, rel=1e-11)
+
+
+STRIBECK = 'coefficient = 0.3, static = 0.5, stribeck = "0.3 m/s", coulomb = "0.4 N", viscous = 0.2'
+
+
+def stribeck_by_hand(rate):
+    return (0.3 * 2.0 * G * 0.8 + 0.4) * (1.0 + (0.5 / 0.3 - 1.0) * np.exp(-((rate / 0.3) ** 2)))
+
+
+def test_a_block_slides_under_friction_by_the_curve_of_stribeck(file):
+    path = file(INCLINE.replace("coefficient = {mu}", STRIBECK).format())
+    run = ms.dynamics.run(path, initial={"slide.v": 2.0}, duration=1.0, samples=4)
+
+    def stops(_, state):
+        return state[1]
+
+    stops.terminal = True
+    settings = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    up = solve_ivp(
+        lambda _, y: [y[1], -G * 0.6 - 0.5 * (stribeck_by_hand(y[1]) + 0.2 * y[1])],
+        (0.0, 1.0),
+        [0.0, 2.0],
+        events=[stops],
+        **settings,
+    )
+    down = solve_ivp(
+        lambda _, y: [y[1], -G * 0.6 + 0.5 * (stribeck_by_hand(y[1]) - 0.2 * y[1])],
+        (up.t[-1], 1.0),
+        [up.y[0, -1], 0.0],
+        **settings,
+    )
+    slide = run.motion.joints["slide"]
+    assert run.events == pytest.approx([up.t[-1]], rel=1e-11)
+    assert [slide.value[-1], slide.rate[-1]] == pytest.approx(down.y[:, -1], rel=1e-10)
+    assert run.energy_error <= 1e-12
+
+
+@pytest.mark.parametrize(("static", "outcome"), [(0.751, "stopped"), (0.749, "done")])
+def test_static_friction_holds_what_slides_with_less(static, outcome, file):
+    text = INCLINE.replace("{mu}", f"0.3, static = {static}").format()
+    run = ms.dynamics.run(file(text), initial={"slide.v": 2.0}, duration=1.0, samples=4)
+    assert run.outcome == outcome
+
+
+def test_mujoco_has_the_same_friction_by_rate(file):
+    path = file(INCLINE.replace("coefficient = {mu}", STRIBECK).format())
+    model = dynamics.dynamic_model(ms.load(path))
+    initial = {"slide.v": 2.0}
+    run = ms.dynamics.run(path, initial=initial, duration=0.2, samples=4)
+    verdict = crosscheck_forward(run, model, initial_values(model, initial))
+    assert verdict.passed, verdict
+    other = replace(model.forces.friction[0], stribeck=0.35)
+    wrong = model.with_forces(replace(model.forces, friction=(other,)))
+    assert not crosscheck_forward(run, wrong, initial_values(model, initial)).passed
 
 
 class Press:

@@ -251,12 +251,36 @@ b = { link = "wedge", axis = [1, 0, 0], reference = [0, 1, 0], at = [0, 1, 0] }
         ({"pin_radius": 0.01}, "no effect without a coefficient"),
         ({"coefficient": float("nan"), "pin_radius": 0.01}, "is nan"),
         ({"coefficient": 0.1, "pin_radius": 0.01, "bearing_length": -1.0}, "bearing length"),
+        ({"coefficient": 0.2, "pin_radius": 0.01, "static": 0.1}, "static .* 0.1, below that in motion, 0.2"),
+        ({"static": 0.1}, "or without any"),
+        ({"coulomb": 0.1, "stribeck": 0.1}, "no effect without static"),
     ],
 )
 def test_invalid_friction_is_rejected(friction, message, tmp_path):
     mechanism = loaded(SLIDER_CRANK, tmp_path).mechanism
     with pytest.raises(InputError, match=message):
         Friction("A", **friction).check(mechanism.joint("A"))
+
+
+def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods(tmp_path):
+    text = SLIDER_CRANK.replace(
+        "coefficient = 0.1 }", 'coefficient = 0.1, static = 0.3, stribeck = "0.5 m/s" }'
+    )
+    model = dynamics.dynamic_model(loaded(text + LOADED, tmp_path))
+    run = driven(model.mechanism, model.forces, speed=25.0, samples=12)
+    verdict = crosscheck_driven(run, model)
+    assert verdict.passed, verdict
+    study = dynamics.prescribed(model, run.motion.angle, 25.0)
+    joints = model.solver.solve(run.motion.angle, 25.0).joints
+    slide, normal = joints["slide"].rate, study.forces.reactions["slide"].force[:, 1]
+    curve = 0.1 + 0.2 * np.exp(-((slide / 0.5) ** 2))
+    # the power of all friction less that of the pins
+    pins = np.zeros(13)
+    for name, moment in (("crank", 0.15 * 8e-3), ("A", 0.2 * 6e-3), ("B", 0.25 * 5e-3)):
+        load = np.linalg.norm(study.forces.reactions[name].force[:, :2], axis=1)
+        pins += (moment * load + 0.01 * (name == "A")) * np.abs(joints[name].rate)
+    expected = curve * np.abs(normal * slide)
+    assert study.forces.power_lost - pins == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_a_spatial_chain_with_friction_in_every_kind_agrees_with_mujoco():

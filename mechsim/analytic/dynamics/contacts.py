@@ -346,6 +346,9 @@ class Contacts:
         continue. `mode` has them sticking.
         """
         equations, times = self.equations, np.array([time])
+        if any(equations.frictions[i].friction.static for i in mode.stuck):
+            # they slide with less friction than they hold
+            return None
         tendency = self.accelerate(state, times, replace(mode, stuck=[])).acceleration
         largest = float(np.abs(tendency).max())
         if not largest > 0.0:

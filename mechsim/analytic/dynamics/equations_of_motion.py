@@ -235,7 +235,7 @@ class EquationsOfMotion:
         gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
         rows, gamma = self.constraint_rows(state, gamma, directions, stuck, contacts)
         motion = ConstrainedMotion(unit, jacobians, bias, mass, force, rows, gamma, wrenches, at_joints)
-        limits = self._friction_limits(motion, directions, sliding, stuck, contacts, time)
+        limits = self._friction_limits(state, motion, directions, sliding, stuck, contacts, time)
         rubbing = _rubbing(limits, sliding, directions, force)
         free, multipliers = constrained_acceleration(mass, force + rubbing, rows, gamma)
         acceleration = np.zeros_like(state.rates)
@@ -264,6 +264,7 @@ class EquationsOfMotion:
 
     def _friction_limits(
         self,
+        state: Kinematics,
         motion: ConstrainedMotion,
         directions: Array,
         sliding: Array,
@@ -301,11 +302,21 @@ class EquationsOfMotion:
             columns,
             self.frictions,
             directions,
+            self._ratios(state, directions, stuck),
             sliding,
             slice(first, first + len(stuck)),
             stuck,
             [f"{undriven.name} at {value:.6g} s" for value in time],
         )
+
+    def _ratios(self, state: Kinematics, directions: Array, stuck: Sequence[int]) -> Array:
+        """Return each friction relative to that in fast motion, (frictions, n)."""
+        rates = np.einsum("fnk,kn->fn", directions, state.rates[self.free])
+        rows = zip(self.frictions, rates, strict=True)
+        ratios = np.array([row.friction.ratio(rate) for row, rate in rows])
+        for i in stuck:
+            ratios[i] = self.frictions[i].friction.ratio_at_rest
+        return ratios
 
     def smooth_forces(self, state: Kinematics) -> tuple[Array, Array]:
         """Return generalised forces at time zero without Coulomb friction, and sums of their terms' sizes.

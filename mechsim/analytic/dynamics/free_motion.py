@@ -261,5 +261,5 @@ def _forces_at_rest(model: DynamicModel, angle: float, time: float) -> str:
     return (
         f"at crank angle {angle:.6g} rad the drive and loads give {torque[0]:.6g} N m and weight and "
         f"springs {forces.static[0]:.6g}, and dry friction holds up to {forces.coulomb[0]:.6g} N m"
-        + (" besides friction by the load" if any(row.coefficient for row in model.forces.friction) else "")
+        + (" besides friction by load or rate" if any(row.varies for row in model.forces.friction) else "")
     )

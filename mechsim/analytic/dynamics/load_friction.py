@@ -46,6 +46,12 @@ class LoadedCoordinate:
     number: int
     coordinate: int
 
+    @property
+    def constant(self) -> float:
+        """Friction without a load, in [N] or [N m]; of a screw it does not vary."""
+        kind = KINDS[self.joint.kind]
+        return 0.0 if kind.mixed else self.friction.sizes(kind)[self.coordinate][1]
+
     def unit_forces(self, direction: Array) -> list[Array]:
         """Return the forces (n,) along the joint's coordinates of a unit friction against a direction."""
         kind, zero = KINDS[self.joint.kind], np.zeros(len(direction))
@@ -56,11 +62,13 @@ class LoadedCoordinate:
 def loaded_coordinates(friction: Friction, mechanism: Mechanism) -> list[LoadedCoordinate]:
     """Return the frictions by the load of a joint."""
     joint = mechanism.joint(friction.joint)
-    if not friction.coefficient:
+    if not friction.varies:
         return []
     numbered = enumerate(friction.loads(joint, np.eye(3)[2:]))
     return [
-        LoadedCoordinate(friction, joint, number, index) for number, (index, terms) in numbered if terms.any()
+        LoadedCoordinate(friction, joint, number, index)
+        for number, (index, terms) in numbered
+        if friction.static or terms.any()
     ]
 
 
@@ -109,7 +117,11 @@ class LoadFriction:
 
 
 def friction_by_load(
-    unit: UnitMotion, needed: Array, coordinates: Sequence[LoadedCoordinate], directions: Sequence[Array]
+    unit: UnitMotion,
+    needed: Array,
+    coordinates: Sequence[LoadedCoordinate],
+    directions: Sequence[Array],
+    ratios: Sequence[Array],
 ) -> LoadFriction:
     """Return the frictions of a state.
 
@@ -122,6 +134,7 @@ def friction_by_load(
             frictions, and changes by a unit of each.
         coordinates: the k coordinates with friction.
         directions: sign of the rate of each, (n,).
+        ratios: friction at this rate relative to that in fast motion, (n,).
     """
     wrenches = linear_reactions(unit, needed, [item.joint for item in coordinates])
     terms: list[Array] = []
@@ -129,13 +142,15 @@ def friction_by_load(
     for k, (item, (wrench, alone, sound)) in enumerate(zip(coordinates, wrenches, strict=True)):
         axis, kind = unit.axis(item.joint), KINDS[item.joint.kind]
         _, maps = item.friction.loads(item.joint, axis)[item.number]
+        maps = maps * ratios[k][:, None, None, None]
         if kind.helical and not item.number:
             wrench[:, 3:, 1 + k] -= directions[k][:, None] * axis
         terms.append(np.einsum("ntcw,nwj->ntcj", maps, wrench))
         stresses.append(np.einsum("ntcw,nws->ntcs", maps, alone * sound[:, None, None]))
     loads = np.stack(terms, 1)
     base, response = loads[..., 0], loads[..., 1:]
-    magnitude, radius, residual = balanced_friction(base, response)
+    constant = [(ratio - 1.0) * item.constant for item, ratio in zip(coordinates, ratios, strict=True)]
+    magnitude, radius, residual = balanced_friction(np.stack(constant, 1), base, response)
     final = base + np.einsum("nktcj,nj->nktc", response, magnitude)
     amount = np.sqrt((final**2).sum(-1))
     clear = amount > NO_LOAD * amount.max((1, 2), keepdims=True)
@@ -181,7 +196,8 @@ def with_load_friction(
         stacks.append(stack)
     columns = [needed - acting.total(speed), *(-sign[:, None, None] * stack for stack in stacks)]
     directions = [sign * dry.direction for dry in frictions]
-    solution = friction_by_load(unit, np.stack(columns, -1), coordinates, directions)
+    ratios = [item.friction.ratio(dry.rate * speed) for item, dry in zip(coordinates, frictions, strict=True)]
+    solution = friction_by_load(unit, np.stack(columns, -1), coordinates, directions, ratios)
     solution.require_determined(
         coordinates, [f"{unit.mechanism.name} at {value:.6g} rad" for value in unit.angle]
     )
@@ -263,12 +279,13 @@ def frictions_in_motion(
     columns: Mapping[str, int],
     frictions: Sequence[DryFriction],
     directions: Array,
+    ratios: Array,
     sliding: Array,
     stuck: slice,
     sticking: Sequence[int],
     labels: Sequence[str],
 ) -> Array:
-    """Return the friction by the load of each Coulomb friction, (frictions, n); of a sticking one its limit.
+    """Return what each Coulomb friction has beyond its constant part, (frictions, n), when sticking at most.
 
     Args:
         motion: the equations of motion.
@@ -276,6 +293,7 @@ def frictions_in_motion(
         columns: joint coordinate -> its column among the free coordinates.
         frictions: all Coulomb frictions.
         directions: the generalised force of a unit of each, (frictions, n, free).
+        ratios: friction at the rate of each relative to that in fast motion, (frictions, n).
         sliding: direction of each, (frictions,) of -1, 0, 1.
         stuck: multipliers of the sticking frictions.
         sticking: indices of the sticking frictions.
@@ -311,7 +329,8 @@ def frictions_in_motion(
     signs = [
         np.full(len(motion.unit), sliding[f]) if sliding[f] else -np.sign(along[0, f]) for f, _ in numbered
     ]
-    solution = friction_by_load(motion.unit, np.stack(needed, -1), items, signs)
+    rising = [ratios[f] for f, _ in numbered]
+    solution = friction_by_load(motion.unit, np.stack(needed, -1), items, signs, rising)
     solution.require_determined(items, labels)
     loads = np.zeros((len(frictions), len(motion.unit)))
     for (f, _), magnitude in zip(numbered, solution.magnitude.T, strict=True):

@@ -69,12 +69,12 @@ def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
 
 
 def require_constant_friction(model: DynamicModel, what: str) -> None:
-    """Raise InputError for friction by the load, which depends on speeds and accelerations."""
-    joints = [friction.joint for friction in model.forces.friction if friction.coefficient]
+    """Raise InputError for friction that depends on speeds and accelerations."""
+    joints = [friction.joint for friction in model.forces.friction if friction.varies]
     if joints:
         raise InputError(
-            f"{model.mechanism.name}: friction by the load, in {', '.join(joints)}, is not part of {what}; "
-            "give `coulomb` instead of a coefficient, or a prescribed motion"
+            f"{model.mechanism.name}: friction by load or rate, in {', '.join(joints)}, is not part of "
+            f"{what}; give `coulomb` alone, or a prescribed motion"
         )
 
 

@@ -73,7 +73,7 @@ class AppliedControls:
         self, model: LoadedModel, loops: ModelLoops, laws: Mapping[str, State] | None = None
     ) -> None:
         dry = list(model.dry)
-        rubbing = any(friction.coefficient for friction in model.forces.friction)
+        rubbing = any(friction.varies for friction in model.forces.friction)
         self.friction = UpdatedFriction(model, loops, dry) if rubbing else None
         self.model, self.loops = replace(model, dry=dry), loops
         self.controllers = Controllers(model)

@@ -59,7 +59,9 @@ class RubbingCoordinate:
         wrench = np.concatenate([reaction.force, moment], 1)
         _, maps = self.friction.loads(self.joint, self.axis)[self.number]
         terms = (maps @ wrench[:, None, :, None])[..., 0]
-        return np.sqrt((terms**2).sum(2)).sum(1)
+        kind, ratio = KINDS[self.joint.kind], self.friction.ratio(self.speed)
+        constant = 0.0 if kind.mixed else self.friction.sizes(kind)[0][1]
+        return ratio * np.sqrt((terms**2).sum(2)).sum(1) + (ratio - 1.0) * constant
 
     def apply(self, loaded: LoadedModel, fields: Fields, forces: AppliedForces, magnitude: Array) -> None:
         """Add the friction, (n,) in [N] or [N m], to applied forces."""
@@ -75,10 +77,10 @@ def rubbing_coordinates(loaded: LoadedModel, fields: Fields) -> list[RubbingCoor
     """Return the coordinates with friction by their load at the states of MuJoCo's fields."""
     result: list[RubbingCoordinate] = []
     for friction in loaded.forces.friction:
-        if friction.coefficient:
+        if friction.varies:
             joint = loaded.mechanism.joint(friction.joint)
             for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
-                if maps.any():
+                if friction.static or maps.any():
                     result.append(_coordinate(loaded, fields, friction, joint, number, index))
     return result
 

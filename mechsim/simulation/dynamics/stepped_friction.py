@@ -33,7 +33,9 @@ CONVERGED, MAX_ITERATIONS = 1e-12, 100
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 # where the magnitude of a friction is that acts by controls
-DRY = "dry"
+DRY, DOF = "dry", "dof_frictionloss"
+# rate relative to the fastest one below which a joint is at rest: soft friction creeps
+AT_REST = 1e-6
 FIELDS = (
     *("xpos", "xmat", "xipos", "site_xpos", "site_xmat", "actuator_force", "ten_length", "ten_velocity"),
     *("subtree_com", "qacc"),
@@ -44,7 +46,7 @@ def with_placeholders(mechanism: Mechanism, forces: Forces) -> Forces:
     """Return forces with some Coulomb friction wherever there is friction by the load."""
 
     def rubbing(friction: Friction) -> Friction:
-        if not friction.coefficient:
+        if not friction.varies:
             return friction
         mixed = KINDS[mechanism.joint(friction.joint).kind].mixed
         names = ("coulomb", "coulomb_turn") if mixed else ("coulomb",)
@@ -76,14 +78,12 @@ class UpdatedFriction:
     def __init__(self, model: LoadedModel, loops: ModelLoops, dry: list[DryJoint]) -> None:
         self.model, self.loops, self.dry = model, loops, dry
         self.stored = [
-            item
-            for friction in model.forces.friction
-            if friction.coefficient
-            for item in self._stored(friction)
+            item for friction in model.forces.friction if friction.varies for item in self._stored(friction)
         ]
         self.evaluated = model.looking(native=False)
         self.data = mujoco.MjData(self.evaluated)
         self.loads = np.zeros(len(self.stored))
+        self.fastest = 0.0
         # those of the step before; None before the first
         self.before: Array | None = None
 
@@ -94,7 +94,7 @@ class UpdatedFriction:
         tendons = [stepped.tendon(i).name for i in range(stepped.ntendon)]
         stored: list[StoredFriction] = []
         for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
-            if not maps.any():
+            if not (friction.static or maps.any()):
                 continue
             constant = friction.sizes(kind)[index][1]
             name = "" if kind.ball else names.get(joint.coordinates[index], joint.coordinates[index])
@@ -103,7 +103,7 @@ class UpdatedFriction:
                 stepped, mujoco.mjtObj.mjOBJ_JOINT, "crank" if crank else name
             )
             if number_of_joint >= 0:
-                array = "dof_frictionloss", int(stepped.jnt_dofadr[number_of_joint])
+                array = DOF, int(stepped.jnt_dofadr[number_of_joint])
             elif f"friction in {joint.name}" in tendons:
                 array = "tendon_frictionloss", tendons.index(f"friction in {joint.name}")
             else:
@@ -157,8 +157,23 @@ class UpdatedFriction:
                 moment = moment + np.sign(rubbing[item.index]) * self.loads[k] * axis
             _, maps = item.friction.loads(joint, axis[None])[item.number]
             terms = maps[0] @ np.concatenate([reactions[joint.name].force[0], moment])
-            loads[k] = np.sqrt((terms**2).sum(1)).sum()
+            ratio = self._ratio(data, item)
+            constant = 0.0 if KINDS[joint.kind].mixed else item.constant
+            loads[k] = ratio * np.sqrt((terms**2).sum(1)).sum() + (ratio - 1.0) * constant
         return loads
+
+    def _ratio(self, data: mujoco.MjData, item: StoredFriction) -> float:
+        """Return a friction at the present rate relative to that in fast motion."""
+        if not item.friction.static:
+            return 1.0
+        self.fastest = max(self.fastest, float(np.abs(data.qvel).max()))
+        rate = (
+            float(np.linalg.norm(data.actuator_velocity[self.dry[item.index].actuators]))
+            if item.array == DRY
+            else float((data.qvel if item.array == DOF else data.ten_velocity)[item.index])
+        )
+        at_rest = abs(rate) <= AT_REST * self.fastest
+        return item.friction.ratio_at_rest if at_rest else float(item.friction.ratio(np.array(rate)))
 
     def _axis(self, data: mujoco.MjData, joint: Joint) -> Array:
         """Return the axis of a joint on side a, (3,)."""
