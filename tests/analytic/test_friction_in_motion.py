@@ -118,7 +118,7 @@ def test_a_block_holds_above_the_angle_of_friction(mu, outcome, file):
 
 
 @pytest.mark.parametrize(("beyond", "outcome"), [(0.05, "stopped"), (-0.05, "done")])
-def test_a_leaning_ladder_slips_or_holds(beyond, outcome, file):
+def test_friction_holds_a_ladder(beyond, outcome, file):
     # tan of the least angle: (1 - mu_floor mu_wall) / (2 mu_floor)
     angle = np.rad2deg(np.arctan((1.0 - 0.4 * 0.3) / 0.8)) + beyond
     # the ladder points from its foot to the wall on the left
