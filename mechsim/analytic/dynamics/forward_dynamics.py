@@ -497,8 +497,8 @@ class Integration:
             return None
         return "too stiff", (
             f"viscous friction, dampers or controllers slow motions down within {1.0 / self.decay:.1g} s, "
-            f"below {self.duration / MAX_STIFFNESS:.1g} s, the least in a run of {self.duration:g} s; reduce them, "
-            "or lock the joint that they hold"
+            f"below {self.duration / MAX_STIFFNESS:.1g} s, the least in a run of {self.duration:g} s; reduce "
+            "them, or lock the joint that they hold"
         )
 
     def _beyond_stop(self) -> tuple[Outcome, str] | None:
