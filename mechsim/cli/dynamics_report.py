@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import typer
 
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics
+from mechsim.analytic.dynamics.contact_forces import ContactForce
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import OutputUnits, Value, number, print_table, print_text, without_noise
@@ -134,6 +135,7 @@ class DynamicsJson(TypedDict):
     reactions: NotRequired[dict[str, ReactionJson]]
     sums: NotRequired[dict[str, ReactionJson]]
     couplings: NotRequired[dict[str, CouplingJson]]
+    contacts: NotRequired[dict[str, ContactForce]]
     indeterminacy: NotRequired[int]
     shaking_force: NotRequired[Peak]
     shaking_moment: NotRequired[Peak]

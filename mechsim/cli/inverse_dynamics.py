@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim import files
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, actuated, fluctuation, flywheel_for
+from mechsim.analytic.dynamics.contact_forces import contact_forces
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
@@ -186,6 +187,7 @@ def _prescribed(
                 progress=next(steps),
             )
             verdict = crosscheck_driven(run, model, progress=next(steps))
+    contacts = contact_forces(model, profile.state, time)
     _write(options.output, study, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.forces))
@@ -201,9 +203,12 @@ def _prescribed(
                     f"{number(_noise_free(cycle.torque, study))} N m and a flywheel of "
                     f"{number(cycle.flywheel)} kg m2"
                 )
+        for name, contact in contacts.items():
+            print_text(contact.sentence(name))
         print_comparison(verdict, tolerance, note, verbose=verbose)
 
     data = {
+        "contacts": contacts,
         **study_facts(study),
         "fluctuation": steady,
         "with_flywheel": even,

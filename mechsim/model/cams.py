@@ -184,6 +184,15 @@ class Cam:
             q, lift, point, point - self.radius * normal, normal, angle, radius, 1.0 - self.radius * curvature
         )
 
+    def lever(self, q: Array) -> Array:
+        """Return the normal displacement of the contact per lift, (n,) in [1] or [m]."""
+        contact = self.contact(q)
+        lever = np.cos(contact.pressure_angle)
+        if self.motion == "translating":
+            return lever
+        x, y = contact.pitch
+        return lever * np.hypot(x - self.centre_distance, y)
+
     def _flat_contact(self, q: Array, s: Jet) -> "CamContact":
         zero = 0.0 * q
         if self.motion == "translating":
