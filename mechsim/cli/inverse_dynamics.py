@@ -43,11 +43,14 @@ from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import CrankProfile
+from mechsim.model.progress import Progress
 from mechsim.model.quantities import quantity
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import study_facts
 from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.studies.motions import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
@@ -176,16 +179,7 @@ def _prescribed(
         steady, even = _steady_turns(model, options)
         run, verdict = None, None
         if method != "none":
-            run = driven(
-                model.mechanism,
-                model.forces,
-                **driven_as(model.solver, profile),
-                method=method,
-                tolerance=options.tolerance,
-                # with a tolerance, the smallest sufficient number of steps determines the instants
-                samples=rows - 1 if options.tolerance is None else None,
-                progress=next(steps),
-            )
+            run = _driven(model, options, profile, rows, next(steps))
             verdict = crosscheck_driven(run, model, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
     _write(options.output, study, model.mechanism, shown if labelled else None)
@@ -215,6 +209,22 @@ def _prescribed(
     }
     data |= {"tolerance_report": tolerance, "note": note, **verdict_data(verdict, method)}
     return Result(data, text, passed(verdict, tolerance))
+
+
+def _driven(
+    model: DynamicModel, options: InverseOptions, profile: CrankProfile, rows: int, report: Progress
+) -> Driven:
+    """Return the same motion in MuJoCo."""
+    return driven(
+        model.mechanism,
+        model.forces,
+        **driven_as(model.solver, profile),
+        method=options.mujoco_method,
+        tolerance=options.tolerance,
+        # with a tolerance, the smallest sufficient number of steps determines the instants
+        samples=rows - 1 if options.tolerance is None else None,
+        progress=report,
+    )
 
 
 def _noise_free(torque: float, study: InverseDynamics) -> float:

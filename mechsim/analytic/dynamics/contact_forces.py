@@ -88,8 +88,8 @@ def _contact_force(model: DynamicModel, state: State, times: Array, name: str) -
     value, levers = _normal_force(model, state, times, contact)
     preload = None if levers is None else max(0.0, float((-value * levers).max()))
     # a force next to zero that turns between two instants may change its sign twice
-    steps, size = np.abs(np.diff(value)), np.abs(value[1:-1])
-    turning = (size < np.maximum(steps[1:], steps[:-1])) & (value[:-2] * value[2:] > 0.0)
+    steps, magnitude = np.abs(np.diff(value)), np.abs(value[1:-1])
+    turning = (magnitude < np.maximum(steps[1:], steps[:-1])) & (value[:-2] * value[2:] > 0.0)
     for i in np.flatnonzero(turning):
         between = np.linspace(times[i], times[i + 2], FINER + 1)
         times, value = np.append(times, between), np.append(value, force(between))
