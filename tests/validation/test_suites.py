@@ -1,0 +1,85 @@
+"""The suites of others: figures kept here are right, changed ones are not, and a clone is read from git."""
+
+import json
+import subprocess
+
+import pytest
+
+from validation.suites import __main__ as command
+from validation.suites import chrono, pmks
+from validation.suites.case import Case, Clone, kept
+
+
+@pytest.mark.parametrize("case", ["Revolute_Case02", "Universal_Case03", "LinActuator_Case02"])
+def test_figures_of_adams(case):
+    result = chrono.compared(case, None)
+    assert len(result.rows) >= 8
+    assert result.outcome == "right", result
+
+
+def test_a_changed_figure_is_an_unexplained_difference(monkeypatch):
+    def changed(name):
+        for case, what, accepted, time, *numbers in kept(name):
+            shift = 0.1 if what == "Rforce" else 0.0
+            yield [case, what, accepted, time, *(str(float(number) + shift) for number in numbers)]
+
+    monkeypatch.setattr(chrono, "kept", changed)
+    result = chrono.compared("Revolute_Case02", None)
+    assert result.outcome == "unexplained"
+    assert [row.quantity for row in result.rows if not row.passed] == ["Rforce"]
+
+
+def test_a_case_without_rows_is_not_right():
+    assert Case("empty").outcome == "unexplained"
+    assert Case("empty", rejected="no such joint").outcome == "rejected"
+
+
+LINKAGE = {
+    "case_id": "slider",
+    "topology": {
+        "joints": [
+            {"id": "A", "links": ["ground", "AB"], "initial": [0, 0]},
+            {"id": "B", "links": ["AB", "BC"], "initial": [3, 0]},
+            {"id": "C", "links": ["BC", "ground"], "initial": [8, 0], "guide_axis": [1, 0]},
+        ],
+        "points": [],
+        "links": [{"id": "AB"}, {"id": "BC"}],
+    },
+    "mass_properties": {},
+    "input": {"joint": "A", "speed_rad_s": 2.0},
+}
+# at a right angle: C at x = 4, and its velocity is that of the crank pin, which is parallel to the guide
+ROWS = "sample_id,x,y,vx,vy,ax,ay\n0,8,0,0,0,{},0\n1,4,0,-6,0,{},0\n"
+
+
+@pytest.mark.parametrize(("last", "outcome"), [(9.0, "right"), (9.1, "unexplained")])
+def test_a_clone_is_read_from_git(tmp_path, last, outcome):
+    """Slider-crank, r 3, l 5, w 2: x'' = -w^2 (r + r^2/l) at 0, w^2 r^2/sqrt(l^2 - r^2) at 90 deg."""
+    files = {
+        "case.json": json.dumps(LINKAGE),
+        "matlab/samples.csv": "sample_id,input_angle_rad,input_direction\n0,0.5,1\n1,2.0707963267948966,1\n",
+        "matlab/joints/C.csv": ROWS.format(-4 * (3 + 9 / 5), last),
+        # of the rod -r w/l at 0 and w^2 r/sqrt(l^2 - r^2) at 90 deg
+        "matlab/links/BC.csv": "sample_id,omega_rad_s,alpha_rad_s2\n0,-1.2,0\n1,0,3\n",
+    }
+    for name, text in files.items():
+        path = tmp_path / pmks.ROOT / "slider" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(tmp_path)]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "x"]):
+        subprocess.run([*git, *words], check=True)
+    (case,) = pmks.cases(Clone(tmp_path))
+    assert case.outcome == outcome, case
+
+
+@pytest.mark.slow
+def test_all_figures_kept_here():
+    assert command.main([]) == 0
+
+
+def test_an_unknown_suite_is_rejected(capsys):
+    with pytest.raises(SystemExit) as error:
+        command.main(["adams"])
+    assert error.value.code == 2
+    assert "there is no suite adams; give chrono" in capsys.readouterr().err

@@ -1,0 +1,102 @@
+"""What a suite reports: cases with their differences, and the clone from which its files are read."""
+
+import subprocess
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from validation.published.table import Row
+
+FIGURES = Path(__file__).parent / "figures"
+Outcome = Literal["right", "source wrong", "mechsim wrong", "rejected", "unexplained"]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A case that was tried.
+
+    Attributes:
+        name: as the source has it.
+        rows: the compared quantities, with tolerances and their reasons.
+        rejected: why mechsim does not take it; empty if it does.
+        source_fault: why the source is wrong where a row exceeds its tolerance.
+        own_fault: likewise, why mechsim is.
+        note: what a difference within its tolerance comes from.
+    """
+
+    name: str
+    rows: tuple[Row, ...] = ()
+    rejected: str = ""
+    source_fault: str = ""
+    own_fault: str = ""
+    note: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict; a difference without a stated fault is unexplained, and so is a case without rows."""
+        if self.rejected:
+            return "rejected"
+        if self.rows and all(row.passed for row in self.rows):
+            return "right"
+        if self.source_fault:
+            return "source wrong"
+        return "mechsim wrong" if self.own_fault else "unexplained"
+
+    @property
+    def remark(self) -> str:
+        """The text that goes with the outcome."""
+        return self.rejected or self.source_fault or self.own_fault or self.note
+
+    @property
+    def worst(self) -> Row | None:
+        """The row nearest to its tolerance or farthest beyond it."""
+        return max(self.rows, key=lambda row: row.error / (row.tolerance or 1e-300), default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class Clone:
+    """A git clone, bare or not; its newest commit is read."""
+
+    folder: Path
+
+    def read(self, path: str) -> str:
+        """Return the text of a file."""
+        return self._git("show", f"HEAD:{path}")
+
+    def paths(self, folder: str) -> list[str]:
+        """Return the paths of all files below a folder."""
+        return self._git("ls-tree", "-r", "--name-only", "HEAD", folder).splitlines()
+
+    @property
+    def commit(self) -> str:
+        """Its first characters and the date of the commit."""
+        return self._git("log", "-1", "--date=format:%d %b %Y", "--format=%h of %cd").strip()
+
+    def _git(self, *words: str) -> str:
+        command = ["git", "-C", str(self.folder), *words]
+        return subprocess.run(command, capture_output=True, text=True, check=True, errors="replace").stdout
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """Cases of one source.
+
+    Attributes:
+        title: what it is.
+        repository: owner/name of the clone; empty if its figures are all here.
+        about: what the references are, in a sentence or two.
+        cases: clone, or None for the figures kept here -> cases.
+    """
+
+    title: str
+    repository: str
+    about: str
+    cases: Callable[[Clone | None], Iterable[Case]]
+
+
+def kept(name: str) -> Iterator[list[str]]:
+    """Yield the rows of a table kept in figures/, without comments."""
+    for line in (FIGURES / f"{name}.csv").read_text().splitlines():
+        if line and not line.startswith("#"):
+            yield line.split(",")

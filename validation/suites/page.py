@@ -1,0 +1,69 @@
+"""The page docs/explanation/outside_evidence.md, written from results."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from validation.suites.case import Case, Clone, Suite
+
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "outside_evidence.md"
+HEAD = """# Evidence from others
+
+Others have published answers. `python -m validation.suites --source FOLDER` solves their cases and writes
+this page; FOLDER holds git clones. Without it, figures in `validation/suites/figures` are compared.
+
+Written on {day} with mechsim {mechsim}, numpy {numpy}.
+
+| suite | tried | right | source wrong | mechsim wrong | rejected | unexplained |
+|---|---|---|---|---|---|---|
+"""
+COUNTED = ("right", "source wrong", "mechsim wrong", "rejected", "unexplained")
+
+
+def record(case: Case) -> dict[str, Any]:
+    """Return a case as JSON has it."""
+    rows = [
+        {
+            "quantity": row.quantity,
+            "difference": row.error,
+            "tolerance": row.tolerance,
+            "unit": row.unit,
+            "reason": row.reason,
+        }
+        for row in case.rows
+    ]
+    texts = {name: getattr(case, name) for name in ("rejected", "source_fault", "own_fault", "note")}
+    return {"case": case.name, "outcome": case.outcome, "rows": rows} | {k: v for k, v in texts.items() if v}
+
+
+def counts(suite: Suite, cases: Sequence[Case]) -> str:
+    tally = Counter(case.outcome for case in cases)
+    return f"| {suite.title} | {len(cases)} | " + " | ".join(str(tally[what]) for what in COUNTED) + " |\n"
+
+
+def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
+    source = f"`{suite.repository}` at {clone.commit}. " if clone else ""
+    lines = [f"\n## {suite.title}\n\n{source}{suite.about}\n\n"]
+    lines.append(
+        "| case | quantities | worst | difference | tolerance | remark |\n|---|---|---|---|---|---|\n"
+    )
+    for case in cases:
+        row = case.worst
+        worst = (row.quantity, f"{row.error:.1e} {row.unit}", f"{row.tolerance:.0e}") if row else ("", "", "")
+        lines.append(f"| {case.name} | {len(case.rows)} | {' | '.join(worst)} | {case.remark} |\n")
+    reasons = sorted({row.reason for case in cases for row in case.rows})
+    return "".join(lines) + "\nTolerances: " + "; ".join(reasons) + ".\n"
+
+
+def write(
+    suites: Mapping[str, Suite], clones: Mapping[str, Clone | None], results: Mapping[str, Sequence[Case]]
+) -> None:
+    """Write the page."""
+    day = date.today().strftime("%d %B %Y")
+    text = HEAD.format(day=day, mechsim=version("mechsim"), numpy=version("numpy"))
+    text += "".join(counts(suites[name], cases) for name, cases in results.items())
+    text += "".join(section(suites[name], clones[name], cases) for name, cases in results.items())
+    PAGE.write_text(text)
