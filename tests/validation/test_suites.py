@@ -74,7 +74,7 @@ def test_a_clone_is_read_from_git(tmp_path, last, outcome):
 
 
 @pytest.mark.slow
-def test_all_figures_kept_here():
+def test_figures_of_all_suites():
     assert command.main([]) == 0
 
 
