@@ -19,7 +19,7 @@ from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Controller, Motor
-from mechsim.model.nonlinear_springs import NonlinearSpring
+from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, require
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
@@ -229,7 +229,7 @@ class Forces:
         """Coordinate -> its range between soft stops, infinite where there is none."""
         ranges: dict[str, tuple[float, float]] = {}
         for spring in self.nonlinear_springs:
-            if isinstance(spring.ends, str):
+            if isinstance(spring.ends, str) and isinstance(spring.law, SoftStop):
                 low, high = ranges.get(spring.ends, (-np.inf, np.inf))
                 upper = spring.law.side > 0.0
                 ranges[spring.ends] = (low, spring.law.limit) if upper else (spring.law.limit, high)

@@ -3,14 +3,19 @@
 In a joint the length is a coordinate: a tension F is the force -F on link b along it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.coupling_functions import TabledFunction
+from mechsim.model.expressions import Expression, compiled
 from mechsim.model.links import Vector
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE, number
+from mechsim.numerics.inputs import HUGE, at_least_zero, number
 
 # phases of a stop: without penetration, under pressure, and left behind by a joint that retreats faster
 OPEN, PRESSED, RELAXED = range(3)
@@ -41,8 +46,7 @@ class SoftStop:
     def __post_init__(self) -> None:
         if not 0.0 < number(self.stiffness) < HUGE:
             raise InputError(f"stiffness of a stop is {self.stiffness}; give a number above 0")
-        if not 0.0 <= number(self.damping) < HUGE:
-            raise InputError(f"damping of a stop is {self.damping}; give a number, 0 or more")
+        at_least_zero("damping of a stop", self.damping)
 
     @property
     def reference(self) -> float:
@@ -78,9 +82,136 @@ class SoftStop:
         pressed = np.real(depth) > 0.0 if phase is None else phase != OPEN
         return self.side * self.stiffness * np.where(pressed, depth, 0.0)
 
+    def unstored(self, length: Array) -> Array:
+        """Return zero: the spring stores all that its damper does not lose."""
+        return np.zeros_like(length)
+
+    def beyond(self, length: Array, rate: Array) -> str:
+        """Return nothing: the law holds at every length."""
+        return ""
+
     def energy(self, length: Array) -> Array:
         """Return the stored energy, (n,) in [J]."""
         return 0.5 * (length - self.limit) * self.elastic(length)
+
+
+@dataclass(frozen=True)
+class SpringLaw:
+    """The tension k (l - rest) + d v + preload + f of a spring with a damper.
+
+    f is an expression of l and v, or a cubic spline through a table over one of them (de Boor, A Practical
+    Guide to Splines, chapter 4). An expression stores no energy: f at rest does work, as a load does, and the
+    rest of it is lost.
+
+    Attributes:
+        stiffness: k in [N/m] or [N m/rad].
+        rest: length at which the linear spring is unloaded, in [m] or [rad].
+        damping: d in [N s/m] or [N m s/rad], 0 or more.
+        preload: constant tension in [N] or [N m].
+        text: the expression, in SI; empty for none.
+        names: names of its parameters.
+        values: their values.
+        table: the table.
+        over: what it is over, the length or its rate.
+    """
+
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+    preload: float = 0.0
+    text: str = ""
+    names: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    table: TabledFunction | None = None
+    over: Literal["l", "v"] = "l"
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            at_least_zero(f"{name} of a spring", getattr(self, name))
+        for name in ("rest", "preload"):
+            if not abs(number(getattr(self, name))) < HUGE:
+                raise InputError(f"{name} of a spring is {getattr(self, name)}; give a finite number")
+        if self.text:
+            # rejects text that is no expression
+            _ = self._expression
+
+    @cached_property
+    def _expression(self) -> Expression:
+        return compiled(self.text, ("l", "v", *self.names))
+
+    @property
+    def reference(self) -> float:
+        """As that of a stop."""
+        return self.rest
+
+    def phase(self, length: float, rate: float) -> int:
+        """Return the only phase."""
+        return OPEN
+
+    def remaining(self, phase: int, length: Array, rate: Array) -> Array:
+        """Return the distance to the end of the table, (n,); 1 without a table."""
+        if self.table is None:
+            return np.ones_like(length)
+        low, high = self._ends
+        position = length if self.over == "l" else rate
+        return np.minimum(position - low, high - position)
+
+    def tension(self, length: Array, rate: Array, phase: int | None = None) -> Array:
+        """Return the tension, (n,); complex steps are propagated."""
+        value = self.stiffness * (length - self.rest) + self.damping * rate + self.preload
+        return value + self._tabled(length if self.over == "l" else rate) + self._written(length, rate)
+
+    def elastic(self, length: Array, phase: int | None = None) -> Array:
+        """Return the derivative of `energy` by the length, (n,)."""
+        value = self.stiffness * (length - self.rest) + self.preload
+        return value + self._tabled(length) if self.over == "l" else value
+
+    def unstored(self, length: Array) -> Array:
+        """Return the tension of the expression at rest, (n,)."""
+        return self._written(length, 0.0 * length)
+
+    def energy(self, length: Array) -> Array:
+        """Return the stored energy, (n,) in [J]."""
+        stretch = length - self.rest
+        value = (0.5 * self.stiffness * stretch + self.preload) * stretch
+        if self.table is not None and self.over == "l":
+            value = value + self.table.spline.antiderivative()(np.real(length), extrapolate=True)
+        return value
+
+    def beyond(self, length: Array, rate: Array) -> str:
+        """Return what is beyond the table in words; empty if nothing is."""
+        if self.table is None:
+            return ""
+        values, (low, high) = np.real(length if self.over == "l" else rate), self._ends
+        if ((values >= low) & (values <= high)).all():
+            return ""
+        return f"{self.over} leaves its range from {low:.6g} to {high:.6g} in table {self.table.text!r}"
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """First and last position of the table."""
+        assert self.table is not None
+        return self.table.positions[0], self.table.positions[-1]
+
+    def _tabled(self, position: Array) -> Any:
+        """Return the value of the table, (n,); its last polynomial beyond it, where no result is kept."""
+        if self.table is None:
+            return 0.0
+        value = self.table.spline(np.real(position), extrapolate=True)
+        if not np.iscomplexobj(position):
+            return value
+        return value + 1j * self.table.spline(np.real(position), 1, extrapolate=True) * np.imag(position)
+
+    def _written(self, length: Array, rate: Array) -> Any:
+        """Return the value of the expression, (n,), with complex steps by its derivatives."""
+        if not self.text:
+            return 0.0
+        values: dict[str, Any] = {**dict(zip(self.names, self.values, strict=True)), "l": length, "v": rate}
+        real = {name: np.real(value) for name, value in values.items()}
+        if not any(np.iscomplexobj(value) for value in values.values()):
+            return np.broadcast_to(self._expression(real), np.shape(length))
+        value, derivatives = self._expression.derivatives(real)
+        return value + 1j * sum(change * np.imag(values[name]) for name, change in derivatives.items())
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +221,20 @@ class NonlinearSpring:
     Attributes:
         ends: two points, or a joint coordinate.
         law: tension by length and rate.
+        name: its name in a file; empty for a stop.
     """
 
     ends: tuple[str | tuple[str, Vector], str | tuple[str, Vector]] | str
-    law: SoftStop
+    law: SoftStop | SpringLaw
+    name: str = ""
 
 
-def phases_of(springs: tuple[NonlinearSpring, ...], lengths: Array, rates: Array) -> tuple[int, ...]:
+Phases = tuple[int, ...]
+
+
+def phases_of(springs: Sequence[NonlinearSpring], lengths: Array, rates: Array) -> Phases:
     """Return the phase of each spring at lengths and rates, (springs,)."""
     return tuple(
         spring.law.phase(float(length), float(rate))
         for spring, length, rate in zip(springs, lengths, rates, strict=True)
     )
-
-
-Phases = tuple[int, ...]

@@ -27,7 +27,12 @@ _PLACEHOLDER = "quantity_{}_"
 # units allowed in an expression
 _UNITS = ("m", "rad", "s", "N", "N m")
 # possible variables of an expression
-VARIABLES = {"t": "the time in s", "angle": "the crank's in rad"}
+VARIABLES = {
+    "t": "the time in s",
+    "angle": "the crank's in rad",
+    "l": "the length",
+    "v": "its rate",
+}
 
 
 def time_function(

@@ -11,12 +11,8 @@ from mechsim.model.forces import (
     Friction,
     JointSpring,
     Load,
-    Location,
-    Spring,
-    located,
 )
 from mechsim.model.joint_kinds import KINDS, KindName
-from mechsim.model.links import ORIGIN
 from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
@@ -26,6 +22,7 @@ from mechsim.subjects.law_text import LoadComponent, combine_components, is_tabl
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
 from mechsim.subjects.toml_motors import actuators_of, expression_controllers
+from mechsim.subjects.toml_springs import nonlinear_springs_of, point_of, springs_of
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
 from mechsim.units import Unit
 
@@ -58,9 +55,9 @@ def forces_of(
                 *_frictions(values, mechanism, table.get("friction", {}), ("forces", "friction")),
                 *_frictions(values, mechanism, rubbing, ("joints",), ("friction",)),
             ),
-            springs=tuple(_springs(values, mechanism, table)),
+            springs=tuple(springs_of(values, mechanism, table)),
             joint_springs=tuple(_joint_springs(values, mechanism, table)),
-            nonlinear_springs=tuple(stops),
+            nonlinear_springs=(*stops, *nonlinear_springs_of(values, mechanism, table)),
             loads=tuple(_loads(values, mechanism, table)),
             couples=tuple(
                 Couple(link, load_profile_of(values, mechanism, moment, "N m", ("forces", "couples", link)))
@@ -119,7 +116,8 @@ def _loads(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> It
         with values.source.error_context(("forces", "loads", name)):
             path = ("forces", "loads", name, "force")
             yield Load(
-                _point(mechanism, entry["at"]), load_profile_of(values, mechanism, entry["force"], "N", path)
+                point_of(mechanism, entry["at"]),
+                load_profile_of(values, mechanism, entry["force"], "N", path),
             )
 
 
@@ -127,16 +125,6 @@ def _crank_torque(values: Values, mechanism: Mechanism, table: Mapping[str, Any]
     if "crank_torque" not in table:
         return None
     return load_profile_of(values, mechanism, (table["crank_torque"],), "N m", ("forces", "crank_torque"))
-
-
-def _springs(values: Values, mechanism: Mechanism, tables: Mapping[str, Any]) -> Iterator[Spring]:
-    for table in ("springs", "dampers"):
-        for name, entry in tables.get(table, {}).items():
-            with values.source.error_context(("forces", table, name)):
-                a, b = (_point(mechanism, entry[side]) for side in "ab")
-                yield Spring(
-                    a, b, entry.get("stiffness", 0.0), entry.get("rest", 0.0), entry.get("damping", 0.0)
-                )
 
 
 def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]:
@@ -180,12 +168,6 @@ def _unit(values: Values, mechanism: Mechanism, joint: str, path: KeyPath) -> Un
     if joint not in kinds:
         raise values.source.error(path, f"names joint {joint!r}{suggestion(joint, kinds)}")
     return "m" if "m" in KINDS[kinds[joint]].units else "rad"
-
-
-def _point(mechanism: Mechanism, read: Any) -> Location:
-    point: Location = read if isinstance(read, str) else (read["link"], read.get("at", ORIGIN))
-    located(mechanism, point)
-    return point
 
 
 def _motor(values: Values, table: Mapping[str, Any]) -> Motor:

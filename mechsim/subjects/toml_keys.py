@@ -128,12 +128,14 @@ _ENDS: dict[str, KeyType] = {"a": POINT, "b": POINT}
 _SPRING = Table(
     _ENDS
     | {
-        "stiffness": Number("N/m", "force per elongation"),
-        "rest": Number("m", "length without force, a number in the unit of the file; default 0"),
-        "damping": Number("N s/m", "force per rate of elongation; default 0"),
+        "joint": Text("coordinate along which it acts, instead of a and b"),
+        "stiffness": JointNumber("force per elongation [N/m or N m/rad]"),
+        "rest": JointNumber("length without force, a number in the unit of the file; default 0"),
+        "damping": JointNumber("force per rate of elongation [N s/m or N m s/rad]; default 0"),
+        "preload": JointNumber("constant tension [N or N m]; default 0"),
+        "force": Text("further tension: an expression of l and v, or FILE.csv with l or v, and force in SI"),
     },
-    "a spring, and damper, on the line between two points",
-    ("a", "b", "stiffness"),
+    "a spring, and damper, on the line between two points or in a joint",
 )
 _DAMPER = Table(
     _ENDS | {"damping": Number("N s/m", "force per rate of elongation")},

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
+from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.subjects.law_text import MotionLaw, WrittenLoad
 from mechsim.subjects.toml_forces import FRICTION_NUMBERS
 
@@ -136,9 +138,14 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     for friction in forces.friction:
         values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *FRICTION_NUMBERS)
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
-    for i, spring in enumerate(forces.springs, 1):
+    named = {spring.name for spring in forces.nonlinear_springs}
+    numbers = (i for i in count(1) if f"spring{i}" not in named)
+    for i, spring in zip(numbers, forces.springs, strict=False):
         ends = {"a": _point(spring.a), "b": _point(spring.b)}
         table["springs", f"spring{i}"] = ends | _fields(spring, "stiffness", "rest", "damping")
+    for spring in forces.nonlinear_springs:
+        if isinstance(spring.law, SpringLaw):
+            table["springs", spring.name] = _nonlinear_spring(spring, spring.law)
     for spring in forces.joint_springs:
         table["joint_springs", spring.joint] = _fields(spring, "stiffness", "rest")
     for i, load in enumerate(forces.loads, 1):
@@ -147,6 +154,15 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     for couple in forces.couples:
         table["couples", couple.link] = _components(couple.moment, f"the couple on {couple.link}")
     return table
+
+
+def _nonlinear_spring(spring: NonlinearSpring, law: SpringLaw) -> dict[str, Any]:
+    ends = {"joint": spring.ends}
+    if not isinstance(spring.ends, str):
+        ends = {side: _point(end) for side, end in zip("ab", spring.ends, strict=True)}
+    force = _without_names(law) if law.table is None else _absolute(law.table.text)
+    table = ends | _fields(law, "stiffness", "rest", "damping", "preload") | {"force": force}
+    return _stated(table, stiffness=0.0, rest=0.0, damping=0.0, preload=0.0, force="")
 
 
 def _actuator(actuator: Actuator) -> dict[str, Any]:
@@ -243,7 +259,7 @@ def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
         if name in solver.restitution:
             entry["restitution"] = solver.restitution[name]
         for spring in () if solver.forces is None else solver.forces.nonlinear_springs:
-            if spring.ends == name:
+            if spring.ends == name and isinstance(spring.law, SoftStop):
                 entry["upper" if spring.law.side > 0.0 else "lower"] = spring.law.limit
                 entry |= _fields(spring.law, "stiffness", "damping")
         if entry:
@@ -285,7 +301,12 @@ def _function(function: "CouplingFunction | None") -> dict[str, Any]:
         raise InputError(
             f"{function.text} cannot be written as TOML, since it is no expression; copy the file"
         )
-    text = re.sub(rf"\b{function.variable}\b", "q", function.text)
+    return {"function": re.sub(rf"\b{function.variable}\b", "q", _without_names(function))}
+
+
+def _without_names(function: WrittenFunction | SpringLaw) -> str:
+    """Return an expression with its parameters as numbers."""
+    text = function.text
     for name, value in zip(function.names, function.values, strict=True):
         text = re.sub(rf"\b{re.escape(name)}\b", f"({value!r})", text)
-    return {"function": text}
+    return text

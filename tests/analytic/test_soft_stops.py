@@ -124,6 +124,7 @@ def test_a_ball_on_a_damped_stop_against_the_closed_form(tmp_path):
     assert "nonlinear springs" in run.note
 
 
+@pytest.mark.long
 def test_a_stop_without_damping_returns_all_energy(tmp_path):
     run = ms.dynamics.run(slide(tmp_path, "{ lower = 0, stiffness = 2000 }"), duration="2s")
     w, speed, rest = np.sqrt(2000.0 / 2.0), np.sqrt(2.0 * G), 2.0 * G / 2000.0
@@ -134,6 +135,7 @@ def test_a_stop_without_damping_returns_all_energy(tmp_path):
     assert run.energy_error < 1e-10
 
 
+@pytest.mark.long
 def test_a_pendulum_between_two_stops(tmp_path):
     """Against scipy with events; MuJoCo, stepped through all contacts, converges with the step."""
     k, d, low, high = 40.0, 0.3, np.radians(-100.0), np.radians(-60.0)

@@ -17,6 +17,7 @@ from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.link_poses import guessed_poses
 from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 
@@ -30,10 +31,13 @@ NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     TabledFunction: ("positions", "targets"),
     Link: ("inertia",),
     Inertia: ("mass", "centre", "moments"),
-    Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "loads"),
+    Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "nonlinear_springs", "loads"),
     Friction: ("viscous", "coulomb", "viscous_turn", "coulomb_turn"),
     Spring: ("a", "b", "stiffness", "rest", "damping"),
     JointSpring: ("stiffness", "rest"),
+    NonlinearSpring: ("ends", "law"),
+    SoftStop: ("limit", "stiffness", "damping"),
+    SpringLaw: ("stiffness", "rest", "damping", "preload", "values", "table"),
     Load: ("location",),
 }
 

@@ -268,8 +268,12 @@ def loads(
         length, rate = length_and_rate(unit, spring)
         phase, rate = None if phases is None else phases[k], rate * speed
         tension, elastic = spring.law.tension(length, rate, phase), spring.law.elastic(length, phase)
+        if phases is None and (beyond := spring.law.beyond(length, rate)):
+            raise InputError(f"{unit.mechanism.name}: {beyond}; extend the table")
+        unstored = spring.law.unstored(length)
         _add_along(unit, out, spring, tension)
-        energy, lost = energy + spring.law.energy(length), lost + (tension - elastic) * rate
+        energy, work = energy + spring.law.energy(length), work - unstored * rate
+        lost = lost + (tension - elastic - unstored) * rate
     require_idle(unit, out, "a load")
     course = model.forces.crank_torque
     crank = np.zeros(len(unit)) if course is None else course.evaluate(unit.angle, time)

@@ -24,7 +24,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.errors import MechsimError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.nonlinear_springs import NonlinearSpring, Phases, phases_of
+from mechsim.model.nonlinear_springs import NonlinearSpring, Phases, SpringLaw, phases_of
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complementarity import complementary
 from mechsim.numerics.newton import root
@@ -174,6 +174,15 @@ class Contacts:
         mechanism = self.equations.model.mechanism
         turning = isinstance(spring.ends, str) and mechanism.unit(spring.ends) == "rad"
         return 1.0 if turning else mechanism.characteristic_length
+
+    def beyond_tables(self, state: Kinematics) -> str:
+        """Return which spring of one state is beyond its table, in words; empty for none."""
+        springs = self.equations.model.forces.nonlinear_springs
+        if not any(isinstance(spring.law, SpringLaw) and spring.law.table for spring in springs):
+            return ""
+        lengths, rates = self.equations.spring_lengths(state)
+        texts = (spring.law.beyond(lengths[k], rates[k]) for k, spring in enumerate(springs))
+        return next((text for text in texts if text), "")
 
     def phases(self, state: Kinematics) -> Phases:
         """Return the phases of the nonlinear springs in one state."""

@@ -502,7 +502,9 @@ class Integration:
         )
 
     def _beyond_stop(self) -> tuple[Outcome, str] | None:
-        """Return the outcome if a joint is beyond a stop by more than rounding."""
+        """Return the outcome if a joint is beyond its stop, or a spring beyond its table."""
+        if beyond := self.contacts.beyond_tables(self.kinematics()):
+            return "failed", f"{beyond} at {self.time:.6g} s; extend the table"
         gaps = self.contacts.gaps(self.state[: self.layout.count, None])
         if not len(gaps) or gaps.min() >= -CLOSED_GAP:
             return None
