@@ -143,7 +143,9 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
         located.append(
             (interval[crossed], _roots(curve, interval[crossed], ends[:, crossed], force[0, crossed]))
         )
-        left = ~(empty | monotonic | still)
+        # beyond the domain of a spring's expression
+        undefined = np.isnan(np.stack([*force, middle_force])).all(0)
+        left = ~(empty | monotonic | still | undefined)
         interval = np.tile(interval[left], 2)
         ends, force, derivative = (
             np.concatenate([np.stack([pair[0], value]), np.stack([value, pair[1]])], 1)
@@ -153,7 +155,8 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
                 (derivative[:, left], middle_derivative[left]),
             )
         )
-    located.append((interval, ends.mean(0)))
+    defined = np.isfinite(force).all(0)
+    located.append((interval[defined], ends.mean(0)[defined]))
     intervals, u = (np.concatenate(values) for values in zip(*located, strict=True))
     return curve.configurations(intervals, u) if len(u) else None
 
