@@ -196,7 +196,7 @@ class FileLimits:
 
 def limits_of(coordinates: FileCoordinates) -> FileLimits:
     """Return the limits of coordinates, as ranges or as soft stops."""
-    found = FileLimits()
+    limits_read = FileLimits()
     for joint, table in coordinates.read["joints"].items():
         limits, whole = table.get("limits"), ("joints", joint, "limits")
         if limits is None:
@@ -208,12 +208,12 @@ def limits_of(coordinates: FileCoordinates) -> FileLimits:
         for suffix, entry in limits.items() if by_coordinate else [("", limits)]:
             name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
             coordinates.require(name, path)
-            _add_limits(coordinates, found, name, entry, path)
-    return found
+            _add_limits(coordinates, limits_read, name, entry, path)
+    return limits_read
 
 
 def _add_limits(
-    coordinates: FileCoordinates, found: FileLimits, name: str, entry: Any, path: KeyPath
+    coordinates: FileCoordinates, limits_read: FileLimits, name: str, entry: Any, path: KeyPath
 ) -> None:
     """Add the limits of one coordinate."""
     keys: set[str] = {*entry} if isinstance(entry, dict) else {""}
@@ -230,12 +230,12 @@ def _add_limits(
         reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
         raise coordinates.error(path, reason)
     if not soft:
-        found.ranges[name] = low, high
+        limits_read.ranges[name] = low, high
         if "restitution" in entry:
             value = values.quantity(entry["restitution"], "1", (*path, "restitution"))
             if not 0.0 <= value <= 1.0:
                 raise coordinates.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
-            found.restitution[name] = value
+            limits_read.restitution[name] = value
         return
     if KINDS[coordinates.kinds[name]].rod:
         raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
@@ -247,7 +247,7 @@ def _add_limits(
         for key, unit in zip(("stiffness", "damping"), units, strict=True)
     )
     with values.source.error_context(path):
-        found.stops += [
+        limits_read.stops += [
             NonlinearSpring(name, SoftStop(limit, side, stiffness, damping))
             for limit, side in ((low, -1.0), (high, 1.0))
             if abs(limit) < np.inf

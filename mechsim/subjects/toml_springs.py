@@ -36,10 +36,10 @@ def springs_of(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -
             if kind == "springs" and _nonlinear(values, entry, path):
                 continue
             with values.source.error_context(path):
-                ends = (point_of(mechanism, entry[side]) for side in "ab")
+                a, b = (point_of(mechanism, entry[side]) for side in "ab")
                 constants = _constants(values, entry, "m", path)
                 constants.pop("preload")
-                yield Spring(*ends, **{"stiffness": 0.0, **constants})
+                yield Spring(a, b, **constants)
 
 
 def nonlinear_springs_of(
@@ -107,8 +107,7 @@ def _force(values: Values, text: str, unit: Unit, path: KeyPath) -> dict[str, An
         name = match[1]
         if name in ("l", "v"):
             return name if scale == 1.0 else f"({name}/{scale!r})"
-        known = name == "pi" or name in parameters
-        return name if known else repr(float(quantity(f"1 {name}").value))
+        return name if name == "pi" or name in parameters else repr(float(quantity(f"1 {name}").value))
 
     try:
         time_function(text, "N" if unit == "m" else "N m", parameters=others, variable=variable)

@@ -64,14 +64,14 @@ def stop(depth, rate, k, d):
     return np.where(depth > 0.0, np.maximum(k * depth + d * rate, 0.0), 0.0)
 
 
-def integrated(acceleration, margins, start, end):
-    """Return times and states at events and the end, by scipy with a restart at each crossing of a margin."""
-    time, state, times, done = 0.0, np.array(start, float), [], False
-    while not done:
-        events = [lambda t, y, margin=margin: margin(y) for margin in margins]
+def integrated(acceleration, distances, start, end):
+    """Return times and states at events and the end, by scipy with a restart at each crossing of a distance."""
+    time, state, times, complete = 0.0, np.array(start, float), [], False
+    while not complete:
+        events = [lambda t, y, distance=distance: distance(y) for distance in distances]
         for event in events:
             event.terminal = True
-        # a step off the event, which would be found again
+        # a step off the event, which would be reached again
         first = time if not times else time + 1e-12
         state = state + (first - time) * np.array([*state[len(state) // 2 :], *acceleration(state)])
         solved = solve_ivp(
@@ -83,8 +83,8 @@ def integrated(acceleration, margins, start, end):
             atol=1e-14,
             events=events,
         )
-        time, state, done = solved.t[-1], solved.y[:, -1], solved.status == 0
-        times += [] if done else [time]
+        time, state, complete = solved.t[-1], solved.y[:, -1], solved.status == 0
+        times += [] if complete else [time]
     return np.array(times), state
 
 
@@ -149,12 +149,12 @@ def test_a_pendulum_between_two_stops(tmp_path):
         push = stop(low - y[0], -y[1], k, d) - stop(y[0] - high, y[1], k, d)
         return [(push - G * 0.3 * np.cos(y[0])) / inertia]
 
-    margins = [lambda y: y[0] - high, lambda y: low - y[0]]
-    margins += [
+    distances = [lambda y: y[0] - high, lambda y: low - y[0]]
+    distances += [
         lambda y: y[0] - high + tau * y[1] if y[0] > high else 1.0,
         lambda y: low - y[0] - tau * y[1] if y[0] < low else 1.0,
     ]
-    times, state = integrated(acceleration, margins, [np.radians(-80.0), 4.0], 0.3)
+    times, state = integrated(acceleration, distances, [np.radians(-80.0), 4.0], 0.3)
     run = ms.dynamics.run(solver, duration="0.3s", samples=30)
     assert len(times) == 3
     assert np.abs(np.array(run.events) - times).max() < 1e-9
@@ -207,18 +207,18 @@ def test_stops_of_both_coordinates(kind, tmp_path):
         turning = (push * pitch + twist) / (2.0 * pitch**2 + 0.03)
         return [pitch * turning, turning]
 
-    margins = [lambda y: -0.1 - y[0], lambda y: y[1] - 3.0]
-    margins += [
+    distances = [lambda y: -0.1 - y[0], lambda y: y[1] - 3.0]
+    distances += [
         lambda y: -0.1 - y[0] - y[2] / 150.0 if y[0] < -0.1 else 1.0,
         lambda y: y[1] - 3.0 + y[3] / 250.0 if y[1] > 3.0 else 1.0,
     ]
     start = [0.0, 0.0, -4.0 * pitch, -4.0] if screw else [0.0, 0.0, 0.0, 9.0]
-    times, state = integrated(acceleration, margins, start, 1.0)
+    times, state = integrated(acceleration, distances, start, 1.0)
     run = ms.dynamics.run(solver, duration="1s", samples=50)
     assert len(times) >= 3
     assert np.abs(np.array(run.events) - times).max() < 1e-9
-    found = [run.motion.joints[f"J.{name}"].value[-1] for name in ("way", "turn")]
-    assert np.abs(np.array(found) - state[:2]).max() < 1e-8
+    reached = [run.motion.joints[f"J.{name}"].value[-1] for name in ("way", "turn")]
+    assert np.abs(np.array(reached) - state[:2]).max() < 1e-8
     assert run.energy_error < 1e-10
     model = dynamic_model(solver)
     assert crosscheck_forward(run, model, initial_values(model, {})).passed
@@ -239,9 +239,9 @@ def test_a_stop_distinguishes_angles_that_differ_by_revolutions(tmp_path):
     """The arm rests on its stop, hangs a revolution above it, or balances upright."""
     solver = loaded(tmp_path, PENDULUM.format(limits='{ lower = "-30 deg", stiffness = "300 N m/rad" }'))
     rest = brentq(lambda q: 300.0 * (-np.pi / 6.0 - q) - G * 0.3 * np.cos(q), -1.0, 0.0, xtol=1e-15)
-    found = sorted((each.q["hip"], each.stable) for each in ms.dynamics.equilibria(solver))
-    assert [stable for _, stable in found] == [True, True, False]
-    assert np.abs(np.array([q for q, _ in found]) - [-np.pi / 2.0, rest, np.pi / 2.0]).max() < 1e-9
+    reached = sorted((each.q["hip"], each.stable) for each in ms.dynamics.equilibria(solver))
+    assert [stable for _, stable in reached] == [True, True, False]
+    assert np.abs(np.array([q for q, _ in reached]) - [-np.pi / 2.0, rest, np.pi / 2.0]).max() < 1e-9
 
 
 def test_drive_force_of_a_prescribed_motion(tmp_path):

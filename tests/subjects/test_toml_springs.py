@@ -133,7 +133,7 @@ def test_a_table_over_the_length_and_one_over_the_rate(tmp_path):
     assert again.forces.nonlinear_springs == solver.forces.nonlinear_springs
 
 
-def test_a_motion_beyond_its_table_ends_there(tmp_path):
+def test_a_motion_beyond_its_table_ends(tmp_path):
     lengths = np.linspace(0.35, 0.6, 6)
     np.savetxt(
         tmp_path / "f.csv", np.c_[lengths, 0.0 * lengths], delimiter=",", header="l,force", comments=""
@@ -192,8 +192,8 @@ def test_a_double_pendulum_with_two_springs(tmp_path):
     run = ms.dynamics.run(solver, duration="0.5s", samples=20)
     start = [np.radians(-60.0), 0.0, 0.0, 2.0]
     exact = solve_ivp(arm_rates, (0.0, 0.5), start, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
-    found = [run.motion.joints[name].value[-1] for name in ("hip", "elbow")]
-    assert np.abs(np.array(found) - exact[:2]).max() < 1e-8
+    reached = [run.motion.joints[name].value[-1] for name in ("hip", "elbow")]
+    assert np.abs(np.array(reached) - exact[:2]).max() < 1e-8
     assert run.energy_error < 1e-10
     model = dynamic_model(solver)
     assert crosscheck_forward(run, model, initial_values(model, {})).passed

@@ -287,10 +287,14 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
         return length, dot(line, rate)
     joint, k = unit.mechanism.joint_with(spring.ends)
     value: Any = _joint_values(unit, joint)[..., k]
-    known = unit.coordinates.get(spring.ends)
-    if known is not None:
-        # dimensions may have complex steps that known values lack
-        value = known + 1j * np.imag(value) if np.iscomplexobj(value) and np.isrealobj(known) else known
+    continuous = unit.coordinates.get(spring.ends)
+    if continuous is not None:
+        # dimensions may have complex steps that continuous values lack
+        value = (
+            continuous + 1j * np.imag(value)
+            if np.iscomplexobj(value) and np.isrealobj(continuous)
+            else continuous
+        )
     elif KINDS[joint.kind].units[k] == "rad":
         # of the angles that differ by revolutions, the one next to the stop
         value = spring.law.reference + wrapped(value - spring.law.reference)

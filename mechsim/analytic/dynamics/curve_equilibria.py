@@ -98,8 +98,8 @@ def _one_way(
         ahead, distance = float(along @ to_start), float(np.linalg.norm(to_start))
         returned = 0.9 * distance < ahead <= 1.5 * step and along @ tangents[0] > 0.0
         # a stop distinguishes angles that differ by revolutions
-        turned = np.abs(q.values - start.values)[[*equations.sprung.values()]].max(initial=0.0) > np.pi
-        if len(lengths) > 1 and returned and not turned:
+        another = np.abs(q.values - start.values)[[*equations.sprung.values()]].max(initial=0.0) > np.pi
+        if len(lengths) > 1 and returned and not another:
             return nodes, tangents, [*lengths, ahead], True
         moved, closed = displaced_states(
             equations, q, along[None, :, None], np.array([[step]]), np.zeros((1, 1))

@@ -438,8 +438,8 @@ class EquationsOfMotion:
         angle = np.zeros(n) if self.crank is None else state.q.values[self.crank]
         none = np.zeros((*twist.shape, 0))
         unit = UnitMotion(self.model.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
-        known = {name: state.q.values[i] for name, i in self.sprung.items()}
-        return replace(unit, coordinates=known) if known else unit
+        continuous = {name: state.q.values[i] for name, i in self.sprung.items()}
+        return replace(unit, coordinates=continuous) if continuous else unit
 
     def _link_jacobians(self, state: Kinematics) -> Array:
         """Return each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""

@@ -116,8 +116,8 @@ class LoadedModel(ClosedModel):
         oppose(self.dry, velocity, controls)
         first = self.actuators.nonlinear.start
         for i, spring in enumerate(self.forces.nonlinear_springs, first):
-            turned = spring.law.reference if self.model.actuator_trntype[i] == SITE else 0.0
-            controls[:, i] = spring.law.tension(length[:, i] + turned, velocity[:, i])
+            offset = spring.law.reference if self.model.actuator_trntype[i] == SITE else 0.0
+            controls[:, i] = spring.law.tension(length[:, i] + offset, velocity[:, i])
 
     def nothing(self, n: int) -> AppliedForces:
         """Return applied forces of zero at n states."""
