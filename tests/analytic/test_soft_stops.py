@@ -65,7 +65,7 @@ def stop(depth, rate, k, d):
 
 
 def integrated(acceleration, distances, start, end):
-    """Return times and states at events and the end, by scipy with a restart at each crossing of a distance."""
+    """Return times and states at events and the end, by scipy with a restart at each event."""
     time, state, times, complete = 0.0, np.array(start, float), [], False
     while not complete:
         events = [lambda t, y, distance=distance: distance(y) for distance in distances]
