@@ -14,7 +14,6 @@ PAGES = [path for path in PAGES if "_generated" not in path.parts]
 MEAN, MAX = 16.0, 35
 # words in README and docs together: 18,400, half of what they had before they were rewritten, and those of
 # pages on later commands (map, check, inverse kinematics, resets, vibrations, control, code, proofs, loops,
-# live pages, rows of other programs, suites of others, sources with derivations, machine elements, agents)
 MAX_WORDS = 24_800
 
 
