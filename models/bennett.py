@@ -1,15 +1,12 @@
 """Bennett linkage: four skew revolutes with one degree of freedom due to special dimensions."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import Declaration
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, cross, spun
 from mechsim.errors import InputError
 from mechsim.model.joints import End
@@ -24,10 +21,7 @@ MAX_RATIO = 1e6
 class Bennett(ClosedForm):
     """Bennett linkage: an overconstrained spatial four-bar."""
 
-    declaration = Declaration()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self) -> None:
         for name in ("twist0", "twist1"):
             twist = getattr(self, name)
             if not 1e-6 < abs(twist) < np.pi - 1e-6:
@@ -54,12 +48,6 @@ class Bennett(ClosedForm):
         """tan(rocker / 2) / tan(crank / 2) = sin((twist1 + twist0)/2) / sin((twist1 - twist0)/2)."""
         with np.errstate(divide="ignore"):
             return np.sin(0.5 * (self.twist1 + self.twist0)) / np.sin(0.5 * (self.twist1 - self.twist0))
-
-    def crank_range(self) -> Arcs:
-        return Arcs(True, ((-np.pi, np.pi),))
-
-    def assemblies(self, angle: float) -> Sequence[Self]:
-        return [self]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Zero if the linkage lies flat along X, and everywhere if twist1 is a right angle."""

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.formulas import Declaration
 from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import circle_sphere, column, cross, dot, spun
@@ -19,9 +18,7 @@ from mechsim.numerics.jets import Values, cos_sin
 class FourBar(TwoBranchForm):
     """Planar four-bar linkage with a coupler point."""
 
-    declaration = Declaration(
-        array_parameters=frozenset(("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle")),
-    )
+    array_parameters = frozenset(("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle"))
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""

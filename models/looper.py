@@ -1,7 +1,7 @@
 """Looper drive: spatial five-link with a cylindrical pair, its dimensions and its closed form."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple, Self
@@ -9,10 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import (
-    Declaration,
-)
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
@@ -107,15 +104,12 @@ class PlanarLoop:
 class Looper(ClosedForm):
     """Looper drive of a sewing machine: a spatial five-bar."""
 
-    declaration = Declaration(
-        theories=frozenset({"coupler line"}),
-        array_parameters=frozenset(
-            ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
-        ),
+    theories = frozenset({"coupler line"})
+    array_parameters = frozenset(
+        ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self) -> None:
         if not abs(np.sin(self.arm_angle)) > 1e-6:
             raise InputError(
                 f"looper: arm_angle is {self.arm_angle} rad, which puts C on the line AB, where it cannot "
@@ -199,9 +193,9 @@ class Looper(ClosedForm):
         members: list[tuple[Self, Sheet, int]] = []
         for branch in (1, -1):
             for sign in (1, -1):
-                first = replace(self, branch=branch, side=sign)
+                first = self.with_parameters(branch=branch, side=sign)
                 for count, (sheet, layer) in enumerate(first._sheets, 1):
-                    member = replace(first, side=sign * count)
+                    member = first.with_parameters(side=sign * count)
                     # all roots of one sign share the sheets
                     vars(member)["_sheets"] = first._sheets
                     members.append((member, sheet, layer))

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.formulas.formulas import Declaration
 from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
@@ -34,9 +33,7 @@ POLE = 1e-6
 class Rrsrr(TwoBranchForm):
     """Spatial five-bar: four revolute joints and one ball joint."""
 
-    declaration = Declaration(
-        array_parameters=frozenset(("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch")),
-    )
+    array_parameters = frozenset(("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch"))
 
     @cached_property
     def rocker_frame(self) -> Array:

@@ -1,14 +1,12 @@
 """RSSR: spatial four-bar crank-rocker, its dimensions and its closed form."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.formulas import Declaration
 from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
@@ -33,17 +31,13 @@ GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")
 class Rssr(TwoBranchForm):
     """Spatial four-bar with two revolute and two ball joints."""
 
-    declaration = Declaration(
-        array_parameters=frozenset(("crank", "coupler", "rocker", "pivot", "gamma1", "gamma2", "branch")),
-    )
-
     @cached_property
     def rocker_frame(self) -> Array:
         """Frame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
         return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     def variants(self) -> dict[str, Self]:
-        return {} if self.guide else {"guided": replace(self, guide=True)}
+        return {} if self.guide else {"guided": self.with_parameters(guide=True)}
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with d across and h along the axis."""
@@ -65,9 +59,9 @@ class Rssr(TwoBranchForm):
         return np.arcsin(np.minimum(np.abs(along), 1.0))
 
     @property
-    def array_parameters(self) -> frozenset[str]:
-        without_guide = frozenset() if self.guide else frozenset(GUIDE_PARAMETERS)
-        return super().array_parameters | without_guide
+    def array_parameters(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        always = ("crank", "coupler", "rocker", "pivot", "gamma1", "gamma2", "branch")
+        return frozenset(always if self.guide else (*always, *GUIDE_PARAMETERS))
 
     @property
     def spinning(self) -> frozenset[str]:

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.formulas import Declaration
 from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import column, sine_of, spun
@@ -17,7 +16,7 @@ from mechsim.numerics.jets import Values
 class SliderCrank(TwoBranchForm):
     """Planar slider-crank whose slider may be offset."""
 
-    declaration = Declaration(array_parameters=frozenset(("crank", "rod", "offset", "branch")))
+    array_parameters = frozenset(("crank", "rod", "offset", "branch"))
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """rod2 - h2 for the height h of the slide above A."""

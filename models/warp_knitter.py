@@ -1,15 +1,13 @@
 """Two-crank six-link mechanism of a warp-knitting machine: its dimensions and its closed form."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import Declaration
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
@@ -44,10 +42,10 @@ MAX_RATIO = 1000.0
 class WarpKnitter(ClosedForm):
     """Needle drive of a warp knitting machine: two geared cranks."""
 
-    declaration = Declaration(theories=frozenset({"velocity plan"}), gear="gear_ratio")
+    theories = frozenset({"velocity plan"})
+    gear = "gear_ratio"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self) -> None:
         if self.gear_ratio == 0.0:
             raise InputError(
                 f"{self.name}: gear_ratio is 0; give the revolutions of crank 2 per revolution of crank 1"
@@ -59,7 +57,7 @@ class WarpKnitter(ClosedForm):
             )
         if self.assembly != int(self.assembly):
             raise InputError(f"{self.name}: assembly is {self.assembly}; give a whole number")
-        object.__setattr__(self, "assembly", int(self.assembly))
+        self.values["assembly"] = self.assembly = int(self.assembly)
         count = len(self._at_zero)
         # if there is none, solving reports the dimensions
         if self.assembly < 1 or 0 < count < self.assembly:
@@ -217,7 +215,7 @@ class WarpKnitter(ClosedForm):
     def _all_assemblies(self) -> list[Self]:
         """This mechanism in every assembly mode at crank angle 0, cached with their paths."""
         numbers = range(1, 1 + len(self._at_zero))
-        return [self if n == self.assembly else replace(self, assembly=n) for n in numbers]
+        return [self if n == self.assembly else self.with_parameters(assembly=n) for n in numbers]
 
     @cached_property
     def _path(self) -> TriadPath | None:

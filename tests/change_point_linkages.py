@@ -1,7 +1,5 @@
 """Linkages with change points, and positions of four-bars by half angles."""
 
-from dataclasses import replace
-
 import mpmath
 import numpy as np
 
@@ -63,15 +61,15 @@ def touching_rrsrr():
     inside, outside = 0.039, 0.055
     for _ in range(30):
         middle = 0.5 * (inside + outside)
-        above = replace(linkage, link=middle).discriminant(angle).min() > 0.0
+        above = linkage.with_parameters(link=middle).closed_form.discriminant(angle).min() > 0.0
         inside, outside = (middle, outside) if above else (inside, middle)
-    closest = float(angle[np.argmin(replace(linkage, link=inside).discriminant(angle))])
+    closest = float(angle[np.argmin(linkage.with_parameters(link=inside).closed_form.discriminant(angle))])
     for _ in range(60):
         middle = 0.5 * (inside + outside)
         around = closest + np.linspace(-1e-3, 1e-3, 2001)
-        above = replace(linkage, link=middle).discriminant(around).min() > 0.0
+        above = linkage.with_parameters(link=middle).closed_form.discriminant(around).min() > 0.0
         inside, outside = (middle, outside) if above else (inside, middle)
-    return replace(linkage, link=inside)
+    return linkage.with_parameters(link=inside)
 
 
 CHANGE_POINT_LINKAGES = {

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 DIGITS = 50
 
 
-def rssr_p3(linkage: ClosedForm, f: float) -> Derivatives:
+def rssr_p3(linkage: KinematicSolver, f: float) -> Derivatives:
     """P3 with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
         return _derivatives(lambda angle: rssr_p3_place(linkage, angle), f)
@@ -37,7 +37,7 @@ def rssr_p3_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     return [p + r * (u * mp.cos(t) + v * mp.sin(t)) for p, u, v in zip(pivot, x, y, strict=True)]
 
 
-def four_bar_b(linkage: ClosedForm, f: float) -> Derivatives:
+def four_bar_b(linkage: KinematicSolver, f: float) -> Derivatives:
     """B with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
         return _derivatives(lambda angle: four_bar_b_place(linkage, angle), f)
@@ -58,7 +58,7 @@ def four_bar_b_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     return [g + r * mp.cos(t), r * mp.sin(t), mp.mpf(0)]
 
 
-def slider_crank_b(linkage: ClosedForm, f: float) -> Derivatives:
+def slider_crank_b(linkage: KinematicSolver, f: float) -> Derivatives:
     """B with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
         return _derivatives(lambda angle: slider_crank_b_place(linkage, angle), f)

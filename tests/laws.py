@@ -4,12 +4,12 @@ import numpy as np
 from strategies import CLOSED, EPS, longest
 
 from mechsim import loops
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 
 
-def agrees_with_loop_equations(linkage: ClosedForm, motion: Motion, slack: float = 1.0) -> None:
+def agrees_with_loop_equations(linkage: KinematicSolver, motion: Motion, slack: float = 1.0) -> None:
     """Assert that a motion satisfies the loop equations and their derivatives."""
     mechanism = linkage.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}

@@ -1,16 +1,16 @@
 """Random mechanisms that can be assembled somewhere, and crank angles where they can."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 
-Mirror = Callable[[ClosedForm], tuple[ClosedForm, float, np.ndarray]]
+Mirror = Callable[[KinematicSolver], tuple[KinematicSolver, float, np.ndarray]]
 EPS = np.finfo(np.float64).eps
 # allowed residual of a closed form relative to its longest length, frame distances included
 CLOSED = 8 * EPS
@@ -23,7 +23,7 @@ branches = st.sampled_from([1, -1])
 
 
 @st.composite
-def rssrs(draw: st.DrawFn) -> ClosedForm:
+def rssrs(draw: st.DrawFn) -> KinematicSolver:
     """A spatial four-bar whose coupler fits at one crank and rocker angle, so that it can be assembled."""
     base = catalog.make(
         "rssr",
@@ -35,16 +35,16 @@ def rssrs(draw: st.DrawFn) -> ClosedForm:
         branch=draw(branches),
     )
     f, swing = draw(turns), draw(turns)
-    x, y, _ = base.rocker_frame.T
+    x, y, _ = base.closed_form.rocker_frame.T
     p2 = base.crank * np.array([0.0, np.cos(f), np.sin(f)])
     p3 = np.array(base.pivot) + base.rocker * (np.cos(swing) * x + np.sin(swing) * y)
     coupler = float(np.linalg.norm(p3 - p2))
     assume(coupler > 0.005)
-    return replace(base, coupler=coupler)
+    return base.with_parameters(coupler=coupler)
 
 
 @st.composite
-def four_bars(draw: st.DrawFn) -> ClosedForm:
+def four_bars(draw: st.DrawFn) -> KinematicSolver:
     """A planar four-bar whose coupler fits at one crank and rocker angle."""
     crank, rocker, ground = (draw(lengths) for _ in range(3))
     f, swing = draw(turns), draw(turns)
@@ -64,7 +64,7 @@ def four_bars(draw: st.DrawFn) -> ClosedForm:
 
 
 @st.composite
-def slider_cranks(draw: st.DrawFn) -> ClosedForm:
+def slider_cranks(draw: st.DrawFn) -> KinematicSolver:
     """A slider-crank whose rod is longer than the height of the slide above the pin at one crank angle."""
     crank, offset = draw(lengths), draw(offsets)
     height = abs(offset - crank * np.sin(draw(turns)))
@@ -73,7 +73,7 @@ def slider_cranks(draw: st.DrawFn) -> ClosedForm:
 
 
 @st.composite
-def rrsrrs(draw: st.DrawFn) -> ClosedForm:
+def rrsrrs(draw: st.DrawFn) -> KinematicSolver:
     """A five-link whose connecting link fits at one crank and one coupler angle."""
     f, v = draw(turns), draw(turns)
     crank, coupler, pivot = draw(lengths), draw(lengths), tuple(draw(offsets) for _ in range(3))
@@ -88,7 +88,7 @@ def rrsrrs(draw: st.DrawFn) -> ClosedForm:
 
 
 @st.composite
-def loopers(draw: st.DrawFn) -> ClosedForm:
+def loopers(draw: st.DrawFn) -> KinematicSolver:
     """A looper that fits at one crank angle, one rocker angle and one swing of the follower."""
     base = catalog.make(
         "looper",
@@ -110,8 +110,7 @@ def loopers(draw: st.DrawFn) -> ClosedForm:
     along = (b - a) / abs(b - a)
     out = base.arm * np.sin(base.arm_angle)
     y = (a + along * (base.arm * np.cos(base.arm_angle) + 1j * out * np.cos(cone))).imag
-    return replace(
-        base,
+    return base.with_parameters(
         coupler=float(abs(b - a)),
         axis_y=float(y - base.follower * np.cos(tilt)),
         axis_z=float(out * np.sin(cone) - base.follower * np.sin(tilt)),
@@ -119,7 +118,7 @@ def loopers(draw: st.DrawFn) -> ClosedForm:
 
 
 @st.composite
-def bennetts(draw: st.DrawFn) -> ClosedForm:
+def bennetts(draw: st.DrawFn) -> KinematicSolver:
     twists = st.integers(60, 3080).map(lambda value: (value + 0.41) * 1e-3)
     first, second = draw(twists), draw(twists)
     assume(abs(first - second) > 0.02)
@@ -127,7 +126,7 @@ def bennetts(draw: st.DrawFn) -> ClosedForm:
     return catalog.make("bennett", length0=draw(lengths), twist0=sign * first, twist1=sign * second)
 
 
-def random_knitter(seed: int, ratio: float = -2.0) -> ClosedForm:
+def random_knitter(seed: int, ratio: float = -2.0) -> KinematicSolver:
     """A warp knitter whose legs fit one random pose at crank angle 0, in a random assembly."""
     rng = np.random.default_rng(seed)
     legs, base = [0.0], [0.0]
@@ -156,16 +155,16 @@ def random_knitter(seed: int, ratio: float = -2.0) -> ClosedForm:
         gear_ratio=ratio,
         assembly=1,
     )
-    return replace(linkage, assembly=int(rng.integers(1, len(linkage.assemblies(0.0)) + 1)))
+    return linkage.with_parameters(assembly=int(rng.integers(1, len(linkage.assemblies(0.0)) + 1)))
 
 
 @st.composite
-def warp_knitters(draw: st.DrawFn) -> ClosedForm:
+def warp_knitters(draw: st.DrawFn) -> KinematicSolver:
     """A warp knitter in one of its assemblies, its second crank geared twice as fast or 3 to 2."""
     return random_knitter(draw(st.integers(0, 10**6)), draw(st.sampled_from([-2.0, -1.5])))
 
 
-def angles_of(linkage: ClosedForm, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
+def angles_of(linkage: KinematicSolver, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
     """Return crank angles spread over the range, ends left out; unfit examples are discarded."""
     arcs = linkage.crank_range().arcs
     assume(arcs and all(high - low > 1e-3 for low, high in arcs))
@@ -177,9 +176,9 @@ def angles_of(linkage: ClosedForm, count: int = 12, lowest_transmission: float =
     return angles
 
 
-def longest(linkage: ClosedForm) -> float:
+def longest(linkage: KinematicSolver) -> float:
     """Return the longest length of a mechanism, frame distances included, in [m]."""
-    lengths = [np.atleast_1d(getattr(linkage, f.name)) for f in fields(linkage) if f.metadata["unit"] == "m"]
+    lengths = [value for value, unit in linkage.dimensions.values() if unit == "m"]
     return max(
         linkage.mechanism.characteristic_length, *(float(np.linalg.norm(length)) for length in lengths)
     )
@@ -190,13 +189,13 @@ def flipped(axis: int, *changed: str, angle: float = 1.0) -> Mirror:
     image = np.ones(3)
     image[axis] = -1.0
 
-    def mirror(linkage: ClosedForm) -> tuple[ClosedForm, float, np.ndarray]:
+    def mirror(linkage: KinematicSolver) -> tuple[KinematicSolver, float, np.ndarray]:
         values = {name: getattr(linkage, name) for name in changed}
         rotated = {
             name: tuple((image[: len(value)] * value).tolist()) if isinstance(value, tuple) else -value
             for name, value in values.items()
         }
-        return replace(linkage, **rotated), angle, image
+        return linkage.with_parameters(**rotated), angle, image
 
     return mirror
 
@@ -213,10 +212,10 @@ class Case:
         slack: allowed residual of the loops, in units of `CLOSED`.
     """
 
-    random: st.SearchStrategy[ClosedForm]
+    random: st.SearchStrategy[KinematicSolver]
     mirror: Mirror | None
     scaled: float = 0.0
-    slack: Callable[[ClosedForm], float] = lambda _: 1.0
+    slack: Callable[[KinematicSolver], float] = lambda _: 1.0
 
 
 CASES = {

@@ -53,12 +53,12 @@ def warn_about_parameters(model: str, texts: Mapping[str, str]) -> None:
     """Warn about parameters of the catalogue without a unit that differ much from their defaults."""
     if model not in catalog.MECHANISMS:
         return
-    by_name = {field.name: field for field in fields(catalog.MECHANISMS[model])}
+    rows = catalog.parameters(model)
     for name, text in texts.items():
-        value, field = _without_unit(text), by_name.get(name)
-        if value is None or field is None:
+        value, row = _without_unit(text), rows.get(name)
+        if value is None or row is None:
             continue
-        unit, default = field.metadata["unit"], field.default
+        unit, default = row.unit, row.default
         if unit == "rad" and abs(value) > REVOLUTION:
             questions.append(f"--set {name}={text} is {value:g} rad; was {name}={text}deg meant?")
         if unit == "m" and isinstance(default, float) and abs(value) > IMPLAUSIBLE * abs(default) > 0.0:
@@ -87,7 +87,7 @@ def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
 
 def _parameter_names(model: str) -> list[str]:
     if model in catalog.MECHANISMS:
-        return [field.name for field in fields(catalog.MECHANISMS[model])]
+        return list(catalog.parameters(model))
     path = gallery.files().get(model, Path(model))
     if path.suffix.lower() != ".toml":
         return []

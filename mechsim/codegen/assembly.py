@@ -13,7 +13,6 @@ import numpy as np
 from mechsim.analytic.dynamics.state_quantities import joined_configurations
 from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses, twists
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import driven_path, instants_of_laws, with_locked_values
 from mechsim.analytic.loops.path import closed_chunks
@@ -108,14 +107,14 @@ def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
     """
     require_polynomials(source.mechanism, "compiled")
     mechanism = _rounded(with_closed_guess(source.mechanism))
-    solver = LoopForm(mechanism, motion_laws=source.motion_laws, ranges=source.ranges)
+    solver = KinematicSolver(mechanism, motion_laws=source.motion_laws, ranges=source.ranges)
     interval, parameters = _range(solver)
     q = _sampled(solver, parameters)
     first = checked_start(mechanism)
     spinning: dict[str, Array] = {}
     if first.nullity:
         mechanism, spinning = without_passive_spin(first, link_poses(first.loops.tree, q))
-        q = _sampled(replace(solver, mechanism=mechanism), parameters)
+        q = _sampled(solver.with_mechanism(mechanism), parameters)
         first = checked_start(mechanism)
     solved = SolvedAssembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
     return _certified(solved) if certify else solved
@@ -158,7 +157,7 @@ def _rounded_vector(vector: Vector, tolerance: float) -> Vector:
     return x, y, z
 
 
-def _range(solver: LoopForm) -> tuple[tuple[float, float] | None, Array]:
+def _range(solver: KinematicSolver) -> tuple[tuple[float, float] | None, Array]:
     """Return the interval of the crank angle in one assembly, and path parameters over the range."""
     start = solver.mechanism.start
     if not solver.motion_laws.crank:
@@ -179,7 +178,7 @@ def _range(solver: LoopForm) -> tuple[tuple[float, float] | None, Array]:
     return (low, high), np.linspace(low + inset, high - inset, SAMPLES)
 
 
-def _sampled(solver: LoopForm, parameters: Array) -> Coordinates:
+def _sampled(solver: KinematicSolver, parameters: Array) -> Coordinates:
     """Return the coordinates of the tree at path parameters, in the order of the solved chunks."""
     if not len(parameters):
         return checked_start(solver.mechanism).reference

@@ -84,7 +84,7 @@ class CompiledSolver:
             AssemblyError: if an instant cannot be reached in this assembly; it names the first one.
             InputError: if several drivers have no motion laws, or memory is too small for the instants.
 
-        Accuracy: as `LoopForm.solve`, which has the same equations.
+        Accuracy: as `KinematicSolver.solve`, which has the same equations.
         """
         source = self.code.assembly.source
         laws = source.motion_laws

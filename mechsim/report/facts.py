@@ -40,7 +40,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     from mechsim.theory.mobility_count import mobility
 
     record = _described(solver)
-    if not solver.own_start:
+    if solver.closed_form is None:
         record |= _mobility(solver)
         if (
             not solver.mechanism.has_crank
@@ -107,8 +107,10 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
 
 def about(solver: KinematicSolver) -> str:
     """Return the description of a catalogue or gallery mechanism; empty for others."""
+    if solver.closed_form is not None:
+        return solver.closed_form.declared.about
     path = None if solver.source is not None else gallery.files().get(solver.name)
-    return solver.about if solver.about or path is None else head_comment(str(path))
+    return "" if path is None else head_comment(str(path))
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:

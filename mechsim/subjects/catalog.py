@@ -2,14 +2,14 @@
 
 import difflib
 from collections.abc import Iterator, Mapping
-from dataclasses import Field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.parameters import FormulaParameter
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.subjects.formula_file import mechanism_in_file, parameters_of, with_parameters
+from mechsim.subjects.formula_file import FormulaFile, mechanism_in_file
 
 PACKAGE = Path(__file__).resolve().parents[1]
 NAMES = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper", "bennett")
@@ -21,10 +21,10 @@ def models() -> Path:
     return inside if inside.is_dir() else PACKAGE.parent / "models"
 
 
-class _Mechanisms(Mapping[str, type[ClosedForm]]):
+class _Mechanisms(Mapping[str, FormulaFile]):
     """Mechanisms by name; the file of one is read when it is asked for."""
 
-    def __getitem__(self, name: str) -> type[ClosedForm]:
+    def __getitem__(self, name: str) -> FormulaFile:
         if name not in NAMES:
             raise KeyError(name)
         return _mechanism(name)
@@ -43,41 +43,39 @@ MECHANISMS = _Mechanisms()
 
 
 @cache
-def _mechanism(name: str) -> type[ClosedForm]:
+def _mechanism(name: str) -> FormulaFile:
     return mechanism_in_file(str(models() / f"{name}.toml"))
 
 
-def make(name: str, /, **values: Any) -> ClosedForm:
+def make(name: str, /, **values: Any) -> KinematicSolver:
     """Return a catalogue mechanism with some parameters changed from their defaults.
 
     Args:
         name: of the mechanism, such as "four_bar"; `mechsim.list()` has all.
-        values: lengths in [m], angles in [rad], or text with a unit, such as "14mm"; named as the fields of
-            the class.
+        values: lengths in [m], angles in [rad], or text with a unit, such as "14mm"; named as
+            in `parameters`.
 
     Raises:
         InputError: for an unknown name or parameter (with the nearest known one), or an invalid value.
     """
     parameters(name)
-    return with_parameters(MECHANISMS[name], values)
+    return MECHANISMS[name].make(values)
 
 
-def parameters(name: str) -> dict[str, Field[Any]]:
-    """Return the parameters of a mechanism: name -> field, whose metadata has its unit and description.
+def parameters(name: str) -> Mapping[str, FormulaParameter]:
+    """Return the parameters of a mechanism by name, with default, unit and meaning.
 
     Raises:
         InputError: for an unknown name, with the nearest known one.
     """
     if str(name) not in MECHANISMS:
         raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(MECHANISMS))}")
-    return parameters_of(MECHANISMS[name])
+    return MECHANISMS[name].rows
 
 
 def with_theory(theory: str) -> str:
     """Return the names of the mechanisms for which a theory exists, as text."""
-    return ", ".join(
-        name for name, mechanism in MECHANISMS.items() if theory in mechanism.declaration.theories
-    )
+    return ", ".join(name for name, mechanism in MECHANISMS.items() if theory in mechanism.formulas.theories)
 
 
 # names that an error message lists

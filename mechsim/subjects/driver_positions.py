@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.limits import require_travel
@@ -65,7 +64,7 @@ def poses_of_table(solver: KinematicSolver, table: Mapping[str, Array], source: 
     """
     path = driver_path(solver, table, source)
     zero = np.zeros_like(path.times)
-    loops = LoopForm(solver.mechanism, motion_laws=path.motion_laws, ranges=solver.ranges)
+    loops = KinematicSolver(solver.mechanism, motion_laws=path.motion_laws, ranges=solver.ranges)
     return Poses(replace(loops.solve_along(path.times, zero, zero), time=path.times))
 
 

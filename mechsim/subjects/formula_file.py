@@ -8,15 +8,17 @@ choice is true.
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import Field, dataclass, field, fields, make_dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import Formulas, Geometry, parameter_value
+from mechsim.analytic.formulas.closed_form import ClosedForm, Geometry
+from mechsim.analytic.formulas.parameters import FormulaParameter
+from mechsim.analytic.formulas.two_branch import CHANGE_POINT, TwoBranchForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.vectors import column, cross
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import read_text
@@ -39,14 +41,83 @@ OWN_TABLES = ("parameters", "when", "formula")
 
 @dataclass(frozen=True)
 class FormulaFile(ModelSource):
-    """A mechanism with formulas; bare numbers of `changed` are in SI."""
+    """A mechanism with formulas: its file, and the class of its formulas; bare numbers are in SI.
 
-    mechanism: type[ClosedForm]
+    Attributes:
+        source: the parsed file.
+        formulas: class of the formulas.
+        about: the first line of the file.
+        rows: parameters by name; the policy at change points comes last, since it is no dimension.
+    """
+
+    source: TomlSource
+    formulas: type[ClosedForm]
+    about: str
+    rows: Mapping[str, FormulaParameter]
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism."""
+        return str(self.source.document.get("name", ""))
+
+    def make(self, values: Mapping[str, Any]) -> KinematicSolver:
+        """Return the mechanism with some parameters changed from their defaults.
+
+        Args:
+            values: parameter -> value in SI, or text with a unit.
+
+        Raises:
+            InputError: for an unknown parameter, with the nearest name, or an invalid value.
+        """
+        rows = self.rows
+        for name in values:
+            if name not in rows:
+                raise InputError(f"{self.name} has no parameter {name!r}{suggestion(name, rows)}")
+        read = {name: rows[name].read(self.name, value) for name, value in values.items()}
+        return KinematicSolver.by_formula(self.formulas(self, read))
 
     def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
         """Return the mechanism with some parameters changed."""
-        texts = {name: str(value) for name, value in changed.items()}
-        return ModelDescription(with_parameters(self.mechanism, texts))
+        return ModelDescription(self.make({name: str(value) for name, value in changed.items()}))
+
+    def mechanism(self, values: Mapping[str, Any]) -> Mechanism:
+        """Return the description for values of the parameters, without a guess."""
+        numbers = _numbers(values)
+        reader = Values(self.source, "m", "rad", numbers)
+        coordinates = coordinates_of(reader, reader.checked(ROOT, self._document(numbers), ()))
+        with self.source.error_context(()):
+            return mechanism_of(coordinates, drivers_of(coordinates, (), still=False))
+
+    def geometry(self, values: Mapping[str, Any]) -> Geometry:
+        """Return points and frames fixed in links for values of which some are arrays, of many designs."""
+        numbers = _numbers(values)
+        document = self._document(numbers)
+
+        def vector(end: Mapping[str, Any], key: str) -> tuple[Any, ...]:
+            return tuple(_number(entry, numbers) for entry in end.get(key, (0.0, 0.0, 0.0)))
+
+        def frame(end: Mapping[str, Any]) -> Array:
+            axis, reference = (column(vector(end, key)) for key in ("axis", "reference"))
+            return np.stack(np.broadcast_arrays(reference, cross(axis, reference), axis), axis=1)
+
+        joints = document["joints"].items()
+        return Geometry(
+            points={name: vector(entry, "at") for name, entry in document["points"].items()},
+            joints={name: (vector(entry["a"], "at"), vector(entry["b"], "at")) for name, entry in joints},
+            frames={
+                name: frame(entry["a"])
+                for name, entry in joints
+                if "reference" in entry["a"] and _varies(entry["a"].get("axis", ()))
+            },
+        )
+
+    def _document(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the description in the file; a table in `when` replaces joints where its choice is true."""
+        document = {key: table for key, table in self.source.document.items() if key not in OWN_TABLES}
+        for choice, tables in self.source.document.get("when", {}).items():
+            if numbers[choice]:
+                document |= {key: document.get(key, {}) | table for key, table in tables.items()}
+        return document
 
 
 def open_toml(path: str) -> ModelSource:
@@ -80,7 +151,7 @@ def open_python(address: str) -> ModelSource:
         return PythonObject(address)
     mechanism = mechanism_in(source)
     run_user_code(path, lambda: _try_formulas(mechanism))
-    return FormulaFile(mechanism)
+    return mechanism
 
 
 def _tables(source: TomlSource, path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
@@ -111,20 +182,20 @@ def _has_tables(source: TomlSource) -> bool:
     return any(isinstance(row, dict) for row in tables)
 
 
-def _try_formulas(mechanism: type[ClosedForm]) -> None:
+def _try_formulas(mechanism: FormulaFile) -> None:
     """Solve one configuration, so that an error in the code of formulas is reported before any result."""
     with suppress(MechsimError):  # the command reports it
-        solver = mechanism()
+        solver = mechanism.make({})
         solver.solve([solver.mechanism.start])
 
 
-def mechanism_in_file(path: str) -> type[ClosedForm]:
-    """Return the formulas of a mechanism with the parameters and the description of its file."""
+def mechanism_in_file(path: str) -> FormulaFile:
+    """Return a mechanism with formulas from its file."""
     return mechanism_in(parsed_source(path, read_text(path, "a TOML file", MAX_BYTES)))
 
 
-def mechanism_in(source: TomlSource) -> type[ClosedForm]:
-    """Return the formulas of a mechanism with the parameters and the description of its file.
+def mechanism_in(source: TomlSource) -> FormulaFile:
+    """Return a mechanism with formulas from its file.
 
     Raises:
         InputError: for invalid contents; names file, line, key and remedy.
@@ -141,127 +212,51 @@ def mechanism_in(source: TomlSource) -> type[ClosedForm]:
             raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")
         for key in tables:
             _tables(source, ("when", choice, key))
-    members = {
-        "__doc__": head_comment(source.path),
-        "declaration": replace(formulas.declaration, name=str(source.document.get("name", ""))),
-        "description": property(lambda self: _described(source, self)),
-        "geometry": lambda self: _geometry(source, self),
-    }
-    parameters = [_parameter(source, formulas, name, row) for name, row in rows.items()]
-    return make_dataclass(
-        formulas.__name__, parameters, bases=(formulas,), namespace=members, frozen=True, kw_only=True
-    )
-
-
-def parameters_of(mechanism: type[ClosedForm]) -> dict[str, Field[Any]]:
-    """Return the parameters: name -> field, whose metadata has its unit and description."""
-    # the change-point policy comes last, since it is no dimension
-    ordered = sorted(fields(mechanism), key=lambda field: field.name == "change_point")
-    return {field.name: field for field in ordered}
-
-
-def with_parameters(mechanism: type[ClosedForm], values: Mapping[str, Any]) -> ClosedForm:
-    """Return a mechanism with some parameters changed from their defaults.
-
-    Args:
-        mechanism: its formulas.
-        values: parameter -> value in SI, or text with a unit.
-
-    Raises:
-        InputError: for an unknown parameter, with the nearest name, or an invalid value.
-    """
-    name, rules = mechanism.declaration.name, parameters_of(mechanism)
-    for parameter in values:
-        if parameter not in rules:
-            raise InputError(f"{name} has no parameter {parameter!r}{suggestion(parameter, rules)}")
-    return mechanism(**{key: parameter_value(name, rules[key], key, value) for key, value in values.items()})
+    parameters = {name: _parameter(source, formulas, name, row) for name, row in rows.items()}
+    if issubclass(formulas, TwoBranchForm):
+        parameters[CHANGE_POINT.name] = CHANGE_POINT
+    return FormulaFile(source, formulas, head_comment(source.path), parameters)
 
 
 def _parameter(
-    source: TomlSource, formulas: type, name: str, row: Mapping[str, Any]
-) -> tuple[str, type, Any]:
-    """Return name, type and declaration of a parameter from its row in a file."""
+    source: TomlSource, formulas: type[ClosedForm], name: str, row: Mapping[str, Any]
+) -> FormulaParameter:
+    """Return a parameter from its row in a file."""
     path = ("parameters", name)
     if not name.isidentifier() or hasattr(formulas, name):
         raise source.error(path, "cannot be the name of a parameter here; choose another one")
     kind = row.get("kind", "number")
     unit, value = PARAMETER_UNITS[kind], row["value"]
-    rule = {"unit": unit, "doc": row["about"]} | ({"positive": True} if kind == "length" else {})
     with source.error_context(path):
         if "choices" in row:
-            rule["options"] = row["choices"]
+            pass
         elif isinstance(value, tuple):
             if kind != "position" or len(cast(tuple[Any, ...], value)) not in (2, 3):
                 raise source.error(path, "is a list; only a position can be one, of two or three numbers")
             value = tuple(units.si(entry, unit, name) for entry in cast(tuple[Any, ...], value))
         elif isinstance(value, str) or unit != "1":
             value = float(units.si(value, unit, name))
-    return name, type(value), field(default=value, metadata=rule)
+    return FormulaParameter(name, value, unit, row["about"], tuple(row.get("choices", ())), kind == "length")
 
 
-def _values(formulas: Formulas) -> dict[str, Any]:
+def _numbers(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters by the names that expressions use; a component of a point is pivot_x."""
-    values: dict[str, Any] = {}
-    for parameter in fields(formulas):
-        value = getattr(formulas, parameter.name)
+    numbers: dict[str, Any] = {}
+    for name, value in values.items():
         if isinstance(value, tuple):
-            components = zip(AXES, cast(tuple[Any, ...], value), strict=False)
-            values |= {f"{parameter.name}_{axis}": component for axis, component in components}
+            pairs = zip(AXES, cast(tuple[Any, ...], value), strict=False)
+            numbers |= {f"{name}_{axis}": component for axis, component in pairs}
         elif not isinstance(value, str):
-            values[parameter.name] = value
-    return values
-
-
-def _document(source: TomlSource, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the description in a file; a table in `when` replaces joints where its choice is true."""
-    document = {key: table for key, table in source.document.items() if key not in OWN_TABLES}
-    for choice, tables in source.document.get("when", {}).items():
-        if values[choice]:
-            document |= {key: document.get(key, {}) | table for key, table in tables.items()}
-    return document
-
-
-def _described(source: TomlSource, formulas: Formulas) -> Mechanism:
-    """Return the description with the parameters of formulas, without a guess."""
-    parameters = _values(formulas)
-    values = Values(source, "m", "rad", parameters)
-    coordinates = coordinates_of(values, values.checked(ROOT, _document(source, parameters), ()))
-    with source.error_context(()):
-        return mechanism_of(coordinates, drivers_of(coordinates, (), still=False))
-
-
-def _geometry(source: TomlSource, formulas: Formulas) -> Geometry:
-    """Return points and frames fixed in links; of many designs if parameters are arrays."""
-    values = _values(formulas)
-    if not any(getattr(value, "ndim", 0) for value in values.values()):
-        return Formulas.geometry(formulas)
-    document = _document(source, values)
-
-    def vector(end: Mapping[str, Any], key: str) -> tuple[Any, ...]:
-        return tuple(_number(entry, values) for entry in end.get(key, (0.0, 0.0, 0.0)))
-
-    def frame(end: Mapping[str, Any]) -> Array:
-        axis, reference = (column(vector(end, key)) for key in ("axis", "reference"))
-        return np.stack(np.broadcast_arrays(reference, cross(axis, reference), axis), axis=1)
-
-    joints = document["joints"]
-    return Geometry(
-        points={name: vector(entry, "at") for name, entry in document["points"].items()},
-        joints={name: (vector(entry["a"], "at"), vector(entry["b"], "at")) for name, entry in joints.items()},
-        frames={
-            name: frame(entry["a"])
-            for name, entry in joints.items()
-            if "reference" in entry["a"] and _varies(entry["a"].get("axis", ()))
-        },
-    )
+            numbers[name] = value
+    return numbers
 
 
 def _varies(vector: Sequence[Any]) -> bool:
     return any(isinstance(entry, str) for entry in vector)
 
 
-def _number(entry: float | str, values: Mapping[str, Any]) -> Any:
+def _number(entry: float | str, numbers: Mapping[str, Any]) -> Any:
     """Return a number of a file, or the value of its expression, an array for arrays of parameters."""
     if not isinstance(entry, str):
         return float(entry)
-    return Evaluator(lambda name: Term(values[name])).evaluate(parse_expression(entry)).value
+    return Evaluator(lambda name: Term(numbers[name])).evaluate(parse_expression(entry)).value

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.rounded_geometry import MAX_ANGLE, Corrected, corrected
 from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses
@@ -127,7 +126,7 @@ def read_mjcf(
     track: Sequence[str] = (),
     still: bool = False,
     start: Mapping[str, str | float] | None = None,
-) -> LoopForm:
+) -> KinematicSolver:
     """Return the mechanism of a model that MuJoCo compiles.
 
     Args:
@@ -177,7 +176,7 @@ def read_mjcf(
     if initial.note or start:
         model = replace(model, qpos=_state(model, initial.mechanism))
     mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
-    return LoopForm(
+    return KinematicSolver(
         mechanism,
         forces=model.forces,
         source=model,
@@ -278,7 +277,7 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     }
     laws = make_motion_laws(unlocked, states, 1.0)
     try:
-        motion = LoopForm(unlocked, motion_laws=laws).solve(t=[1.0])
+        motion = KinematicSolver(unlocked, motion_laws=laws).solve(t=[1.0])
     except MechsimError as error:
         targets = ", ".join(f"{name} = {value:g}" for name, value in displaced.items())
         raise type(error)(f"on the path to the locked position {targets}: {error}") from None

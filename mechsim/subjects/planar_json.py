@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, cut
 from mechsim.files import read_text
 from mechsim.model.joints import End, Joint
@@ -37,12 +37,12 @@ class Format:
     keys: frozenset[str]
     module: str
 
-    def read(self, name: str, content: Mapping[str, Any]) -> LoopForm:
+    def read(self, name: str, content: Mapping[str, Any]) -> KinematicSolver:
         """Return the mechanism, and sentences on what was not read."""
         module = import_module(self.module)
         unread = dict.fromkeys(_unread(content, module.READ.split(), module.NAMED))
         facts = [f"{key} is not read" for key in unread]
-        return LoopForm(module.mechanism(name, content), facts=tuple(facts))
+        return KinematicSolver(module.mechanism(name, content), facts=tuple(facts))
 
 
 def _unread(content: Mapping[str, Any], read: Collection[str], named: Collection[str]) -> Iterator[str]:

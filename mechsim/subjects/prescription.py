@@ -67,13 +67,13 @@ def prescribed_solver(
         name = description.solver.name
         raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
     solver = description.solver
-    if prescription.start and solver.own_start:
+    if prescription.start and solver.closed_form is not None:
         raise InputError(
             f"{solver.name}: its parameters select the assembly, as --set branch=-1; leave out --start"
         )
     if description.prescribed:
         prescription = Prescription(drive=prescription.drive, duration=prescription.duration)
-    elif not solver.own_start:
+    elif solver.closed_form is None:
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
         solver = solver.with_mechanism(started_near(solver.mechanism, prescription.start, solver.written))
@@ -101,7 +101,7 @@ def written_guess(source: ModelSource) -> Mapping[str, Pose]:
     """Return the assembly of a model as it is written, without changed parameters; empty if it has none."""
     with suppress(MechsimError):
         written = source.describe({}, Prescription(still=True)).solver
-        if not written.own_start and len(written.mechanism.guess) < len(written.mechanism.links):
+        if written.closed_form is None and len(written.mechanism.guess) < len(written.mechanism.links):
             return start_poses(written.mechanism)[0]
     return {}
 

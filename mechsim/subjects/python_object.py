@@ -10,7 +10,6 @@ from typing import Any
 
 from mechsim import units
 from mechsim.analytic.derivatives.dimensions import Dimension
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
@@ -54,7 +53,7 @@ class PythonObject(ModelSource):
         if isinstance(result, KinematicSolver):
             return result
         if isinstance(result, Mechanism):
-            return LoopForm(result)
+            return KinematicSolver(result)
         raise InputError(
             f"{name} of {path} is of type {type(result).__name__}; give a Mechanism, the result of "
             "catalog.make, or a function that returns either"
@@ -78,7 +77,9 @@ class GivenObject(ModelSource):
         """Return the mechanism."""
         if changed:
             raise InputError(f"{self.model.name} is an object without parameters; leave out set")
-        return ModelDescription(LoopForm(self.model) if isinstance(self.model, Mechanism) else self.model)
+        return ModelDescription(
+            KinematicSolver(self.model) if isinstance(self.model, Mechanism) else self.model
+        )
 
 
 def _is_factory(loaded: Any) -> bool:

@@ -16,7 +16,6 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.subjects import catalog, gallery
-from mechsim.subjects.formula_file import FormulaFile
 from mechsim.subjects.model_source import (
     READERS,
     ModelSource,
@@ -54,7 +53,7 @@ def open_model(model: Model) -> ModelSource:
     if reader := file_reader(name):
         return reader.open(name)
     if name in catalog.MECHANISMS:
-        return FormulaFile(catalog.MECHANISMS[name])
+        return catalog.MECHANISMS[name]
     files = gallery.files()
     if name not in files:
         raise _unknown_model(name, [*catalog.MECHANISMS, *files])

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechsim.analytic.derivatives.dimensions import Dimension
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.files import read_text
 from mechsim.model.forces import WEIGHT
 from mechsim.model.joints import Coupling
@@ -81,7 +81,7 @@ class TomlModel(ModelSource):
             mechanism = replace(mechanism_of(coordinates, drivers, added), contacts=contacts)
         require_pitch_points(source, mechanism, read)
         limits = limits_of(coordinates)
-        solver = LoopForm(
+        solver = KinematicSolver(
             mechanism,
             parameters=values.parameters,
             formula=formula_path(source, read.get("formula", {}).get("python", "")),

@@ -8,7 +8,7 @@ the curve is nonlinear in p; successive linear programmes, each about the previo
 minimise its largest value.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -344,7 +344,7 @@ class _Task:
     def _toward(self, target: Best, last: _Trial, gain: float) -> _Trial | None:
         """Return the first of successively shorter steps with a tenth of the predicted gain."""
         design, level = last.synthesis.design, last.synthesis.deviation
-        centre = design.pivot[:2, 0] - self.origin
+        centre = design.closed_form.pivot[:2, 0] - self.origin
         x = np.append(centre, design.rocker**2 - centre @ centre)
         for fraction in 0.5 ** np.arange(12):
             try:
@@ -361,8 +361,7 @@ class _Task:
         bends = wedge(self.b - centre, pin - centre)
         if abs(np.sign(bends).sum()) < len(bends):
             raise AssemblyError("coupler and rocker are collinear while C is on the curve")
-        return replace(
-            self.base,
+        return self.base.with_parameters(
             rocker=radius,
             frame=float(np.hypot(*centre)),
             frame_angle=float(np.arctan2(centre[1], centre[0])),

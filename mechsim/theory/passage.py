@@ -150,7 +150,7 @@ def _response(design: Looper, positions: Array, angles: Array, in_space: bool) -
     """
     pin = crank_pin(angles, design)
     to_b = _rod(positions[:, :2] - pin, *_shown(positions[:, 2], design), design)
-    closed = 2.0 * wedge(to_b, pin + to_b - design.pivot[:2, 0])
+    closed = 2.0 * wedge(to_b, pin + to_b - design.closed_form.pivot[:2, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         moved = -_sweep(design, positions, pin, to_b, in_space) / closed[:, None]
     if not np.isfinite(moved).all():
@@ -167,7 +167,7 @@ def _path(design: Looper, angles: Array, in_space: bool) -> tuple[Array, Array]:
     """Return positions of C, (n, 3) in [m], and their derivatives by the crank angle, (n, 2) in [m/rad]."""
     around = np.concatenate([angles, angles + STEP, angles - STEP])
     with np.errstate(invalid="ignore"):
-        positions = design.positions(around)["C"] if in_space else design.planar_point(around)
+        positions = design.positions(around)["C"] if in_space else design.closed_form.planar_point(around)
     current, ahead, behind = np.split(positions, 3)
     return current, (ahead - behind)[:, :2] / (2.0 * STEP)
 

@@ -34,7 +34,7 @@ def test_rates_satisfy_the_differentiated_loop_equations(linkage):
     motion = linkage.solve(ANGLES, 7.0, -3.0)
     exact = loops.rates(linkage.mechanism, poses_of(motion), ANGLES, 7.0, -3.0)
     # the loop Jacobian loses accuracy with the largest rate of the rocker
-    slack = 1e-10 * (abs(linkage.ratio) + 1.0 / abs(linkage.ratio)) ** 2
+    slack = 1e-10 * (abs(linkage.closed_form.ratio) + 1.0 / abs(linkage.closed_form.ratio)) ** 2
     for name, link in motion.links.items():
         for quantity in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
             measured, expected = getattr(link, quantity), getattr(exact.links[name], quantity)
@@ -52,7 +52,9 @@ def test_rates_satisfy_the_differentiated_loop_equations(linkage):
 def test_half_angle_tangents_have_a_constant_ratio(linkage):
     motion = linkage.solve(ANGLES)
     rocker, crank = np.tan(0.5 * motion.joints["rocker"].value), np.tan(0.5 * ANGLES)
-    assert np.abs(rocker / crank / linkage.ratio - 1.0).max() <= 1e-13 * (1.0 + 1.0 / np.abs(crank).min())
+    assert np.abs(rocker / crank / linkage.closed_form.ratio - 1.0).max() <= 1e-13 * (
+        1.0 + 1.0 / np.abs(crank).min()
+    )
 
 
 @settings(max_examples=20)
@@ -60,7 +62,9 @@ def test_half_angle_tangents_have_a_constant_ratio(linkage):
 def test_b_agrees_with_fifty_digits(linkage, angle):
     """B is an intersection of circle and sphere; one of the two also satisfies the axis conditions."""
     with mp.workdps(50):
-        length0, length1, twist = (mp.mpf(x) for x in (linkage.length0, linkage.length1, linkage.twist0))
+        length0, length1, twist = (
+            mp.mpf(x) for x in (linkage.length0, linkage.closed_form.length1, linkage.twist0)
+        )
         a = mp.matrix([length1 * mp.cos(angle), length1 * mp.sin(angle), 0])
 
         def corner(u):
@@ -74,7 +78,9 @@ def test_b_agrees_with_fifty_digits(linkage, angle):
     difference = np.linalg.norm(motion.points["B"].position[0] - position)
     # close intersections are ill-conditioned, and length1 itself is rounded
     sharp = (
-        abs(np.cos(linkage.twist1)) * np.sin(angle) * min(abs(linkage.ratio), 1.0 / abs(linkage.ratio)) ** 2
+        abs(np.cos(linkage.twist1))
+        * np.sin(angle)
+        * min(abs(linkage.closed_form.ratio), 1.0 / abs(linkage.closed_form.ratio)) ** 2
     )
     assert difference <= 1e-14 * longest(linkage) * (1.0 + (longest(linkage) / linkage.length0) ** 2) / max(
         sharp, 1e-6
@@ -89,7 +95,7 @@ def test_the_assembly_sign_distinguishes_the_opposite_twist(linkage):
     assert (linkage.assembly_sign(linkage.positions(angles)) > 0.0).all()
     other_twist = np.sign(linkage.twist1) * np.pi - linkage.twist1
     assume(abs(other_twist - linkage.twist0) > 0.02)
-    other = replace(linkage, twist1=other_twist)
+    other = linkage.with_parameters(twist1=other_twist)
     assert (linkage.assembly_sign(other.positions(angles)) < 0.0).all()
 
 
@@ -124,7 +130,10 @@ def test_every_passive_joint_can_be_the_cut_joint(cut):
     linkage = catalog.make("bennett")
     run = simulate(linkage.mechanism, speed=60.0, scene=Scene(cut=(cut,)), method="step")
     exact = linkage.positions(run.motion.angle)["B"]
-    assert np.linalg.norm(run.motion.points["B"].position - exact, axis=1).max() <= 1e-8 * linkage.length1
+    assert (
+        np.linalg.norm(run.motion.points["B"].position - exact, axis=1).max()
+        <= 1e-8 * linkage.closed_form.length1
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -74,7 +72,7 @@ def test_assembly_modes_share_the_crank_pin_and_differ_in_the_rocker(linkage):
 
 
 def test_a_loop_that_cannot_close_reports_the_crank_range():
-    linkage = replace(catalog.make("four_bar"), crank=0.08)
+    linkage = catalog.make("four_bar").with_parameters(crank=0.08)
     (low, high), *_ = linkage.crank_range().arcs
     with pytest.raises(
         AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.analytic.formulas.formulas import CHUNK
+from mechsim.analytic.formulas.closed_form import CHUNK
 from mechsim.errors import AssemblyError, InputError
 
 
@@ -39,7 +39,6 @@ def test_an_invalid_parameter_is_rejected_with_the_valid_values(parameter, value
 def test_lists_and_arrays_are_valid_vectors(pivot):
     linkage = catalog.make("rssr", pivot=pivot)
     assert linkage == catalog.make("rssr")
-    assert hash(linkage) == hash(catalog.make("rssr"))
 
 
 @pytest.mark.parametrize("name", ["krank", "name", "discriminant_degree"])

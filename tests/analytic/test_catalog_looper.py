@@ -10,7 +10,7 @@ from mpmath import mp
 from strategies import CLOSED, EPS, angles_of, longest, loopers
 
 from mechsim import catalog, loops
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
@@ -21,7 +21,7 @@ TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
 FOURFOLD = 4.42
 
 
-def exact_c(linkage: ClosedForm, f: float, guess: np.ndarray) -> np.ndarray:
+def exact_c(linkage: KinematicSolver, f: float, guess: np.ndarray) -> np.ndarray:
     """Return C and two derivatives in 40 digits, (3, 3), by the swing of the follower, not the cone angle.
 
     The swing gives y and z, AB . AC gives x, and |AC| = k is solved from a guess of C.
@@ -64,7 +64,7 @@ def test_links_keep_their_lengths_and_the_follower_its_axis(linkage):
     points = linkage.positions(angles_of(linkage))
     a, b, c, d, e = (points[name] for name in "ABCDE")
     limit = CLOSED * longest(linkage)
-    pivot = linkage.pivot[:, 0]
+    pivot = linkage.closed_form.pivot[:, 0]
     # a short coupler has a less accurate direction, which a long arm amplifies
     condition = max(1.0, linkage.arm / linkage.coupler)
     for vectors, length, factor in (
@@ -232,10 +232,10 @@ def test_positions_are_a_continuous_function_of_the_crank_angle():
 
 
 def test_the_default_assembly_mode_matches_the_paper():
-    c = catalog.make("looper").planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
+    c = catalog.make("looper").closed_form.planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
     assert np.round(1e3 * c.min(0), 2).tolist() == [9.50, 23.68, 0.0]
     assert np.round(1e3 * c.max(0), 2).tolist() == [12.98, 37.29, 0.0]
-    other = catalog.make("looper", branch=-1).planar_point(np.linspace(0.0, 2.0 * np.pi, 101))
+    other = catalog.make("looper", branch=-1).closed_form.planar_point(np.linspace(0.0, 2.0 * np.pi, 101))
     assert other[:, 1].max() < 0.0
 
 
@@ -258,9 +258,11 @@ def test_a_link_too_long_by_a_thousandth_is_detected():
     angles = np.linspace(0.0, 2.0 * np.pi, 91)
     right = catalog.make("looper").positions(angles)["E"]
     for name in ("crank", "coupler", "arm", "rocker", "frame", "follower"):
-        wrong = replace(
-            catalog.make("looper"), **{name: 1.001 * getattr(catalog.make("looper"), name)}
-        ).positions(angles)["E"]
+        wrong = (
+            catalog.make("looper")
+            .with_parameters(**{name: 1.001 * getattr(catalog.make("looper"), name)})
+            .positions(angles)["E"]
+        )
         assert np.linalg.norm(wrong - right, axis=1).max() > 5e-6
 
 

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -28,9 +26,9 @@ def test_branch_selects_the_side_of_the_slider(linkage):
 def test_mirror_images_have_the_opposite_offset_and_branch(linkage):
     angles = angles_of(linkage)
     original = linkage.positions(angles)["B"]
-    mirrored = replace(linkage, offset=-linkage.offset).positions(-angles)["B"]
+    mirrored = linkage.with_parameters(offset=-linkage.offset).positions(-angles)["B"]
     assert (original * [1.0, -1.0, 1.0] == mirrored).all()
-    opposite = replace(linkage, branch=-linkage.branch).positions(np.pi - angles)["B"]
+    opposite = linkage.with_parameters(branch=-linkage.branch).positions(np.pi - angles)["B"]
     # a rod almost perpendicular to the slide amplifies the rounding of pi - angle
     assert np.abs(original * [-1.0, 1.0, 1.0] - opposite).max() <= 1e-13 * longest(linkage) / 1e-3
 

@@ -1,6 +1,5 @@
 """Change points: closed forms pass them smoothly or stay on the branch, and report them."""
 
-from dataclasses import replace
 from functools import partial
 
 import mpmath
@@ -16,7 +15,7 @@ from change_point_linkages import (
 )
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.trig_polynomial import ZERO_POLYNOMIAL, sampled_polynomial, signed_root
 from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts
@@ -159,7 +158,7 @@ def test_a_branch_that_ends_is_rejected_by_both_methods(which):
 
 def test_the_branch_policy_applies_to_user_defined_mechanisms():
     linkage = CHANGE_POINT_LINKAGES["parallelogram"]
-    solver = LoopForm(linkage.mechanism).with_change_point("branch")
+    solver = KinematicSolver(linkage.mechanism).with_change_point("branch")
     angles = np.linspace(-REVOLUTION, REVOLUTION, 17)
     exact = linkage.positions(angles, change_point="branch")
     for name, positions in solver.positions(angles).items():
@@ -188,8 +187,8 @@ def test_a_double_root_is_distinguished_from_a_near_miss(distance):
 
 LOOPER = catalog.make("looper")
 FLAT_LOOPERS = {
-    "one change point": (replace(LOOPER, rocker=LOOPER.crank + LOOPER.frame - LOOPER.coupler), 1),
-    "parallelogram": (replace(LOOPER, coupler=LOOPER.frame, rocker=LOOPER.crank), 2),
+    "one change point": (LOOPER.with_parameters(rocker=LOOPER.crank + LOOPER.frame - LOOPER.coupler), 1),
+    "parallelogram": (LOOPER.with_parameters(coupler=LOOPER.frame, rocker=LOOPER.crank), 2),
 }
 
 

@@ -7,8 +7,8 @@ import pytest
 from wheel_linkages import START, assert_equal_rotation, wheel_linkages
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End
 from mechsim.model.links import Link
@@ -38,7 +38,7 @@ def test_a_change_point_of_two_pairs_is_detected_for_any_step(steps):
 
 @pytest.mark.parametrize("wheels", [3, 4])
 def test_coupled_wheels_have_a_period_of_one_revolution(wheels):
-    solver = LoopForm(wheel_linkages(wheels))
+    solver = KinematicSolver(wheel_linkages(wheels))
     assert solver.crank_range().full
     assert solver.period == 2.0 * np.pi
     # cosines distinguish half and full revolutions independently of rounding
@@ -49,9 +49,9 @@ def test_two_linkages_on_one_crank_have_a_period_of_two_revolutions():
     # each has one change point per revolution and continues in its other assembly mode
     item = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     other = catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
-    solver = LoopForm(side_by_side(item.mechanism, other.mechanism))
+    solver = KinematicSolver(side_by_side(item.mechanism, other.mechanism))
     assert len(solver.change_points()) == 1
-    assert solver.period == LoopForm(item.mechanism).period == 4.0 * np.pi
+    assert solver.period == KinematicSolver(item.mechanism).period == 4.0 * np.pi
     angle = np.r_[solver.change_points(), np.linspace(-1.0, 12.0, 60)]
     result = solver.solve(angle)
     for linkage in (item, other):

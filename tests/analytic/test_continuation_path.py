@@ -9,8 +9,8 @@ from mechanisms import three_cranks
 import mechsim as ms
 from mechsim import catalog, loops
 from mechsim.analytic.loops.constraints import TreeLoops
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
@@ -367,7 +367,7 @@ def test_change_points_of_an_overconstrained_linkage_are_reported(start):
     angles = np.linspace(-3.0, 3.0, 24)
     height = loops.solve(mechanism, angles).points["P"].position[:, 2]
     np.testing.assert_allclose(height, 0.1 * np.sin(angles), atol=1e-12)
-    solver = LoopForm(mechanism)
+    solver = KinematicSolver(mechanism)
     # folded at 0 and pi, the second chain can rotate about its own axes at a constant crank angle
     assert np.sort(np.sin(solver.change_points())) == pytest.approx([-1.0, 0.0, 0.0, 1.0], abs=1e-9)
     assert solver.period == 2.0 * np.pi
@@ -382,11 +382,11 @@ def test_a_third_crank_off_the_line_of_pivots_removes_change_points(offset):
     motion = loops.solve(mechanism, angles)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
     np.testing.assert_allclose(motion.links["third"].angular_velocity[:, 2], 1.0, atol=1e-9)
-    assert LoopForm(mechanism).change_points() == ()
+    assert KinematicSolver(mechanism).change_points() == ()
 
 
 def test_a_third_crank_on_the_line_of_pivots_keeps_change_points():
-    result = np.sort(np.abs(LoopForm(three_cranks((0.047, 0.0))).change_points()))
+    result = np.sort(np.abs(KinematicSolver(three_cranks((0.047, 0.0))).change_points()))
     assert result == pytest.approx([0.0, np.pi], abs=1e-9)
 
 

@@ -17,7 +17,7 @@ from mechsim.analytic.derivatives.dimensions import (
     placed_designs,
 )
 from mechsim.analytic.derivatives.motion import motion_derivatives
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.subjects import prescription
 from mechsim.subjects.readers import parametric_model
@@ -113,7 +113,7 @@ def test_derivatives_agree_with_finite_differences(model, options, names):
 
 def test_joint_position_and_rocker_length_have_the_same_derivative():
     linkage = catalog.make("rssr")
-    designs = placed_designs(LoopForm(linkage.mechanism))
+    designs = placed_designs(KinematicSolver(linkage.mechanism))
     own = changes(designs, ["P3.b.at.x"])
     result = motion_derivatives(linkage, own, ANGLES)
     by_rocker = motion_derivatives(linkage, changes(own_designs(linkage), ["rocker"]), ANGLES)

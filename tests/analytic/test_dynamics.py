@@ -289,7 +289,7 @@ def test_planar_mechanisms_have_undetermined_out_of_plane_reactions():
 def test_a_passive_spin_does_not_change_forces():
     """The spin of a round rod changes neither torque nor forces, apart from its small inertia."""
     free = catalog.make("rssr")
-    guided = replace(free, guide=True)
+    guided = free.with_parameters(guide=True)
     thin = {}
     for linkage in (free, guided):
         model = dynamics.dynamic_model(

@@ -1,7 +1,5 @@
 """Laws of every closed form of the catalogue; `strategies.CASES` has a row for each mechanism."""
 
-from dataclasses import replace
-
 import exact_solutions as exact
 import numpy as np
 import pytest
@@ -128,4 +126,4 @@ def test_a_faulty_description_violates_the_loop_equations(name):
     for changes in FAULTS[linkage.name].values():
         if not {"branch", "side", "assembly"} & changes.keys():
             with pytest.raises(AssertionError):
-                agrees_with_loop_equations(replace(linkage, **changes), motion)
+                agrees_with_loop_equations(linkage.with_parameters(**changes), motion)

@@ -1,7 +1,5 @@
 """The branch applies at the first requested configuration."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from change_point_linkages import CHANGE_POINT_LINKAGES, WITH_BRANCHES
@@ -49,12 +47,12 @@ def test_the_branch_applies_at_any_first_configuration(which, direction):
         angles = first + direction * np.linspace(0.0, REVOLUTION, 41)
         after = first + direction * np.array([0.0, 1e-3])
         for branch in (1, -1):
-            solver = replace(linkage, branch=branch)
+            solver = linkage.with_parameters(branch=branch)
             assert solver.assembly_sign(solver.positions(after))[1] > 0.0
             own = solver.solve(angles, direction)
             # one more configuration does not change the assembly mode
             more = solver.solve(np.append(angles, angles[-1] + direction), direction)
-            other = replace(linkage, branch=-branch).solve(angles, direction)
+            other = linkage.with_parameters(branch=-branch).solve(angles, direction)
             name = list(own.points)[1]
             scale = linkage.mechanism.characteristic_length
             np.testing.assert_allclose(
@@ -105,6 +103,6 @@ def test_the_torque_belongs_to_the_first_assembly_mode():
     own = dynamics.prescribed(model, angles, 1e-6).forces.torque
     # the links of a parallelogram rise equally: the torque is the weight times a cosine
     assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
-    other = dynamics.dynamic_model(replace(linkage, branch=1), model.forces)
+    other = dynamics.dynamic_model(linkage.with_parameters(branch=1), model.forces)
     result = dynamics.prescribed(other, angles, 1e-6).forces.torque
     assert np.abs(result / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import mechsim as ms
 from mechsim import load_profile
 from mechsim.analytic.dynamics.right_hand_side import crossing
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load
 from mechsim.model.links import Inertia
@@ -213,7 +213,7 @@ def test_a_run_ends_at_its_event():
 
 
 def test_a_block_rebounds_with_the_coefficient_of_restitution():
-    fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
+    fall = KinematicSolver(slider(), ranges={"s": (-1.0, 5.0)})
     down = Forces(gravity=(-8.0, 0.0, 0.0))
     run = ms.dynamics.run(fall, down, duration=1.2, restitution=0.5, samples=240)
     # 1 m in 0.5 s, then flights of 0.5, 0.25 ... s
@@ -223,7 +223,7 @@ def test_a_block_rebounds_with_the_coefficient_of_restitution():
 
 
 def test_accumulating_impacts_end_at_rest_on_the_stop():
-    fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
+    fall = KinematicSolver(slider(), ranges={"s": (-1.0, 5.0)})
     run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=3.0, restitution=0.5, samples=50)
     # the flights add up to 1 s after the first 0.5 s; the last ones are too short to count
     assert run.outcome == "stopped"
@@ -236,7 +236,9 @@ def test_accumulating_impacts_end_at_rest_on_the_stop():
 
 def test_a_start_beyond_a_stop_is_rejected():
     with pytest.raises(InputError, match="s starts at 6, beyond its stop at 5"):
-        ms.dynamics.run(LoopForm(slider(), ranges={"s": (-1.0, 5.0)}), initial={"s.q": 6.0}, duration=1.0)
+        ms.dynamics.run(
+            KinematicSolver(slider(), ranges={"s": (-1.0, 5.0)}), initial={"s.q": 6.0}, duration=1.0
+        )
 
 
 def test_a_start_at_a_change_point_is_rejected():
@@ -290,7 +292,7 @@ def test_a_four_bar_passes_close_to_a_singular_configuration():
 
 
 def test_a_block_without_restitution_stays_on_its_stop():
-    fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
+    fall = KinematicSolver(slider(), ranges={"s": (-1.0, 5.0)})
     run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=1.0, samples=20)
     assert run.motion.joints["s"].value[-1] == pytest.approx(-1.0, abs=1e-9)
     assert run.outcome == "stopped"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.forces import Forces, Friction
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "validation" / "robustness"))
@@ -63,7 +63,7 @@ def pendulum(low, high):
     arm = ms.Link("arm", outline=((0.6, 0.0, 0.0),), inertia=inertia)
     hinge = ms.Joint("j", "revolute", ms.End("ground"), ms.End("arm"))
     mechanism = ms.Mechanism("arm", (arm,), (hinge,), "j", {"P": ("arm", (0.6, 0.0, 0.0))})
-    return LoopForm(mechanism, ranges={"j": (low, high)})
+    return KinematicSolver(mechanism, ranges={"j": (low, high)})
 
 
 def test_an_impact_at_one_stop_also_acts_on_a_joint_at_rest_at_another(hinges):
@@ -169,7 +169,7 @@ def test_a_motion_law_that_drives_a_joint_beyond_its_stop_fails(tmp_path):
 
 def test_a_joint_at_which_a_loop_is_cut_is_not_left_beyond_its_range():
     linkage = ms.catalog.make("four_bar").mechanism
-    free = ms.dynamics.run(LoopForm(linkage), WEIGHT, initial={"crank.q": "30deg"}, duration=0.15)
+    free = ms.dynamics.run(KinematicSolver(linkage), WEIGHT, initial={"crank.q": "30deg"}, duration=0.15)
     for name, joint in free.motion.joints.items():
         low, high = float(joint.value.min()), float(joint.value.max())
         ranges = dict.fromkeys(free.motion.joints, (-20.0, 20.0))
@@ -177,7 +177,7 @@ def test_a_joint_at_which_a_loop_is_cut_is_not_left_beyond_its_range():
         if joint.value[0] > ranges[name][1]:
             ranges[name] = (low + 0.1 * (high - low), high + 1.0)
         run = ms.dynamics.run(
-            LoopForm(linkage, ranges=ranges), WEIGHT, initial={"crank.q": "30deg"}, duration=0.15
+            KinematicSolver(linkage, ranges=ranges), WEIGHT, initial={"crank.q": "30deg"}, duration=0.15
         )
         low, high = ranges[name]
         beyond = max(low - joint.value.min(), joint.value.max() - high)

@@ -16,19 +16,19 @@ from driven_mechanisms import (
 )
 from scipy.optimize import brentq
 
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import Coupling
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady, tabled
 
 
-def at_times(solver: LoopForm, count: int = 41):
+def at_times(solver: KinematicSolver, count: int = 41):
     moves = solver.motion_laws
     assert moves is not None
     return solver.solve(t=np.linspace(0.0, moves.duration, count))
 
 
-def require_rates(solver: LoopForm):
+def require_rates(solver: KinematicSolver):
     """Assert that rates are the derivatives of positions, by eighth-order differences."""
     moves = solver.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
@@ -52,7 +52,7 @@ def require_rates(solver: LoopForm):
 def test_a_five_bar_agrees_with_the_intersection_of_two_circles():
     mechanism = five_bar()
     states = {"left": sinusoidal(2.0, 0.3, 6.0, 0.2), "right": sinusoidal(1.0, 0.4, 9.0, 1.0)}
-    solver = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 2.0))
+    solver = KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, states, 2.0))
     motion = at_times(solver)
     truth = circle_intersection(motion.joints["left"].value, motion.joints["right"].value)
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
@@ -63,14 +63,16 @@ def test_a_five_bar_agrees_with_the_intersection_of_two_circles():
 
 def test_an_undetermined_joint_is_reported_by_name():
     mechanism = replace(five_bar(), driver=("left",), guess_coordinates={})
-    solver = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 1.0))
+    solver = KinematicSolver(
+        mechanism, motion_laws=make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 1.0)
+    )
     with pytest.raises(MobilityError, match=r"underdetermined: .* right can still move"):
         at_times(solver)
 
 
 def test_a_locked_joint_removes_a_dof():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
-    motion = LoopForm(mechanism).solve(np.linspace(1.8, 2.2, 5))
+    motion = KinematicSolver(mechanism).solve(np.linspace(1.8, 2.2, 5))
     truth = circle_intersection(motion.angle, np.full(5, 1.2))
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
 
@@ -78,7 +80,7 @@ def test_a_locked_joint_removes_a_dof():
 def test_drivers_out_of_reach_are_rejected_with_the_time():
     mechanism = five_bar()
     states = {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}
-    solver = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0))
+    solver = KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0))
 
     def arms_apart(time):
         ends = [0.05 * np.exp(1j * (2.0 + time)), 0.1 + 0.05 * np.exp(1j * (1.0 - time))]
@@ -141,7 +143,7 @@ def test_unknown_or_twice_prescribed_coordinates_are_rejected(change):
 
 def test_a_boom_on_a_cylinder_follows_the_law_of_cosines():
     mechanism = boom()
-    solver = LoopForm(
+    solver = KinematicSolver(
         mechanism, motion_laws=make_motion_laws(mechanism, {"stroke": sinusoidal(0.8, 0.1, 2.0)}, 3.0)
     )
     motion = require_rates(solver)
@@ -152,7 +154,7 @@ def test_a_boom_on_a_cylinder_follows_the_law_of_cosines():
 
 def test_racks_and_polynomial_couplings_follow_their_formulas():
     mechanism = rack_and_cam()
-    motion = LoopForm(mechanism).solve(np.linspace(-9.0, 9.0, 37), 2.0, 0.5)
+    motion = KinematicSolver(mechanism).solve(np.linspace(-9.0, 9.0, 37), 2.0, 0.5)
     angle = motion.angle
     law = np.polynomial.Polynomial([0.0, 0.0, 0.01, 0.002, -0.001])
     q = angle - 0.1
@@ -165,7 +167,7 @@ def test_racks_and_polynomial_couplings_follow_their_formulas():
 
 def test_a_screw_moves_its_nut_by_one_lead_per_revolution():
     mechanism = press()
-    motion = LoopForm(mechanism).solve(np.linspace(0.0, 20.0, 21))
+    motion = KinematicSolver(mechanism).solve(np.linspace(0.0, 20.0, 21))
     height = motion.points["P"].position[:, 2] - 0.1
     # the nut does not rotate: relative to the spindle it rotates backwards
     assert height == pytest.approx(-0.005 * motion.angle / (2.0 * np.pi), abs=1e-15)
@@ -174,7 +176,7 @@ def test_a_screw_moves_its_nut_by_one_lead_per_revolution():
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_planar_joint_has_two_displacements_and_a_rotation(backwards):
     mechanism = table(backwards=backwards)
-    solver = LoopForm(
+    solver = KinematicSolver(
         mechanism, motion_laws=make_motion_laws(mechanism, {"tool": sinusoidal(0.0, 1.0, 3.0)}, 2.0)
     )
     motion = require_rates(solver)
@@ -192,5 +194,5 @@ def test_a_hexapod_reproduces_the_motion_of_its_leg_lengths():
     mechanism, moves, stood = platform()
     assert isinstance(moves, MotionLaws)
     time = np.linspace(0.0, 3.0, 121)
-    motion = LoopForm(mechanism, motion_laws=moves).solve(t=time)
+    motion = KinematicSolver(mechanism, motion_laws=moves).solve(t=time)
     assert motion.points["P"].position == pytest.approx(stood(time), abs=1e-13)

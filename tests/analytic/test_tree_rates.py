@@ -8,9 +8,9 @@ from driven_mechanisms import circle_intersection, five_bar, sinusoidal
 from mechanisms import end_at
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path, motion_along
 from mechsim.analytic.loops.path import CHUNK, rates_of_polynomial, regularised
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Joint
 from mechsim.model.links import EX, GROUND, Link
@@ -24,13 +24,13 @@ SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8
 RATES = {"left": (1.7, -2.3), "right": (-0.9, 3.1)}
 
 
-def five_bar_solver() -> LoopForm:
+def five_bar_solver() -> KinematicSolver:
     mechanism = five_bar()
     states = {"left": sinusoidal(2.0, 0.3, 6.0, 0.2), "right": sinusoidal(1.0, 0.4, 9.0, 1.0)}
-    return LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0))
+    return KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0))
 
 
-def with_offset_drivers(solver: LoopForm, offsets):
+def with_offset_drivers(solver: KinematicSolver, offsets):
     """Return the motion with drivers offset from their motion laws, (left, right), at other rates."""
     assert not solver.motion_laws.crank
     motion = solver.solve(t=np.linspace(0.0, 1.0, 12))
@@ -139,7 +139,7 @@ def test_a_slide_on_a_rotating_arm_has_its_coriolis_acceleration():
     points = {"P": ("block", (0.3, 0.0, 0.0))}
     arm = Mechanism("arm", (Link("arm"), Link("block")), joints, ("turn", "way"), points)
     states = {"turn": sinusoidal(2.0, 0.3, 6.0, 0.2), "way": sinusoidal(0.02, 0.4, 9.0, 1.0)}
-    solver = LoopForm(arm, motion_laws=make_motion_laws(arm, states, 1.0))
+    solver = KinematicSolver(arm, motion_laws=make_motion_laws(arm, states, 1.0))
     times = np.linspace(0.0, 1.0, 12)
     motion = solver.solve(t=times)
     (angle, spin, angular_acceleration), (displacement, speed, slide_acceleration) = (

@@ -5,8 +5,8 @@ import pytest
 from exact_solutions import four_bar_b
 
 from mechsim import catalog, simulate, simulation
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.oracle import conditioning_of
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.motion_warnings import loss_of_significance
 from mechsim.verdict.tolerances import RATES
 
@@ -27,7 +27,7 @@ def test_reported_digits_match_the_true_error(loops):
         if len(ends) != 2:
             continue
         angles = max(ends) - 10.0 ** np.array([-8.0, -10.0, -11.0])
-        motion = (LoopForm(linkage.mechanism) if loops else linkage).solve(angles, 1.0)
+        motion = (KinematicSolver(linkage.mechanism) if loops else linkage).solve(angles, 1.0)
         conditioning = motion.conditioning if loops else conditioning_of(linkage.mechanism, motion)
         for row, angle in enumerate(angles):
             exact = four_bar_b(linkage, float(angle))[2]
@@ -46,7 +46,7 @@ def test_every_method_reports_a_loss_of_significance():
     run = simulate(linkage, profile=profile, method="pose").motion
     for solver, motion in (
         (linkage, linkage.solve(angles, 1.0)),
-        (LoopForm(linkage.mechanism), LoopForm(linkage.mechanism).solve(angles, 1.0)),
+        (KinematicSolver(linkage.mechanism), KinematicSolver(linkage.mechanism).solve(angles, 1.0)),
         (linkage, run),
     ):
         warning = loss_of_significance(solver, motion)
@@ -58,7 +58,7 @@ def test_every_method_reports_a_loss_of_significance():
 def test_exact_and_limiting_rates_give_no_warning():
     flat = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
     angles = np.linspace(0.0, 2.0 * np.pi, 73)
-    for solver in (flat, LoopForm(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
+    for solver in (flat, KinematicSolver(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
         assert loss_of_significance(solver, solver.solve(angles, 1.0)) is None
     swings = catalog.make("four_bar", **SWINGS)
     assert (

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import mechsim as ms
 from mechsim import catalog, files
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import MAX_NAME_LENGTH, Mechanism
@@ -91,7 +91,7 @@ def every_name(test):
 @every_name
 def test_names_round_trip_through_tables_and_toml(tmp_path, name):
     mechanism = named(name)
-    motion = LoopForm(mechanism).solve(np.linspace(0.0, 1.0, 3))
+    motion = KinematicSolver(mechanism).solve(np.linspace(0.0, 1.0, 3))
     for ending in (".csv", ".npz"):
         files.write(tmp_path / f"motion{ending}", motion)
         assert list(files.read(tmp_path / f"motion{ending}")) == list(dict(motion.columns()))
@@ -117,7 +117,7 @@ def test_plots_show_names_unchanged(tmp_path, name):
     # every breaking name in one legend
     position = (mechanism.links[0].name, (0.01, 0.0, 0.0))
     mechanism = replace(mechanism, points=mechanism.points | dict.fromkeys(CRITICAL, position))
-    motion = LoopForm(mechanism).solve(np.linspace(0.0, 1.0, 3))
+    motion = KinematicSolver(mechanism).solve(np.linspace(0.0, 1.0, 3))
     figure = plots.coupler_curve(mechanism, motion)
     plots.write(tmp_path / "plot.svg", figure)
     ET.parse(tmp_path / "plot.svg")
@@ -127,7 +127,7 @@ def test_plots_show_names_unchanged(tmp_path, name):
 
 def test_a_page_escapes_names():
     name = "</script><b>{{x}}"
-    text = page(mechanism_view(LoopForm(named(name)), 1.0))
+    text = page(mechanism_view(KinematicSolver(named(name)), 1.0))
     data = re.search(r'<script[^>]*id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[1]
     assert json.loads(data)["name"] == name
     assert "<b>" not in text

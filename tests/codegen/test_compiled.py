@@ -5,7 +5,7 @@ import pytest
 from grids import grid
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen import build
 from mechsim.errors import AssemblyError, InputError, MissingToolError, OutputError
 from mechsim.numerics import c_library
@@ -66,7 +66,7 @@ def test_the_record_agrees_with_the_loop_equations(compiled, name):
     solver = compiled(name)
     source = solver.code.assembly.source
     angles = np.linspace(*((0.0, 6.0) if source.period > 6.0 else (0.0, source.period)), 25)
-    model = LoopForm(source.mechanism, motion_laws=source.motion_laws)
+    model = KinematicSolver(source.mechanism, motion_laws=source.motion_laws)
     if source.motion_laws.crank:
         mine, exact = solver.solve(angles, 2.0, 3.0), model.solve(angles, 2.0, 3.0)
     else:
@@ -105,7 +105,7 @@ def test_the_map_is_the_derivative_of_configurations(compiled, name):
 def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
     solver, rng = compiled(name), np.random.default_rng(5)
     angles = rng.uniform(-np.pi, np.pi, 60)
-    exact = LoopForm(solver.code.assembly.source.mechanism).solve(np.sort(angles))
+    exact = KinematicSolver(solver.code.assembly.source.mechanism).solve(np.sort(angles))
     mine = solver.solve(angles)
     order = np.argsort(angles)
     for point, motion in exact.points.items():
@@ -120,7 +120,7 @@ def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
         four_bar = ms.catalog.make(
             "four_bar", ground=0.1, crank=0.04, coupler=0.1 * (1.0 + miss), rocker=0.04 * (1.0 + miss)
         )
-        solver, model = ms.compile(four_bar), LoopForm(four_bar.mechanism)
+        solver, model = ms.compile(four_bar), KinematicSolver(four_bar.mechanism)
         for angle in rng.uniform(-np.pi, np.pi, 24):
             try:
                 mine = solver.solve([angle]).points["B"].position

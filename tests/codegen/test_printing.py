@@ -12,7 +12,7 @@ from grids import grid
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli import main
 from mechsim.codegen.kinematics import identifiers
 from mechsim.codegen.self_test import c_test, javascript_test
@@ -145,7 +145,7 @@ def test_cut_joints_have_values_and_rates(compiled, tmp_path, name):
     function, names = ctypes.CDLL(str(library)).joints_at, solver.code.formulas.joints
     out = (ctypes.c_double * (3 * len(names)))()
     assert function(ctypes.c_double(1.1), ctypes.c_double(2.0), ctypes.c_double(3.0), out) == 0
-    exact = LoopForm(solver.code.assembly.source.mechanism).solve([1.1], 2.0, 3.0).joints
+    exact = KinematicSolver(solver.code.assembly.source.mechanism).solve([1.1], 2.0, 3.0).joints
     for i, joint in enumerate(names):
         expected = [exact[joint].value[0], exact[joint].rate[0], exact[joint].acceleration[0]]
         assert out[3 * i : 3 * i + 3] == pytest.approx(expected, abs=1e-12)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.numerics import newton
 from mechsim.numerics.continuation import ContinuationPath
@@ -38,18 +38,18 @@ def plant(monkeypatch, fault):
 def test_both_methods_reject_unconverged_configurations(name, monkeypatch):
     mechanism, angles = catalog.make(name).mechanism, np.linspace(0.0, 6.0, 20)
     assert simulate(mechanism, speed=1.0, method="pose").outcome == "passed"
-    LoopForm(mechanism).solve(angles, speed=1.0)
+    KinematicSolver(mechanism).solve(angles, speed=1.0)
     plant(monkeypatch, unconverged)
     with pytest.raises(AssemblyError, match="the crank cannot pass"):
         simulate(mechanism, speed=1.0, method="pose")
     with pytest.raises(AssemblyError, match="the crank cannot pass"):
-        LoopForm(mechanism).solve(angles, speed=1.0)
+        KinematicSolver(mechanism).solve(angles, speed=1.0)
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypatch):
     linkage, chunks = catalog.make(name), ContinuationPath.chunks
-    model = LoopForm(linkage.mechanism)
+    model = KinematicSolver(linkage.mechanism)
 
     def plant_offset(offset):
         def off(path, s):

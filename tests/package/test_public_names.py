@@ -92,7 +92,7 @@ REJECTED = {
     "gravity as text": (lambda: ms.Forces(gravity="down"), "gravity is down m/s2; give three finite"),
     "no dynamic model": (
         lambda: ms.dynamics.prescribed(LINKAGE, [0.0], 1.0),
-        "type Rssr; give one of type DynamicModel",
+        "type KinematicSolver; give one of type DynamicModel",
     ),
     "rods for nothing": (lambda: ms.masses.with_inertia(None), "a mechanism is of type NoneType"),
     "density as text": (lambda: ms.masses.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),

@@ -199,7 +199,9 @@ def test_the_picture_is_independent_of_the_mechanism_size(linkage):
     pictures = []
     for factor in (1e-3, 1.0, 1e3):
         pivot = tuple(factor * incomplete for incomplete in linkage.pivot)
-        scaled = replace(linkage, pivot=pivot, **{name: factor * getattr(linkage, name) for name in lengths})
+        scaled = linkage.with_parameters(
+            pivot=pivot, **{name: factor * getattr(linkage, name) for name in lengths}
+        )
         pictures.append(next(iter(frames_of(scaled.mechanism, scaled.solve(ANGLES, 60.0)))).astype(int))
     for other in (pictures[0], pictures[2]):
         # the grid may move, the mechanism may not

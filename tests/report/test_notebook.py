@@ -74,7 +74,7 @@ def test_a_verdict_displays_every_check_and_failures_in_red(run):
     linkage = ms.catalog.make("rssr", rocker=0.03)
     agreeing = ms.crosscheck(run.motion, linkage)
     assert page_of(agreeing).count("<tr") == len(agreeing.checks) + 1
-    bad = ms.crosscheck(run.motion, replace(linkage, rocker=0.0301))
+    bad = ms.crosscheck(run.motion, linkage.with_parameters(rocker=0.0301))
     assert not bad.passed
     assert "failed" in page_of(bad)
     assert 'style="color:#a8261a"' in page_of(bad)

@@ -13,7 +13,7 @@ CATALOG = "mechsim.subjects.catalog"
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
 # a table of designs for the stress test, by mechanism
 TABLES = {"mechsim.studies.extremes.axes"}
-CLASSES = {linkage.__name__ for linkage in catalog.MECHANISMS.values()}
+CLASSES = {linkage.formulas.__name__ for linkage in catalog.MECHANISMS.values()}
 WORDS = catalog.MECHANISMS.keys() | CLASSES
 
 
@@ -65,4 +65,4 @@ def test_the_check_detects_a_mechanism_name(source, result):
 
 def test_the_check_detects_a_choice_by_class():
     assert distinguishes_classes("isinstance(drive, Looper)")
-    assert not distinguishes_classes("isinstance(drive, ClosedForm)")
+    assert not distinguishes_classes("isinstance(drive, KinematicSolver)")

@@ -72,7 +72,7 @@ def test_shapes_have_positive_finite_sizes_and_right_handed_frames(name):
 def test_shapes_grow_with_the_mechanism():
     small = catalog.make("four_bar")
     lengths = {name: 250.0 * getattr(small, name) for name in ("ground", "crank", "coupler", "rocker", "arm")}
-    large = link_shapes(replace(small, **lengths).mechanism)
+    large = link_shapes(small.with_parameters(**lengths).mechanism)
     for link, shapes in link_shapes(small.mechanism).items():
         for item, other in zip(shapes, large[link], strict=True):
             np.testing.assert_allclose(np.multiply(250.0, item.half_sizes), other.half_sizes, rtol=1e-9)

@@ -6,7 +6,7 @@ from change_point_linkages import change_point_lengths, named
 
 from mechsim import catalog
 from mechsim.analytic import dynamics
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.simulation import constant, simulate
@@ -99,7 +99,7 @@ def test_an_immobile_branch_is_rejected_with_its_angle():
         AssemblyError,
         match=r"the crank cannot pass .* rad with policy .branch., since it does not move",
     ):
-        simulate(LoopForm(rhombus.mechanism, change_point="branch"), speed=20.0)
+        simulate(KinematicSolver(rhombus.mechanism, change_point="branch"), speed=20.0)
 
 
 def test_stepping_through_change_points_with_policy_branch_is_rejected():

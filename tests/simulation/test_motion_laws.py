@@ -17,7 +17,7 @@ from driven_mechanisms import (
 )
 
 from mechsim import crosscheck, simulate
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End
 from mechsim.model.links import GROUND
@@ -49,7 +49,7 @@ def test_solved_poses_satisfy_the_loop_equations(case):
     mechanism, moves = CASES[case]()
     run = simulate(mechanism, motion_laws=moves)
     assert (run.method, run.outcome) == ("pose", "passed")
-    verdict = crosscheck(run, LoopForm(mechanism, motion_laws=moves))
+    verdict = crosscheck(run, KinematicSolver(mechanism, motion_laws=moves))
     assert verdict.passed, verdict
     assert run.motion.drivers == mechanism.drivers
     for name, value in zip(moves.drivers, moves.state(run.motion.time)[0], strict=True):
@@ -62,7 +62,7 @@ def test_stepped_states_satisfy_the_loop_equations(case):
     mechanism, moves = CASES[case]()
     run = simulate(mechanism, motion_laws=moves, method="step")
     assert run.outcome == "passed"
-    verdict = crosscheck(run, LoopForm(mechanism, motion_laws=moves))
+    verdict = crosscheck(run, KinematicSolver(mechanism, motion_laws=moves))
     assert verdict.passed, verdict
     # the driver is exact at the end of each step, with an error of second order in between
     for name, rate in zip(moves.drivers, moves.state(run.motion.time)[1], strict=True):
@@ -194,7 +194,9 @@ def test_conflicting_or_missing_motion_laws_are_rejected():
 def test_a_wrong_motion_law_fails_the_check_of_its_driver():
     mechanism, moves = CASES["five-bar"]()
     other = make_motion_laws(mechanism, ARMS | {"right": sinusoidal(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
-    verdict = crosscheck(simulate(mechanism, motion_laws=moves), LoopForm(mechanism, motion_laws=other))
+    verdict = crosscheck(
+        simulate(mechanism, motion_laws=moves), KinematicSolver(mechanism, motion_laws=other)
+    )
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: right"]
 
 
@@ -205,7 +207,7 @@ def test_a_wrong_dimension_fails_the_check():
         for joint in mechanism.joints
     )
     run = simulate(replace(mechanism, joints=joints), motion_laws=moves)
-    assert not crosscheck(run, LoopForm(mechanism, motion_laws=moves)).passed
+    assert not crosscheck(run, KinematicSolver(mechanism, motion_laws=moves)).passed
 
 
 def test_a_nonlinear_coupling_of_a_passive_joint_is_stepped():

@@ -1,7 +1,5 @@
 """A swinging crank is driven inside its range on any revolution of its angle."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -30,7 +28,7 @@ def swings(draw, name):
     """Return a mechanism with a swinging crank and a profile inside its range on any revolution."""
     linkage = draw(CASES[name].random)
     if name == "warp_knitter":
-        linkage = replace(linkage, gear_ratio=-2.0, assembly=1)
+        linkage = linkage.with_parameters(gear_ratio=-2.0, assembly=1)
     try:
         arcs, start = linkage.crank_range(), linkage.mechanism.start
     except AssemblyError:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.joints import Coupling
@@ -29,7 +29,7 @@ def five_bar():
     }
     rubbing = replace(WEIGHT, friction=(Friction("A", viscous=0.01),))
     return dynamics.dynamic_model(
-        LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0)), rubbing
+        KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0)), rubbing
     )
 
 
@@ -37,7 +37,7 @@ def boom():
     mechanism = machines.boom()
     states = {"stroke": machines.sinusoidal(0.8, 0.1, 2.0)}
     return dynamics.dynamic_model(
-        LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0)), WEIGHT
+        KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0)), WEIGHT
     )
 
 
@@ -47,20 +47,22 @@ def locked_rack():
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
     mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
     moves = make_motion_laws(mechanism, {"crank": machines.sinusoidal(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
+    return dynamics.dynamic_model(
+        KinematicSolver(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0))
+    )
 
 
 def nonlinear_rack():
     mechanism = machines.nonlinear_rack()
     moves = make_motion_laws(mechanism, {"crank": machines.sinusoidal(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
+    return dynamics.dynamic_model(KinematicSolver(mechanism, motion_laws=moves), WEIGHT)
 
 
 def nonlinear_passive_joint():
     mechanism = machines.five_bar_with_cam()
     arms = {"left": machines.sinusoidal(2.0, 0.3, 6.0, 0.2), "right": machines.sinusoidal(1.0, 0.4, 9.0, 1.0)}
     return dynamics.dynamic_model(
-        LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, arms, 1.0)), WEIGHT
+        KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, arms, 1.0)), WEIGHT
     )
 
 
@@ -68,7 +70,7 @@ def nonlinear_table():
     """A plate of 9 g with nonlinear couplings to a tool of 2 mg and between its coordinates."""
     mechanism = machines.table(backwards=False)
     moves = make_motion_laws(mechanism, {"tool": machines.sinusoidal(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
+    return dynamics.dynamic_model(KinematicSolver(mechanism, motion_laws=moves), WEIGHT)
 
 
 NONLINEAR = {
@@ -115,8 +117,8 @@ def test_the_force_on_a_resting_boom_balances_its_weight():
     links = (arm, *(replace(link, inertia=negligible) for link in mechanism.links[1:]))
     mechanism = replace(mechanism, links=links)
     slowly = make_motion_laws(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
-    study = study_of(dynamics.dynamic_model(LoopForm(mechanism, motion_laws=slowly), WEIGHT), 3)
-    lift = LoopForm(mechanism, motion_laws=slowly).solve(t=[0.0]).joints["lift"].value[0]
+    study = study_of(dynamics.dynamic_model(KinematicSolver(mechanism, motion_laws=slowly), WEIGHT), 3)
+    lift = KinematicSolver(mechanism, motion_laws=slowly).solve(t=[0.0]).joints["lift"].value[0]
     foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
     along = (head - foot) / np.linalg.norm(head - foot)
     lever = head[0] * along[1] - head[1] * along[0]
@@ -181,7 +183,7 @@ def test_duplicate_couplings_share_the_force_of_one():
     weight = Forces(gravity=(0.0, 0.0, -9.81))
     runs = [driven(item, weight, speed=2.0, samples=6, method="pose").forces for item in (single, doubled)]
     studies = [
-        dynamics.prescribed(dynamics.dynamic_model(LoopForm(item), weight), runs[0].angle, 2.0).forces
+        dynamics.prescribed(dynamics.dynamic_model(KinematicSolver(item), weight), runs[0].angle, 2.0).forces
         for item in (single, doubled)
     ]
     for item, two in (runs, studies):

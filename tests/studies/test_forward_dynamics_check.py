@@ -11,7 +11,7 @@ from model_files import model_text
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.initial_state import InitialValues
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
@@ -197,7 +197,7 @@ def test_a_run_that_ignores_a_stop_disagrees_with_mujoco():
     assert without.motion.joints["s"].value.max() > 0.3
     values = InitialValues({}, {"s": 0.0})
     for limit, agrees in ((0.5, True), (0.15, False)):
-        model = ms.dynamics.dynamic_model(LoopForm(slider(), ranges={"s": (-1.0, limit)}), forces)
+        model = ms.dynamics.dynamic_model(KinematicSolver(slider(), ranges={"s": (-1.0, limit)}), forces)
         assert crosscheck_forward(without, model, values).passed == agrees
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from mechsim import load_profile
 from mechsim.analytic import dynamics
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joints import End, Gear, Joint
@@ -54,7 +54,7 @@ def solved(case: Case, method: str) -> tuple[Motion, ForceRecord]:
     if method == "MuJoCo":
         run = driven(case.mechanism, case.forces, motion_laws=moves, method="pose", samples=5)
         return run.motion, run.forces
-    model = dynamics.dynamic_model(LoopForm(case.mechanism, motion_laws=moves), case.forces)
+    model = dynamics.dynamic_model(KinematicSolver(case.mechanism, motion_laws=moves), case.forces)
     time = np.linspace(0.0, 1.0, 6)
     return model.solver.solve(t=time), dynamics.prescribed(model, t=time).forces
 

@@ -33,17 +33,12 @@ slot = { kind = "planar", a = { link = "lever" }, b = { link = "block" } }
 python = "inverted.py:Inverted"
 """
 CODE = """
-import numpy as np
 from mechsim import vectors
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import Declaration
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
 
 
 class Inverted(ClosedForm):
-    declaration = Declaration()
-
     def frames(self, angle):
         ex, ez = vectors.column((1.0, 0.0, 0.0)), vectors.column((0.0, 0.0, 1.0))
         x, y = self.pivot
@@ -54,18 +49,6 @@ class Inverted(ClosedForm):
         yield "crank", LinkFrame(vectors.column((x, y, 0.0)), x=ahead, z=ez)
         yield "block", LinkFrame(pin, x=along, z=ez)
         yield "lever", LinkFrame(vectors.column((x + self.ground, y, 0.0)), x=along, z=ez)
-
-    def crank_range(self):
-        return Arcs(True, ((-np.pi, np.pi),))
-
-    def assemblies(self, angle):
-        return [self]
-
-    def assembly_sign(self, points):
-        return np.ones(len(points["A"]))
-
-    def transmission_at(self, angles, points):
-        return np.full(len(angles), np.pi / 2)
 """
 
 
@@ -100,7 +83,7 @@ def test_formulas_of_a_file_are_validated(written):
 
 
 def test_a_description_alone_runs_no_code(written, tmp_path):
-    written(code=("import numpy as np", "raise SystemExit('was run')"))
+    written(code=("from mechsim import vectors", "raise SystemExit('was run')"))
     with pytest.raises(InputError, match=r"name inverted\.py:Inverted as the model"):
         load(str(tmp_path / "inverted.toml"))
 
@@ -122,7 +105,7 @@ def test_a_choice_replaces_a_joint(written):
         ("ground = {", "crank_range = {", "parameters.crank_range cannot be the name"),
         ("when.loose", "when.lose", "when.lose is no parameter; did you mean 'loose'"),
         ('["crank", 0, 0] }\n[when', '["krank", 0, 0] }\n[when', "points.A.at[0] is 'krank'"),
-        ("inverted.py:Inverted", "inverted.py:np", "formula names no class of formulas"),
+        ("inverted.py:Inverted", "inverted.py:vectors", "formula names no class of formulas"),
         ('{ kind = "planar", a = { link = "lever" }, b = { link = "block" } }', "3", "loose.joints.slot"),
         ('[parameters]', 'duration = 1\n[parameters]', "duration is not read in a file with formulas"),
     ],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.subjects import model_source
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Reader
@@ -42,7 +42,7 @@ class LengthsFile(ModelSource):
     def describe(self, changed, prescription):
         ground, crank, coupler, rocker = json.loads(Path(self.path).read_text())
         lengths = {"ground": ground, "crank": crank, "coupler": coupler, "rocker": rocker} | dict(changed)
-        return ModelDescription(LoopForm(ms.catalog.make("four_bar", **lengths).mechanism))
+        return ModelDescription(KinematicSolver(ms.catalog.make("four_bar", **lengths).mechanism))
 
 
 @pytest.fixture

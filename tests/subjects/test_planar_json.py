@@ -3,7 +3,6 @@
 import copy
 import json
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,7 +158,7 @@ def test_a_four_bar_file_has_the_motion_of_the_catalogue(written, content, name,
     # a file of linkage_sim states no configuration, and so no assembly
     branch = 1 if motion.points[pin].position[0, 1] > 0.0 else -1
     assert branch == 1 or content is LINKAGE_SIM
-    solution = replace(FOUR_BAR, branch=branch).solve(ANGLES, speed=1.0)
+    solution = FOUR_BAR.with_parameters(branch=branch).solve(ANGLES, speed=1.0)
     expected = solution.points["B"]
     for quantity in ("position", "velocity", "acceleration"):
         computed = getattr(motion.points[pin], quantity)

@@ -5,7 +5,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -82,7 +82,7 @@ def test_inverse_dynamics_and_sensitivities_accept_times(swinging):
 @pytest.mark.parametrize("looped", [False, True])
 def test_a_crank_of_constant_speed_accepts_times(looped):
     solver = ms.catalog.make("four_bar")
-    solver = LoopForm(solver.mechanism) if looped else solver
+    solver = KinematicSolver(solver.mechanism) if looped else solver
     start = solver.mechanism.start
     motion = solver.solve(t=TIMES, speed=3.0)
     by_angle = solver.solve(start + 3.0 * TIMES, 3.0)
@@ -103,7 +103,7 @@ def test_a_crank_of_constant_speed_accepts_times(looped):
 
 def test_several_drivers_without_motion_laws_are_rejected():
     with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
-        LoopForm(ms.load("five_bar").mechanism).solve(t=TIMES)
+        KinematicSolver(ms.load("five_bar").mechanism).solve(t=TIMES)
 
 
 def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.theory.group_assemblies import group_assemblies
@@ -73,7 +73,7 @@ B = { link = "arm", at = [1, 0, 0] }
 
 def poses_of(solver, angle):
     """Return the poses of the solver's own assembly."""
-    links = LoopForm(solver.mechanism).solve([angle]).links
+    links = KinematicSolver(solver.mechanism).solve([angle]).links
     poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
     return {GROUND: IDENTITY, **poses}
 
@@ -120,7 +120,7 @@ def test_a_turning_slide_has_both_tangents_of_its_circle(tmp_path, angle):
 def test_random_starts_find_the_same_assemblies(name):
     solver = ms.load(name)
     every = ms.assemblies(name, 0.2)
-    searched = LoopForm.all_assembly_points(solver, 0.2)
+    searched = KinematicSolver.all_assembly_points(solver, 0.2)
     assert every.complete
     assert len(every) == len(searched)
     for _, points in searched:

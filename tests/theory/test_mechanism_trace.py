@@ -21,7 +21,7 @@ from mechsim.theory.continuation.mechanism_trace import trace
 REVOLUTION = 2.0 * np.pi
 SOLVERS = {name: catalog.make(name) for name in catalog.MECHANISMS}
 SOLVERS |= {
-    f"{name} {case}": replace(closed_form, **changes)
+    f"{name} {case}": closed_form.with_parameters(**changes)
     for name, closed_form in tuple(SOLVERS.items())
     for case, changes in {
         "swinging": special_designs(closed_form.name).swinging,
@@ -130,7 +130,7 @@ def test_branch_points_agree_with_the_closed_form(name):
 @pytest.mark.slow
 def test_close_curves_without_a_branch_point_are_separated():
     linkage = catalog.make("four_bar", ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
-    assert trace(replace(linkage, coupler=0.1), starts=0).branch_points
+    assert trace(linkage.with_parameters(coupler=0.1), starts=0).branch_points
     result = trace(linkage, starts=2)
     assert not result.branch_points
     # each curve keeps its assembly mode where the curves are close

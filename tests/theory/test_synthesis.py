@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,15 +27,15 @@ def test_the_line_of_the_paper_gives_its_published_linkage(paper):
     assert f"{np.rad2deg(paper.frame_angle):.3f}" == "45.000"
     assert f"{1e3 * paper.rocker:.3f}" == "32.000"
     assert paper.design.branch == 1
-    assert paper.design == replace(
-        catalog.make("looper"), frame=paper.frame, frame_angle=paper.frame_angle, rocker=paper.rocker
+    assert paper.design == catalog.make("looper").with_parameters(
+        frame=paper.frame, frame_angle=paper.frame_angle, rocker=paper.rocker
     )
 
 
 def test_the_reported_deviation_agrees_with_the_linkage(paper):
     # an independent run of the whole linkage, past both ends of the line
     low, high = sorted(paper.angles[[0, -1]])
-    c = paper.design.planar_point(np.linspace(low, high, 4001))[:, :2]
+    c = paper.design.closed_form.planar_point(np.linspace(low, high, 4001))[:, :2]
     deviation = np.abs(distance_to_line(c, THROUGH, TILT)).max()
     # the run ends at the crank angle where C crosses the normal at the end of the line
     assert paper.deviation == pytest.approx(deviation, rel=1e-4)
@@ -92,9 +91,9 @@ def test_equal_ripple_reduces_the_deviation(in_space):
 
 @pytest.mark.parametrize("in_space", [False, True])
 def test_synthesis_recovers_the_linkage_of_a_curve(in_space):
-    made = replace(catalog.make("looper"), rocker=0.0297, frame=0.0341, frame_angle=0.71)
+    made = catalog.make("looper").with_parameters(rocker=0.0297, frame=0.0341, frame_angle=0.71)
     angles = np.linspace(2.3, 3.1, 41)
-    c = made.positions(angles)["C"] if in_space else made.planar_point(angles)
+    c = made.positions(angles)["C"] if in_space else made.closed_form.planar_point(angles)
     result = follow_curve(c[:, :2], catalog.make("looper"), in_space=in_space)
     assert result.rocker == pytest.approx(0.0297, rel=1e-8)
     assert result.frame == pytest.approx(0.0341, rel=1e-8)
@@ -106,7 +105,7 @@ def test_synthesis_recovers_the_linkage_of_a_curve(in_space):
 def test_spatial_synthesis_follows_the_line_in_space():
     result = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), in_space=True)
     angles = np.linspace(*sorted(result.angles[[0, -1]]), 501)
-    space, plane = result.design.positions(angles)["C"], result.design.planar_point(angles)
+    space, plane = result.design.positions(angles)["C"], result.design.closed_form.planar_point(angles)
     assert np.abs(distance_to_line(space, THROUGH, TILT)).max() == pytest.approx(result.deviation, rel=2e-3)
     assert np.abs(distance_to_line(plane, THROUGH, TILT)).max() > 5.0 * result.deviation
 
@@ -199,13 +198,13 @@ def test_a_linkage_that_reverses_on_the_line_is_rejected():
     # C's stroke is 13.6 mm
     with pytest.raises(AssemblyError, match="reverses"):
         passage(path, line(THROUGH, TILT, 16e-3), np.linspace(3.9, 1.7, 101))
-    c = path.planar_point(angles)[:, :2]
+    c = path.closed_form.planar_point(angles)[:, :2]
     assert np.abs(passage(path, c, angles + 1e-3).error).max() < 1e-15
 
 
 def test_a_rocker_too_long_by_a_thousandth_deviates(paper):
-    wrong = replace(paper.design, rocker=1.001 * paper.rocker)
-    c = wrong.planar_point(paper.angles)[:, :2]
+    wrong = paper.design.with_parameters(rocker=1.001 * paper.rocker)
+    c = wrong.closed_form.planar_point(paper.angles)[:, :2]
     assert np.abs(distance_to_line(c, THROUGH, TILT)).max() > 5.0 * paper.deviation
 
 

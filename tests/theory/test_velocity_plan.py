@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from two_cranks import velocities
@@ -142,8 +140,7 @@ def test_a_plan_with_parallel_lines_is_rejected():
     linkage = catalog.make("warp_knitter")
     points = {name: position[0, :2] for name, position in linkage.positions([0.0]).items()}
     pivot = points["K"] + 0.7 * (points["K"] - points["C"])
-    wrong = replace(
-        linkage,
+    wrong = linkage.with_parameters(
         pivot_rocker=tuple(pivot.tolist()),
         rocker=float(np.linalg.norm(points["K"] - pivot)),
         assembly=1,

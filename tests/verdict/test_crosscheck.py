@@ -7,7 +7,7 @@ import pytest
 
 import mechsim as ms
 from mechsim import catalog, loops
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import plain
 from mechsim.model.mechanism import Mechanism
@@ -18,7 +18,7 @@ from mechsim.verdict.crosscheck import crosscheck, differentiated
 from mechsim.verdict.tolerances import Tolerance
 
 SPEED = 62.8
-LINKAGES: dict[str, ClosedForm] = {
+LINKAGES: dict[str, KinematicSolver] = {
     "rssr": catalog.make("rssr"),
     "guided rssr": catalog.make("rssr", guide=True),
     "four_bar": catalog.make("four_bar"),
@@ -44,7 +44,7 @@ def revolution_of(name: str, route: str = "step") -> Motion:
     return motion_of(LINKAGES[name].mechanism, route)
 
 
-def named_as_the_points(linkage: ClosedForm):
+def named_as_the_points(linkage: KinematicSolver):
     return lambda angles: linkage.positions(angles)
 
 
@@ -127,14 +127,14 @@ ONE_ROUTE = [
 @pytest.mark.parametrize(("name", "link", "route"), ONE_ROUTE)
 def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, route: str) -> None:
     linkage = LINKAGES[name]
-    wrong = replace(linkage, **{link: 1.001 * getattr(linkage, link)})
+    wrong = linkage.with_parameters(**{link: 1.001 * getattr(linkage, link)})
     assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage))
 
 
 @pytest.mark.parametrize("name", ["rssr", "guided rssr", "four_bar"])
 def test_two_swapped_links_fail(name: str) -> None:
     linkage = LINKAGES[name]
-    wrong = replace(linkage, coupler=linkage.rocker, rocker=linkage.coupler)
+    wrong = linkage.with_parameters(coupler=linkage.rocker, rocker=linkage.coupler)
     assert wrong.crank_range().full
     assert not crosscheck(motion_of(wrong.mechanism), linkage).passed
 
@@ -143,7 +143,7 @@ def test_two_swapped_links_fail(name: str) -> None:
 @pytest.mark.parametrize("route", ROUTES)
 def test_the_other_assembly_mode_is_reported(name: str, route: str) -> None:
     linkage = LINKAGES[name]
-    wrong = replace(linkage, branch=-linkage.branch)
+    wrong = linkage.with_parameters(branch=-linkage.branch)
     assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage), "changed assembly")
 
 
@@ -151,7 +151,7 @@ def test_the_other_assembly_mode_is_reported(name: str, route: str) -> None:
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(rotated: str, route: str) -> None:
     linkage = LINKAGES["rssr"]
-    wrong = replace(linkage, **{rotated: getattr(linkage, rotated) + np.deg2rad(0.1)})
+    wrong = linkage.with_parameters(**{rotated: getattr(linkage, rotated) + np.deg2rad(0.1)})
     assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage))
 
 

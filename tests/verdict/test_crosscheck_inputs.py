@@ -8,7 +8,7 @@ from catalog_faults import FAULTS
 from grids import grid
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.links import EX, EY, EZ
 from mechsim.model.mechanism import Mechanism
@@ -32,7 +32,7 @@ SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swingin
 @pytest.mark.parametrize(("name", "fault", "method"), CASES)
 def test_a_wrong_mechanism_fails(name, fault, method):
     linkage = catalog.make(name)
-    wrong = replace(linkage, **FAULTS[linkage.declaration.name][fault])
+    wrong = linkage.with_parameters(**FAULTS[linkage.name][fault])
     # a crank with a dead centre, as on the looper's other side, makes half a revolution
     turns = 1.0 if wrong.crank_range().full else 0.5
     run = simulate(wrong.mechanism, speed=SPEED, turns=turns, method=method, samples=36)
@@ -45,7 +45,7 @@ def test_a_wrong_mechanism_fails(name, fault, method):
 
 @pytest.mark.parametrize("linkage", catalog.MECHANISMS.values())
 def test_every_mechanism_has_a_planted_fault(linkage):
-    assert FAULTS[linkage.declaration.name]
+    assert FAULTS[linkage.name]
 
 
 @pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
@@ -85,7 +85,7 @@ def _with_slide_along(mechanism: Mechanism, axis) -> Mechanism:
 class WrongClosedForm:
     """A wrong closed form: its rocker point is off by a thousandth."""
 
-    solver: ClosedForm
+    solver: KinematicSolver
 
     def solve(self, *arguments):
         motion = self.solver.solve(*arguments)

@@ -8,30 +8,32 @@ import pytest
 from driven_mechanisms import boom, five_bar, sinusoidal
 
 from mechsim import crosscheck
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.motion_laws import make_motion_laws
 
 LAWS = make_motion_laws(
     five_bar(), {"left": sinusoidal(2.0, 0.3, 6.0), "right": sinusoidal(1.0, 0.2, 9.0)}, 1.0
 )
-SOLVER = LoopForm(five_bar(), motion_laws=LAWS)
+SOLVER = KinematicSolver(five_bar(), motion_laws=LAWS)
 # a cylinder with a fast oscillation
-BOOM = LoopForm(boom(), motion_laws=make_motion_laws(boom(), {"stroke": sinusoidal(0.8, 0.01, 60.0)}, 1.0))
+BOOM = KinematicSolver(
+    boom(), motion_laws=make_motion_laws(boom(), {"stroke": sinusoidal(0.8, 0.01, 60.0)}, 1.0)
+)
 TIME = np.linspace(0.0, 1.0, 40)
 
 
-def record(solver: LoopForm, source: str):
+def record(solver: KinematicSolver, source: str):
     """Return a motion as a simulator would record it."""
     assert not solver.motion_laws.crank
     motion = solver.solve(t=TIME)
     return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
 
 
-def lagging(by: float) -> LoopForm:
+def lagging(by: float) -> KinematicSolver:
     late = make_motion_laws(
         five_bar(), {"left": sinusoidal(2.0, 0.3, 6.0, -by), "right": sinusoidal(1.0, 0.2, 9.0)}, 1.0
     )
-    return LoopForm(five_bar(), motion_laws=replace(late, rate=LAWS.rate))
+    return KinematicSolver(five_bar(), motion_laws=replace(late, rate=LAWS.rate))
 
 
 @pytest.mark.parametrize("source", ["pose", "step"])

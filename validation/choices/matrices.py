@@ -16,7 +16,7 @@ import numpy as np
 import study_table as sheet
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.simulation import mjcf, settings
 
 CHAINS = (8, 10, 12, 16, 20, 24, 40)
@@ -25,7 +25,7 @@ STEPS, ROUNDS = 100, 15
 RANDOM, SEED = 400, 0
 
 
-def chain(linkage: ClosedForm, n: int) -> mujoco.MjSpec:
+def chain(linkage: KinematicSolver, n: int) -> mujoco.MjSpec:
     """Return the model of a chain of n four-bars with its crank at zero."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False

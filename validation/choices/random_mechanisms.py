@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from mechsim.analytic.formulas.formulas import SELECTORS
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import SELECTORS
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 
 # sizes vary by this factor up and down, angles by this many radians
@@ -18,14 +18,14 @@ KEPT = (*SELECTORS, "gear_ratio")
 SOUND = np.deg2rad(20.0)
 
 
-def drives(random: np.random.Generator, count: int, only: str | None = None) -> Iterator[ClosedForm]:
+def drives(random: np.random.Generator, count: int, only: str | None = None) -> Iterator[KinematicSolver]:
     """Yield mechanisms that turn fully and stay clear of dead centres, of one kind or each in turn."""
     names = [only] if only else list(catalog.MECHANISMS)
     for i in range(count):
         yield sound(names[i % len(names)], random)
 
 
-def sound(name: str, random: np.random.Generator) -> ClosedForm:
+def sound(name: str, random: np.random.Generator) -> KinematicSolver:
     """Return one mechanism of a kind, drawn until it turns fully and its transmission is sound."""
     while True:
         try:
@@ -39,11 +39,11 @@ def sound(name: str, random: np.random.Generator) -> ClosedForm:
 
 def _values(name: str, random: np.random.Generator) -> dict[str, Any]:
     values: dict[str, Any] = {}
-    for parameter, field in catalog.parameters(name).items():
-        if parameter in KEPT or "options" in field.metadata:
+    for parameter, row in catalog.parameters(name).items():
+        if parameter in KEPT or row.options:
             continue
-        default = np.asarray(field.default, dtype=np.float64)
-        if field.metadata["unit"] == "rad":
+        default = np.asarray(row.default, dtype=np.float64)
+        if row.unit == "rad":
             changed = default + random.uniform(-REVOLUTION, REVOLUTION, default.shape)
         else:
             changed = default * FACTOR ** random.uniform(-1.0, 1.0, default.shape)

@@ -20,7 +20,7 @@ import study_table as sheet
 from random_mechanisms import drives
 
 from mechsim import simulation, units
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.motion_laws import constant
 from mechsim.simulation import Settings, driven_run, mjcf
 from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, stepping_methods
@@ -77,12 +77,12 @@ def keeping(subject: Subject, built: BuiltModel, fraction: float) -> list[Settin
     return [settings for time, settings in result if time <= 2.0 * best]
 
 
-def crank_length(linkage: ClosedForm) -> float:
+def crank_length(linkage: KinematicSolver) -> float:
     """Return the length of the crank in [m]; for a Bennett linkage that of its frame."""
     return next(getattr(linkage, name) for name in ("crank", "crank1", "length0") if hasattr(linkage, name))
 
 
-def measured(linkage: ClosedForm, speed: float, fraction: float) -> dict[str, Any]:
+def measured(linkage: KinematicSolver, speed: float, fraction: float) -> dict[str, Any]:
     """Return one run's error, estimate and price; lengths in units of the tolerance."""
     subject = subject_of(linkage, speed)
     tolerance = fraction * crank_length(linkage)

@@ -24,7 +24,7 @@ from random_mechanisms import drives
 
 from mechsim import catalog, dynamics, units
 from mechsim.analytic.dynamics import DynamicModel
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -55,7 +55,7 @@ def fewest_steps(satisfies: Callable[[int], bool]) -> int | None:
     return next((steps for steps in STEPS if satisfies(steps)), None)
 
 
-def prescribed(closed_form: ClosedForm, speed: float, fraction: float) -> dict[str, Any]:
+def prescribed(closed_form: KinematicSolver, speed: float, fraction: float) -> dict[str, Any]:
     """Return one prescribed run's error, estimate and price."""
     model = dynamics.dynamic_model(closed_form, Forces(gravity=WEIGHT))
 
@@ -71,7 +71,7 @@ def prescribed(closed_form: ClosedForm, speed: float, fraction: float) -> dict[s
 
 
 def _row(
-    closed_form: ClosedForm, speed: float, fraction: float, run: Any, error: float, least: int | None
+    closed_form: KinematicSolver, speed: float, fraction: float, run: Any, error: float, least: int | None
 ) -> dict[str, Any]:
     return {
         "mechanism": closed_form.name,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 
 Array = NDArray[np.float64]
 
@@ -44,12 +44,12 @@ class Row:
         return abs(self.computed - self.expected) <= self.tolerance
 
 
-def table(looper: ClosedForm | None = None) -> list[Row]:
+def table(looper: KinematicSolver | None = None) -> list[Row]:
     """Return the paper's table, computed for its linkage or for another one."""
     looper = looper or catalog.make("looper")
     angles = np.arange(0.0, 2.0 * np.pi, STEP)
     points = {name: 1e3 * position for name, position in looper.positions(angles).items()}
-    planar, c, e = 1e3 * looper.planar_point(angles), points["C"], points["E"]
+    planar, c, e = 1e3 * looper.closed_form.planar_point(angles), points["C"], points["E"]
     straight = (np.rad2deg(angles) >= STRAIGHT[0]) & (np.rad2deg(angles) <= STRAIGHT[1])
     arm = c - points["D"]
     swing = np.unwrap(np.arctan2(arm[:, 2], arm[:, 1]))
@@ -94,15 +94,15 @@ def half_band(path: Array, extent: float) -> float:
     return narrowest
 
 
-def figure_3(looper: ClosedForm) -> dict[str, Array]:
+def figure_3(looper: KinematicSolver) -> dict[str, Array]:
     """Path of the looper's point E, seen along Z: x and y in [mm]."""
     e = 1e3 * looper.positions(_angles())["E"]
     return {"x": e[:, 0], "y": e[:, 1]}
 
 
-def figure_4(looper: ClosedForm) -> dict[str, Array]:
+def figure_4(looper: KinematicSolver) -> dict[str, Array]:
     """Path of C seen along Z, in space and in the plane, in [mm], and the crank angle in [rad]."""
-    c, planar = 1e3 * looper.positions(_angles())["C"], 1e3 * looper.planar_point(_angles())
+    c, planar = 1e3 * looper.positions(_angles())["C"], 1e3 * looper.closed_form.planar_point(_angles())
     return {
         "angle": _angles(),
         "space x": c[:, 0],

@@ -14,7 +14,7 @@ from mpmath import mp
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.vectors import (
     Sign,
     column,
@@ -69,12 +69,16 @@ def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
     return np.where(possible, 2.0 * np.arctan2(np.sqrt(ratio[0]), np.sqrt(ratio[1])), np.nan)
 
 
-def vectors_and_angle(rssr: ClosedForm, f: Array) -> tuple[Array, Array, Array]:
+def vectors_and_angle(rssr: KinematicSolver, f: Array) -> tuple[Array, Array, Array]:
     """Return P4P2, (3, n), the rocker axis, (3, 1), and the angle between rocker and P4P2, (n,)."""
     p2 = rssr.crank * np.stack([np.zeros_like(f), np.cos(f), np.sin(f)])
     to_crank = p2 - column(rssr.pivot)
     distance = np.sqrt((to_crank**2).sum(0))
-    return to_crank, column(rssr.rocker_frame[:, 2]), triangle_angle(distance, rssr.rocker, rssr.coupler)
+    return (
+        to_crank,
+        column(rssr.closed_form.rocker_frame[:, 2]),
+        triangle_angle(distance, rssr.rocker, rssr.coupler),
+    )
 
 
 def fifty_digit_vector(v1: Array, v2: Array, angle1: float, angle2: float, sign: Sign) -> list[mp.mpf]:
@@ -90,7 +94,7 @@ def fifty_digit_vector(v1: Array, v2: Array, angle1: float, angle2: float, sign:
         return list(in_plane + sign * mp.sqrt(1 - mp.norm(in_plane) ** 2) / mp.norm(n) * n)
 
 
-def errors_near_zero(distances: Array, rssr: ClosedForm = LOOPER) -> tuple[Array, Array]:
+def errors_near_zero(distances: Array, rssr: KinematicSolver = LOOPER) -> tuple[Array, Array]:
     """Return the errors of the published and the valid form at distances from V3x = 0, in [rad], (n,) each.
 
     The published root loses digits with the distance and is then divided by it: two digits per decade.
@@ -115,7 +119,7 @@ def errors_near_zero(distances: Array, rssr: ClosedForm = LOOPER) -> tuple[Array
     return published, valid
 
 
-def assemblies_over_a_turn(angles: Array, rssr: ClosedForm = LOOPER) -> tuple[Array, Array]:
+def assemblies_over_a_turn(angles: Array, rssr: KinematicSolver = LOOPER) -> tuple[Array, Array]:
     """Return the assembly mode, +1 or -1, that W = +1 selects in either form, (n,) each."""
     v1, axis, angle = vectors_and_angle(rssr, angles)
     normal = cross(v1, np.broadcast_to(axis, v1.shape))

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.triad import carried, flat, xyz
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
@@ -18,7 +18,7 @@ from mechsim.numerics.jets import Jet
 
 
 def velocities(
-    knitter: ClosedForm, angle1: ArrayLike, angle2: ArrayLike, speed1: ArrayLike, speed2: ArrayLike
+    knitter: KinematicSolver, angle1: ArrayLike, angle2: ArrayLike, speed1: ArrayLike, speed2: ArrayLike
 ) -> dict[str, Array]:
     """Return velocities of the tracked points at independent angles and speeds of both cranks.
 
@@ -41,12 +41,14 @@ def velocities(
     o2, e = complex(*knitter.pivot2), complex(*knitter.pivot_rocker)
     jet1, jet2 = (Jet(f, w, np.zeros_like(w)) for f, w in ((f1, w1), (f2, w2)))
     a, d = knitter.crank1 * np.exp(1j * jet1), o2 + knitter.crank2 * np.exp(1j * jet2)
-    position, rotation = carried(*_poses(knitter, f1, f2), [a, d, e], knitter.platform)
-    b, c, k = (position + rotation * point for point in knitter.platform)
+    position, rotation = carried(*_poses(knitter, f1, f2), [a, d, e], knitter.closed_form.platform)
+    b, c, k = (position + rotation * point for point in knitter.closed_form.platform)
     return {name: xyz(point.rate).T for name, point in zip("ABCDK", (a, b, c, d, k), strict=True)}
 
 
-def one_crank_stopped(knitter: ClosedForm, stopped: Literal["crank1", "crank2"], angle: float) -> Mechanism:
+def one_crank_stopped(
+    knitter: KinematicSolver, stopped: Literal["crank1", "crank2"], angle: float
+) -> Mechanism:
     """Return the mechanism with one crank fixed and the other as driver, W = 1.
 
     Args:
@@ -88,7 +90,7 @@ def one_crank_stopped(knitter: ClosedForm, stopped: Literal["crank1", "crank2"],
     )
 
 
-def _poses(knitter: ClosedForm, f1: Array, f2: Array) -> tuple[Any, Any]:
+def _poses(knitter: KinematicSolver, f1: Array, f2: Array) -> tuple[Any, Any]:
     """Return position and rotation of the base link: the geared pose, then crank 2 rotated to f2."""
     geared = knitter.positions(f1)
     position = flat(geared["B"])
@@ -100,7 +102,9 @@ def _poses(knitter: ClosedForm, f1: Array, f2: Array) -> tuple[Any, Any]:
         a = knitter.crank1 * complex(np.exp(1j * f1[i]))
         centres = (a, complex(*knitter.pivot2), complex(*knitter.pivot_rocker))
         pivots = Pivots(centres, (0.0, knitter.crank2, 0.0), (0.0, 1.0, 0.0), (0.0, float(geared2[i]), 0.0))
-        path = TriadPath(pivots, knitter.platform, knitter.sides, (position[i], rotation[i]))
+        path = TriadPath(
+            pivots, knitter.closed_form.platform, knitter.closed_form.sides, (position[i], rotation[i])
+        )
         solution = path.poses(remaining[i : i + 1])
         if not np.isfinite(solution[0][0]):
             raise AssemblyError(

@@ -13,7 +13,7 @@ import numpy as np
 from problem import SAMPLES, Array, Positions, Problem
 from protocol import Setting, Solver
 
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.compiled import compile
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
@@ -81,7 +81,7 @@ class LoopSolver:
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem, self.angles = problem, problem.angles(setting.samples)
-        self.solver = LoopForm(problem.closed_form.mechanism)
+        self.solver = KinematicSolver(problem.closed_form.mechanism)
 
     def run(self) -> tuple[float, Positions]:
         # a copy has no traced path
@@ -102,7 +102,7 @@ class CompiledCode:
         self.problem = problem
         angles = problem.angles(setting.samples)
         self.drivers, self.rates = angles[:, None], np.full((len(angles), 1), problem.speed)
-        self.solver = compile(LoopForm(problem.mechanism))
+        self.solver = compile(KinematicSolver(problem.mechanism))
         self.positions = list(problem.mechanism.points.items())
 
     def run(self) -> tuple[float, Positions]:

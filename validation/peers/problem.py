@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, dynamics, masses
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Inertia
 from mechsim.model.mechanism import Mechanism
@@ -63,7 +63,7 @@ class Hinge:
 class Problem:
     """A four-bar linkage, crank, coupler and rocker, with its crank turning at constant speed."""
 
-    closed_form: ClosedForm
+    closed_form: KinematicSolver
     speed: float = SPEED
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.forces import Forces
 from mechsim.model.links import Inertia
 from mechsim.numerics.arrays import Array
@@ -27,7 +27,7 @@ START, STOP, RESTITUTION = np.deg2rad(40.0), 0.125, 0.7
 STEP = 1e-30
 
 
-def slider_crank() -> LoopForm:
+def slider_crank() -> KinematicSolver:
     """Return the mechanism with the stop of its slider."""
     mechanism = ms.catalog.make("slider_crank", crank=CRANK, rod=ROD, offset=0.0).mechanism
     centres = ((0.5 * CRANK, 0.0, 0.0), (0.5 * ROD, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -35,7 +35,7 @@ def slider_crank() -> LoopForm:
         replace(link, inertia=Inertia(mass, centre, np.diag([moment] * 3)))
         for link, mass, centre, moment in zip(mechanism.links, MASSES, centres, MOMENTS, strict=True)
     )
-    return LoopForm(replace(mechanism, links=links), ranges={"slide": (STOP, 1.0)})
+    return KinematicSolver(replace(mechanism, links=links), ranges={"slide": (STOP, 1.0)})
 
 
 def energies(angle: Array | complex) -> tuple[Array, Array, Array]:

@@ -19,7 +19,6 @@ import numpy as np
 from change_points import NAMES, random_linkages
 
 from mechsim import catalog, loops
-from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION
@@ -56,7 +55,10 @@ def solvers() -> Iterator[tuple[str, KinematicSolver]]:
             **special_designs(kind.name).change_points,
         }.items():
             if parameters or not design_name:
-                yield f"{name} {design_name}".replace("  ", " ").strip(), replace(default, **parameters)
+                yield (
+                    f"{name} {design_name}".replace("  ", " ").strip(),
+                    default.with_parameters(**parameters),
+                )
     for name, path in gallery.files().items():
         user_solver = load(str(path))
         if len(user_solver.mechanism.drivers) == 1:
@@ -71,7 +73,7 @@ def curve_error(solver: KinematicSolver, curve: AssemblyCurve) -> float:
         replace(solver.mechanism, gears=(), couplings=()), poses.poses, None
     )
     largest = max(float(lengths.max()) / length, float(angles.max()), *coupling_errors(curve, poses))
-    if isinstance(solver, ClosedForm):
+    if solver.closed_form is not None:
         regular = loops.conditioning(solver.mechanism, poses.poses) > MIN_CONDITIONING
         for k in np.flatnonzero(regular):
             assemblies = solver.assembly_points(float(poses.angle[k]))

@@ -19,13 +19,12 @@ compared with the reference: the simulator's, which knows no closed form, and th
 import argparse
 import collections
 import sys
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.motion import Motion
 from mechsim.simulation import Settings, simulate
@@ -40,7 +39,7 @@ MIN_SPAN, ANY_SPAN = 0.05, 0.01
 NEAR_OTHER, NEAR_OWN = 0.1, 1.0 / 3.0
 
 
-def near_singular(random: np.random.Generator) -> TwoBranchForm:
+def near_singular(random: np.random.Generator) -> KinematicSolver:
     """Return a random mechanism whose crank just rotates fully, past an almost dead centre."""
     names = ("four_bar", "slider_crank", "rssr", "rrsrr")
     while True:
@@ -50,19 +49,19 @@ def near_singular(random: np.random.Generator) -> TwoBranchForm:
         for length_name in ("ground", "crank", "coupler", "rocker", "rod", "link"):
             if hasattr(linkage, length_name):
                 lengths[length_name] = getattr(linkage, length_name) * random.uniform(0.7, 1.4)
-        linkage = replace(linkage, **lengths)
+        linkage = linkage.with_parameters(**lengths)
         length_name = CRITICAL[linkage.name]
         result = just_rotating(linkage, length_name, 10.0 ** random.uniform(-14.0, -2.0))
         if result is not None:
             return result
 
 
-def just_rotating(linkage: TwoBranchForm, length_name: str, slack: float) -> TwoBranchForm | None:
+def just_rotating(linkage: KinematicSolver, length_name: str, slack: float) -> KinematicSolver | None:
     """Return the linkage with one length changed so that the crank just rotates fully, or None."""
     length = getattr(linkage, length_name)
 
     def rotates_fully(factor: float) -> bool:
-        return replace(linkage, **{length_name: factor * length}).crank_range().full
+        return linkage.with_parameters(**{length_name: factor * length}).crank_range().full
 
     if not rotates_fully(1.0):
         return None
@@ -73,17 +72,17 @@ def just_rotating(linkage: TwoBranchForm, length_name: str, slack: float) -> Two
             middle = 0.5 * (rotating + blocked)
             rotating, blocked = (middle, blocked) if rotates_fully(middle) else (rotating, middle)
         factor = rotating + slack * np.sign(rotating - blocked)
-        result = replace(linkage, **{length_name: factor * length})
+        result = linkage.with_parameters(**{length_name: factor * length})
         return result if result.crank_range().full else None
     return None
 
 
-def reference_assembly(linkage: TwoBranchForm, motion: Motion) -> str:
+def reference_assembly(linkage: KinematicSolver, motion: Motion) -> str:
     """Return "own", "other" or "neither", from the closed forms of both assemblies."""
     points = {name: point.position for name, point in motion.points.items()}
     own, other = (
         linkage.positions(motion.angle),
-        replace(linkage, branch=-linkage.branch).positions(motion.angle),
+        linkage.with_parameters(branch=-linkage.branch).positions(motion.angle),
     )
 
     def distance(a: dict[str, Array], b: dict[str, Array]) -> Array:
@@ -148,12 +147,12 @@ def main(arguments: list[str]) -> int:
     return 1 if failures else 0
 
 
-def closest_angle(linkage: TwoBranchForm) -> float:
+def closest_angle(linkage: KinematicSolver) -> float:
     angles = np.linspace(-np.pi, np.pi, 2000)
-    return float(angles[np.argmin(linkage.discriminant(angles))])
+    return float(angles[np.argmin(linkage.closed_form.discriminant(angles))])
 
 
-def start_at(linkage: TwoBranchForm, angle: float):
+def start_at(linkage: KinematicSolver, angle: float):
     """Return the mechanism with its start at a crank angle."""
     from mechsim.model.links import Pose
 

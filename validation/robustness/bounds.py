@@ -18,7 +18,7 @@ import numpy as np
 from random_catalog_mechanisms import SPEED, random_catalog_mechanisms
 
 from mechsim import dynamics, load_profile
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.motion_laws import within_range
@@ -72,11 +72,11 @@ def tolerance_fractions(count: int, seed: int = 1) -> Fractions:
     return result
 
 
-def validation_checks(solver: ClosedForm) -> list[Check]:
+def validation_checks(solver: KinematicSolver) -> list[Check]:
     return list(case_of(solver).verdict.checks)
 
 
-def own_error_checks(solver: ClosedForm) -> list[Check]:
+def own_error_checks(solver: KinematicSolver) -> list[Check]:
     profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
     run = simulate(solver, profile=profile, settings=Settings(steps_per_turn=COARSE_STEPS))
     if run.outcome != "passed":
@@ -85,7 +85,7 @@ def own_error_checks(solver: ClosedForm) -> list[Check]:
     return with_method(verdict, "step, own error")
 
 
-def prescribed_checks(solver: ClosedForm) -> list[Check]:
+def prescribed_checks(solver: KinematicSolver) -> list[Check]:
     model = dynamics.dynamic_model(solver, applied_forces(solver))
     profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
     checks: list[Check] = []
@@ -95,7 +95,7 @@ def prescribed_checks(solver: ClosedForm) -> list[Check]:
     return checks
 
 
-def applied_forces(solver: ClosedForm) -> Forces:
+def applied_forces(solver: KinematicSolver) -> Forces:
     """Return gravity, viscous bearing friction and a load on the last point."""
     last = list(solver.mechanism.points)[-1]
     return Forces(
@@ -105,7 +105,7 @@ def applied_forces(solver: ClosedForm) -> Forces:
     )
 
 
-def free_run_checks(solver: ClosedForm) -> list[Check]:
+def free_run_checks(solver: KinematicSolver) -> list[Check]:
     if not solver.crank_range().full:
         return []
     forces = replace(applied_forces(solver), flywheel=FLYWHEEL, motor=ConstantTorque(MOTOR))

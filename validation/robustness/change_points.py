@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, loops
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation.poses import follow
@@ -94,17 +94,17 @@ def exact_joint_b(lengths: Lengths, angle: float, sign: int, through: ChangePoin
         return complex(a + arm / abs(arm) ** 2 * (along + mpmath.mpc(0, 1) * sign * root / 2))
 
 
-def closed_form(linkage: ClosedForm) -> Array:
+def closed_form(linkage: KinematicSolver) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
     return linkage.positions(ANGLES)["B"]
 
 
-def loop_equations(linkage: ClosedForm) -> Array:
+def loop_equations(linkage: KinematicSolver) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
     return loops.solve(linkage.mechanism, ANGLES, change_point=linkage.change_point).points["B"].position
 
 
-def mujoco_poses(linkage: ClosedForm) -> Array:
+def mujoco_poses(linkage: KinematicSolver) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
     source = from_source(linkage)
     return source.point_positions(follow.follow(source.loops, source.qpos, ANGLES))[
@@ -112,7 +112,7 @@ def mujoco_poses(linkage: ClosedForm) -> Array:
     ]
 
 
-METHODS: dict[str, Callable[[ClosedForm], Array]] = {
+METHODS: dict[str, Callable[[KinematicSolver], Array]] = {
     "closed form": closed_form,
     "loop equations": loop_equations,
     "MuJoCo, poses": mujoco_poses,

@@ -13,7 +13,6 @@ divides by zero (../papers/published_form.py).
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +20,7 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.vectors import column, norm
 
 sys.path.append(str(Path(__file__).parents[1] / "papers"))
@@ -36,7 +34,7 @@ EPS = 2.0**-52
 MAX_UNITS = 2.0
 DIGITS = 50
 DISTANCES = np.geomspace(1e-12, 1e-1, 23)
-LINKAGES: dict[str, tuple[TwoBranchForm, str]] = {
+LINKAGES: dict[str, tuple[KinematicSolver, str]] = {
     "four_bar": (catalog.make("four_bar", rocker=0.035), "B"),
     "slider_crank": (catalog.make("slider_crank", rod=0.045), "B"),
     "rssr": (catalog.make("rssr", rocker=0.009), "P3"),
@@ -44,17 +42,17 @@ LINKAGES: dict[str, tuple[TwoBranchForm, str]] = {
 }
 
 
-def dead_centre_at_zero_v3x() -> ClosedForm:
+def dead_centre_at_zero_v3x() -> KinematicSolver:
     """Return the layout of a looper drive with a coupler that puts the dead centre at V3x = 0."""
     linkage = catalog.make(
         "rssr", crank=0.014, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
     )
     crank_angle = np.arccos(linkage.pivot[1] / linkage.crank)
     height = linkage.crank * np.sin(crank_angle) - linkage.pivot[2]
-    return replace(linkage, coupler=float(np.hypot(height, linkage.pivot[0] - linkage.rocker)))
+    return linkage.with_parameters(coupler=float(np.hypot(height, linkage.pivot[0] - linkage.rocker)))
 
 
-def exact_inputs(linkage: TwoBranchForm) -> list[mp.mpf]:
+def exact_inputs(linkage: KinematicSolver) -> list[mp.mpf]:
     """Return the dimensions that the point depends on, without the crank angle."""
     if linkage.name == "four_bar":
         values = [linkage.ground, linkage.crank, linkage.coupler, linkage.rocker]
@@ -69,7 +67,7 @@ def exact_inputs(linkage: TwoBranchForm) -> list[mp.mpf]:
     return [mp.mpf(value) for value in values]
 
 
-def driven_point(linkage: TwoBranchForm, f: mp.mpf, values: list[mp.mpf]) -> tuple[Vector, mp.mpf]:
+def driven_point(linkage: KinematicSolver, f: mp.mpf, values: list[mp.mpf]) -> tuple[Vector, mp.mpf]:
     """Return the driven point and the discriminant, zero at the dead centre, as mpmath numbers."""
     c, s = mp.cos(f), mp.sin(f)
     if linkage.name == "slider_crank":
@@ -115,7 +113,7 @@ def circle_sphere_intersection(
     return [o + height_u * a + height_v * b for o, a, b in zip(centre, u, v, strict=True)], discriminant
 
 
-def angles_near(linkage: TwoBranchForm, distances: Array) -> Array:
+def angles_near(linkage: KinematicSolver, distances: Array) -> Array:
     """Return angles at these distances inside the upper limit of the crank, found with 50 digits."""
     _, high = linkage.crank_range().arcs[0]
     with mp.workdps(DIGITS):
@@ -124,7 +122,7 @@ def angles_near(linkage: TwoBranchForm, distances: Array) -> Array:
         return np.array([float(end - mp.mpf(float(distance))) for distance in distances])
 
 
-def exact(linkage: TwoBranchForm, angle: float) -> tuple[list[mp.mpf], float]:
+def exact(linkage: KinematicSolver, angle: float) -> tuple[list[mp.mpf], float]:
     """Return the driven point in 50 digits, and its condition."""
     with mp.workdps(DIGITS):
         f, values = mp.mpf(angle), exact_inputs(linkage)
@@ -141,11 +139,11 @@ def exact(linkage: TwoBranchForm, angle: float) -> tuple[list[mp.mpf], float]:
         return point, condition / longest_link(linkage)
 
 
-def longest_link(linkage: TwoBranchForm) -> float:
+def longest_link(linkage: KinematicSolver) -> float:
     return linkage.mechanism.characteristic_length
 
 
-def errors(linkage: TwoBranchForm, name: str, angles: Array) -> tuple[Array, Array]:
+def errors(linkage: KinematicSolver, name: str, angles: Array) -> tuple[Array, Array]:
     """Return errors of the closed form relative to the longest link, and conditions, (n,) each."""
     positions = linkage.positions(angles)[name]
     references = [exact(linkage, float(angle)) for angle in angles]
@@ -155,12 +153,12 @@ def errors(linkage: TwoBranchForm, name: str, angles: Array) -> tuple[Array, Arr
     return np.array(distances) / longest_link(linkage), np.array([condition for _, condition in references])
 
 
-def published_errors(linkage: ClosedForm, angles: Array) -> Array:
+def published_errors(linkage: KinematicSolver, angles: Array) -> Array:
     """Return errors of P3 by the published form relative to the longest link, (n,); 1 for no number."""
     result = np.empty(len(angles))
     for i, f in enumerate(angles):
         p2 = linkage.crank * np.array([[0.0], [np.cos(f)], [np.sin(f)]])
-        to_crank, axis = p2 - column(linkage.pivot), column(linkage.rocker_frame[:, 2])
+        to_crank, axis = p2 - column(linkage.pivot), column(linkage.closed_form.rocker_frame[:, 2])
         with np.errstate(all="ignore"):
             l1, l2, l3 = linkage.rocker, norm(to_crank), linkage.coupler
             angle = np.arccos((l1 * l1 + (l2 - l3) * (l2 + l3)) / (2.0 * l1 * l2))

@@ -21,9 +21,6 @@ from pathlib import Path
 import numpy as np
 
 from mechsim import catalog, dynamics
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import SELECTORS
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.quantities import coordinate_units
@@ -84,7 +81,7 @@ class Subject:
     def evaluated(self, other_solver=None, **changed) -> EvaluationPoints:
         """Return the evaluation points of another solver, or at other driver values."""
         solver = self.solver if other_solver is None else other_solver
-        if isinstance(solver, LoopForm) and isinstance(self.solver, LoopForm):
+        if solver.closed_form is None and self.solver.closed_form is None:
             solver = replace(solver, motion_laws=changed.pop("motion_laws", self.solver.motion_laws))
         points = self.evaluation
         return EvaluationPoints(
@@ -286,9 +283,9 @@ def wrong_frame(subject, readers, size_factor, random) -> Mistake:
 
 def other_assembly(subject, readers, size_factor, random) -> Mistake:
     solver = subject.solver
-    if not isinstance(solver, ClosedForm):
+    if solver.closed_form is None:
         raise MechsimError("no closed form")
-    selectors = {name: getattr(solver, name) for name in SELECTORS if hasattr(solver, name)}
+    selectors = solver.selectors
     angle = float(subject.evaluation.angle[len(subject.evaluation) // 3])
     others = [
         item
@@ -369,7 +366,7 @@ def run_case(number: int, subjects: list[Subject]) -> dict:
         subject = subjects[random.integers(len(subjects))]
         loads = kind == "loads"
         try:
-            if loads and not (subject.solver.mechanism.has_crank and isinstance(subject.solver, ClosedForm)):
+            if loads and not (subject.solver.mechanism.has_crank and subject.solver.closed_form is not None):
                 continue
             readers = quantities(subject, random)
             if loads:

@@ -20,8 +20,8 @@ import mujoco
 import numpy as np
 from mjcf_closure_oracle import worst_difference
 
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import assembled
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.mjcf.compiling import quiet
@@ -44,7 +44,7 @@ def swing(start, amplitude):
     )
 
 
-def amplitudes(solver: LoopForm, requested):
+def amplitudes(solver: KinematicSolver, requested):
     """Return the swing of each driver: 0.3 rad or a tenth of the size, within its limits."""
     mechanism, result = solver.mechanism, {}
     for name in mechanism.drivers:
@@ -59,7 +59,7 @@ def amplitudes(solver: LoopForm, requested):
 
 
 @quiet()
-def largest_violation(solver: LoopForm, motion):
+def largest_violation(solver: KinematicSolver, motion):
     """Return the largest violation of MuJoCo's equality constraints at the poses of a motion."""
     model = solver.source.spec.copy().compile()
     data, largest = mujoco.MjData(model), 0.0
@@ -72,7 +72,7 @@ def largest_violation(solver: LoopForm, motion):
 
 
 @quiet()
-def closure_differences(solver: LoopForm, motion):
+def closure_differences(solver: KinematicSolver, motion):
     """Return the largest differences from the separate closure: distance, rotation, residual."""
     model = solver.source.spec.copy().compile()
     instants = np.linspace(0.0, solver.motion_laws.duration, SAMPLES)[::EVERY]
@@ -101,7 +101,7 @@ def table_row(path, options):
     laws = make_motion_laws(
         solver.mechanism, {name: swing(start[name], amplitude[name]) for name in start}, 1.0
     )
-    moving = LoopForm(solver.mechanism, motion_laws=laws, source=solver.source)
+    moving = KinematicSolver(solver.mechanism, motion_laws=laws, source=solver.source)
     motion = moving.solve(t=np.linspace(0.0, laws.duration, SAMPLES))
     violation, length = largest_violation(solver, motion), solver.mechanism.characteristic_length
     distance, rotation, residual = closure_differences(moving, motion)

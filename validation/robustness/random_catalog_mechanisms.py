@@ -1,14 +1,13 @@
 """Catalogue mechanisms of random dimensions: rotating or swinging cranks, any transmission angle."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import SELECTORS
+from mechsim.analytic.formulas.closed_form import SELECTORS
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import CrankProfile, interval_around, swing, within_range
 from mechsim.numerics.angles import REVOLUTION
@@ -22,13 +21,13 @@ SPEED = 20.0 * np.pi
 FIXED = (*SELECTORS, "gear_ratio")
 
 
-def random_catalog_mechanisms(random: np.random.Generator, count: int) -> Iterator[ClosedForm]:
+def random_catalog_mechanisms(random: np.random.Generator, count: int) -> Iterator[KinematicSolver]:
     """Yield mechanisms of each kind in turn that can be assembled over most of their range."""
     for number in range(count):
         yield random_mechanism(number, random)
 
 
-def random_mechanism(number: int, random: np.random.Generator) -> ClosedForm:
+def random_mechanism(number: int, random: np.random.Generator) -> KinematicSolver:
     """Return a mechanism whose kind follows from its number."""
     names = list(catalog.MECHANISMS)
     name = names[number % len(names)]
@@ -36,7 +35,7 @@ def random_mechanism(number: int, random: np.random.Generator) -> ClosedForm:
         try:
             solver = catalog.make(name, **random_dimensions(name, random))
             if hasattr(solver, "guide") and random.random() < 0.3:
-                solver = replace(solver, guide=True)
+                solver = solver.with_parameters(guide=True)
             profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
             solver.solve(profile.state(np.linspace(0.0, profile.duration, 73))[0])
             return solver
@@ -46,11 +45,11 @@ def random_mechanism(number: int, random: np.random.Generator) -> ClosedForm:
 
 def random_dimensions(name: str, random: np.random.Generator) -> dict[str, Any]:
     values: dict[str, Any] = {}
-    for parameter, field in catalog.parameters(name).items():
-        if parameter in FIXED or "options" in field.metadata or field.metadata["unit"] not in ("rad", "m"):
+    for parameter, row in catalog.parameters(name).items():
+        if parameter in FIXED or row.options or row.unit not in ("rad", "m"):
             continue
-        default = np.asarray(field.default, dtype=np.float64)
-        if field.metadata["unit"] == "rad":
+        default = np.asarray(row.default, dtype=np.float64)
+        if row.unit == "rad":
             value = default + random.uniform(-ANGLE_SPREAD, ANGLE_SPREAD, default.shape)
         else:
             value = default * FACTOR ** random.uniform(-1.0, 1.0, default.shape)
@@ -58,7 +57,7 @@ def random_dimensions(name: str, random: np.random.Generator) -> dict[str, Any]:
     return values
 
 
-def random_swing(solver: ClosedForm, random: np.random.Generator) -> CrankProfile:
+def random_swing(solver: KinematicSolver, random: np.random.Generator) -> CrankProfile:
     """Return a swing inside the crank range, on any revolution with the same linkage configuration."""
     limits, start = solver.crank_range(), solver.mechanism.start
     low, high = (
@@ -72,7 +71,7 @@ def random_swing(solver: ClosedForm, random: np.random.Generator) -> CrankProfil
 
 
 def swing_near_dead_centre(
-    solver: ClosedForm, random: np.random.Generator, nearest: float
+    solver: KinematicSolver, random: np.random.Generator, nearest: float
 ) -> CrankProfile | None:
     """Return a swing that ends between `nearest` and 0.1 rad from a dead centre; None for a full range."""
     limits = solver.crank_range()

@@ -14,12 +14,12 @@ import sys
 import time as timer
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from random_catalog_mechanisms import SPEED, random_mechanism, random_swing, swing_near_dead_centre
 
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion_laws import CrankProfile, within_range
@@ -75,7 +75,7 @@ def study(numbers: Sequence[int], seed: int = 1) -> Results:
     return result
 
 
-def check_validation(solver: ClosedForm, result: Results) -> None:
+def check_validation(solver: KinematicSolver, result: Results) -> None:
     result.tried["validated"] += 1
     try:
         case = case_of(solver)
@@ -86,7 +86,9 @@ def check_validation(solver: ClosedForm, result: Results) -> None:
         result.fault("validated", f"{case.verdict.reason}; {solver}")
 
 
-def check_run(solver: ClosedForm, profile: CrankProfile, method: str, kind: str, result: Results) -> None:
+def check_run(
+    solver: KinematicSolver, profile: CrankProfile, method: str, kind: str, result: Results
+) -> None:
     result.tried[kind] += 1
     try:
         settings = Settings() if method == "step" else None
@@ -99,17 +101,15 @@ def check_run(solver: ClosedForm, profile: CrankProfile, method: str, kind: str,
         result.fault(kind, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {solver}")
 
 
-def check_wrong_length(solver: ClosedForm, random: np.random.Generator, result: Results) -> None:
+def check_wrong_length(solver: KinematicSolver, random: np.random.Generator, result: Results) -> None:
     """Check a mechanism with one length 0.1 % too long, with the tolerances of poses and of steps."""
     lengths = [
-        parameter.name
-        for parameter in fields(solver)
-        if parameter.metadata["unit"] == "m"
-        and isinstance(parameter.default, float)
-        and getattr(solver, parameter.name) != 0.0
+        name
+        for name, (value, unit) in solver.dimensions.items()
+        if unit == "m" and "." not in name and value != 0.0
     ]
     name = lengths[int(random.integers(len(lengths)))]
-    wrong = replace(solver, **{name: WRONG_SCALE * getattr(solver, name)})
+    wrong = solver.with_parameters(**{name: WRONG_SCALE * getattr(solver, name)})
     try:
         profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
         run = simulate(wrong.mechanism, profile=profile, method="pose")

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.compiled import CompiledSolver
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.subjects import reference_data
@@ -79,7 +79,7 @@ def code_size(solver: CompiledSolver, folder: Path) -> int:
 def numpy_time(solver: CompiledSolver) -> float:
     """Return the microseconds a configuration that the loop equations take in numpy, 1,000 at once."""
     source = solver.code.assembly.source
-    loops = LoopForm(source.mechanism, motion_laws=source.motion_laws)
+    loops = KinematicSolver(source.mechanism, motion_laws=source.motion_laws)
     low, high = solver.code.assembly.interval or (0.0, min(source.period, 2.0 * np.pi))
     inset = 0.02 * (high - low)
     parameter = np.linspace(low + inset, high - inset, 1000)

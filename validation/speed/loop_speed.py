@@ -15,7 +15,7 @@ from statistics import median
 
 import numpy as np
 
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.subjects.readers import load
 
 ROUNDS = 15
@@ -25,7 +25,7 @@ ROUNDS = 15
 class Case:
     """A mechanism, the number of configurations, and the limit of the time of each in [us]."""
 
-    solver: LoopForm
+    solver: KinematicSolver
     poses: int
     limit: float
 
@@ -35,7 +35,7 @@ class Case:
 
 def by_loops(name, **options):
     solver = load(name, **options)
-    return solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
+    return solver if solver.closed_form is None else KinematicSolver(solver.mechanism)
 
 
 def main() -> None:

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, forces_of
@@ -96,7 +95,7 @@ def dynamic_model(
         InputError: for forces at unknown joints, points or links, and for the policy "branch" at change
             points, where speeds of links would be discontinuous.
     """
-    solver = LoopForm(source) if isinstance(source, Mechanism) else source
+    solver = KinematicSolver(source) if isinstance(source, Mechanism) else source
     if not isinstance(solver, KinematicSolver):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError(
             f"forces act on a mechanism, and this is of type {type(source).__name__}; give what mechsim.load "

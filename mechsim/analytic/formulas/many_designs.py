@@ -1,16 +1,14 @@
 """Many designs of a closed form solved together: the formulas of the catalogue on arrays of parameters."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import AnyFormulas, motion_at, parameters_from, unchecked
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, polynomial_roots
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
@@ -38,6 +36,7 @@ GRID, TOUCHING = 48, 1e-7
 NO_CHANGE_POINTS = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
 
 Bools = NDArray[np.bool_]
+AnyForm = TypeVar("AnyForm", bound=ClosedForm)
 
 
 @dataclass(frozen=True)
@@ -57,60 +56,60 @@ class CrankRanges:
     clear: Bools
 
 
-def formula_of_many(solver: KinematicSolver, varied: Iterable[str]) -> TwoBranchForm | None:
-    """Return a solver whose formulas accept arrays of these parameters; components are named as in pivot.x.
+def formula_of_many(formula: ClosedForm | None, varied: Iterable[str]) -> TwoBranchForm | None:
+    """Return formulas that accept arrays of these parameters; components are named as in pivot.x.
 
-    None for any other solver.
+    None for other formulas.
     """
-    return solver if isinstance(solver, TwoBranchForm) and _array_parameters(solver, varied) else None
+    return formula if isinstance(formula, TwoBranchForm) and _array_parameters(formula, varied) else None
 
 
-def can_be_started(solver: ClosedForm, varied: Iterable[str]) -> bool:
+def can_be_started(formula: ClosedForm, varied: Iterable[str]) -> bool:
     """Whether `closed_form_starts` determines the initial poses of designs with these parameters."""
     with np.errstate(all="ignore"):
-        return _array_parameters(solver, varied) and solver.start_frames(1) is not None
+        return _array_parameters(formula, varied) and formula.start_frames(1) is not None
 
 
-def _array_parameters(solver: ClosedForm, varied: Iterable[str]) -> bool:
-    return {name.partition(".")[0] for name in varied} <= solver.array_parameters
+def _array_parameters(formula: ClosedForm, varied: Iterable[str]) -> bool:
+    return {name.partition(".")[0] for name in varied} <= formula.array_parameters
 
 
-def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
+def allowed(formula: ClosedForm, varied: Mapping[str, Array]) -> Bools:
     """Return which designs have valid parameters, (n,)."""
-    rules = {parameter.name: parameter.metadata for parameter in fields(solver)}
+    rules = formula.declared.rows
     valid = np.ones(len(next(iter(varied.values()))), dtype=np.bool_)
     for name, values in varied.items():
         rule = rules[name.partition(".")[0]]
-        if "options" in rule:
-            valid &= np.isin(values, np.array(rule["options"], dtype=np.float64))
+        if rule.options:
+            valid &= np.isin(values, np.array(rule.options, dtype=np.float64))
             continue
-        valid &= np.abs(values) < (HUGE if rule["unit"] == "m" else np.inf)
-        if rule.get("positive"):
+        valid &= np.abs(values) < (HUGE if rule.unit == "m" else np.inf)
+        if rule.positive:
             valid &= values > 1.0 / HUGE
     return valid
 
 
-def many(solver: AnyFormulas, varied: Mapping[str, Array], repeat: int) -> AnyFormulas:
+def many(formula: AnyForm, varied: Mapping[str, Array], repeat: int) -> AnyForm:
     """Return a closed form whose varied parameters are arrays, each number repeated.
 
     No check of the parameters runs, and no change point is searched; only its formulas can be used.
     """
     wide = {name: np.repeat(row, repeat) for name, row in varied.items()}
-    design = unchecked(solver, parameters_from(solver, wide))
+    design = formula.with_dimensions(wide, checked=False)
     # preset cached properties
-    vars(design).update(described=solver.described, _root=NO_CHANGE_POINTS)
+    vars(design).update(described=formula.described, _root=NO_CHANGE_POINTS)
     return design
 
 
-def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRanges:
+def crank_ranges(formula: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRanges:
     """Return the crank ranges of designs from the minima of their discriminants.
 
     A discriminant is a trigonometric polynomial; Newton's method from evenly spaced angles finds its minima.
     """
-    count, n = 2 * solver.declaration.discriminant_degree + 1, len(next(iter(varied.values())))
+    count, n = 2 * formula.discriminant_degree + 1, len(next(iter(varied.values())))
     angles = REVOLUTION * np.arange(count) / count
     with np.errstate(all="ignore"):
-        sampled = many(solver, varied, count).discriminant(np.tile(angles, n))
+        sampled = many(formula, varied, count).discriminant(np.tile(angles, n))
     harmonics = np.fft.fft(sampled.reshape(n, count)) / count
     order = np.asarray(np.fft.fftfreq(count, 1.0 / count), dtype=np.float64)
     scale = np.abs(harmonics).max(1)
@@ -128,11 +127,11 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
     return CrankRanges(finite & (least > TOUCHING * scale), uncertain, harmonics, clear)
 
 
-def closes_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
+def closes_at(formula: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
     """Return which designs close at all of some crank angles (p,) in [rad], (n,)."""
     designs = len(next(iter(varied.values())))
     with np.errstate(all="ignore"):
-        discriminants = many(solver, varied, len(angles)).discriminant(np.tile(angles, designs))
+        discriminants = many(formula, varied, len(angles)).discriminant(np.tile(angles, designs))
     return np.all(discriminants.reshape(designs, -1) > 0.0, axis=1)
 
 
@@ -156,7 +155,7 @@ def ranges(cranks: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
 
 
 def solved(
-    solver: ClosedForm,
+    formula: ClosedForm,
     varied: Mapping[str, Array],
     angles: Array,
     speed: ArrayLike,
@@ -169,7 +168,7 @@ def solved(
     """Return the motions of designs, one design after another.
 
     Args:
-        solver: the closed form with the constant parameters.
+        formula: the closed form with the constant parameters.
         varied: parameter -> (n,) in SI.
         angles: crank angles, (p,) in [rad], or (n, p) if they differ by design.
         speed: crank speed, of the same shapes, in [rad/s].
@@ -184,26 +183,29 @@ def solved(
     designs = len(next(iter(varied.values())))
     wide_rows = (np.broadcast_to(row, angles.shape) for row in (angles, speed, acceleration))
     crank, rate, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
-    wide = many(solver, varied, angles.shape[-1])
+    wide = many(formula, varied, angles.shape[-1])
     angle = Jet(crank, rate, second) if rates else crank
-    motion = motion_at(wide, angle, links=links, joints=joints)
+    motion = wide.motion_at(angle, links=links, joints=joints)
     return replace(motion, speed=rate, acceleration=second)
 
 
-def transmissions(solver: ClosedForm, varied: Mapping[str, Array], motion: Motion) -> Array:
+def transmissions(formula: ClosedForm, varied: Mapping[str, Array], motion: Motion) -> Array:
     """Return the transmission angles of designs in a motion of `solved`, (n p,) in [rad]."""
     designs = len(next(iter(varied.values())))
     points = {name: point.position for name, point in motion.points.items()}
-    return many(solver, varied, len(motion.angle) // designs).transmission_at(motion.angle, points)
+    wide = many(formula, varied, len(motion.angle) // designs)
+    result = wide.transmission_at(motion.angle, points)
+    assert result is not None  # a measure that no formula defines is rejected before
+    return result
 
 
-def closed_form_starts(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
+def closed_form_starts(formula: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
     """Return the description of designs, and their poses at crank angle 0, if they close.
 
     The description is that of `mechanism`.
     """
-    n, described = len(next(iter(varied.values()))), solver.mechanism
-    wide, links = many(solver, varied, 1), [link.name for link in described.links]
+    n, described = len(next(iter(varied.values()))), formula.mechanism
+    wide, links = many(formula, varied, 1), [link.name for link in described.links]
     geometry = wide.geometry()
     ends: dict[str, Ends] = {}
     for joint in described.joints:

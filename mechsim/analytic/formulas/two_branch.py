@@ -3,15 +3,14 @@
 import copy
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.base import ClosedForm
-from mechsim.analytic.formulas.formulas import choice
+from mechsim.analytic.formulas.closed_form import ClosedForm
+from mechsim.analytic.formulas.parameters import FormulaParameter
 from mechsim.analytic.path_instants import crank_angles
 from mechsim.analytic.vector_method.trig_polynomial import (
     Arcs,
@@ -69,24 +68,30 @@ def segment(
     return (low, high) if arc is None else (max(low, arc[0]), min(high, arc[1]))
 
 
-@dataclass(frozen=True, kw_only=True)
+# parameter that each mechanism with two assembly modes has in addition
+CHANGE_POINT = FormulaParameter(
+    "change_point", "smooth", "1", "policy at change points", ("smooth", "branch")
+)
+
+
 class TwoBranchForm(ClosedForm):
-    """A mechanism with two assembly modes, selected by the parameter `branch`.
+    """Formulas of a mechanism with two assembly modes, selected by the parameter `branch`.
 
     A subclass defines `discriminant`, whose sign changes are the dead centres.
+
+    Attributes:
+        branch: +1 or -1, a parameter of each such mechanism.
+        discriminant_degree: degree of the discriminant.
     """
 
-    if TYPE_CHECKING:
-        # subclasses declare it, in the order of their parameters
-        branch: Sign
-
-    change_point: ChangePointPolicy = choice("smooth", ("smooth", "branch"), "policy at change points")
+    branch: Sign
+    discriminant_degree: int = 2
 
     @abstractmethod
     def discriminant(self, angles: ArrayLike) -> Array:
         """Return the discriminant at crank angles, (n,): zero at a dead centre, negative without a solution.
 
-        It is a trigonometric polynomial of the crank angle, of degree `declaration.discriminant_degree`, so
+        It is a trigonometric polynomial of the crank angle, of degree `discriminant_degree`, so
         that its roots, the dead centres, are exact.
         """
 
@@ -107,7 +112,7 @@ class TwoBranchForm(ClosedForm):
     def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
         if change_point in (None, self.change_point):
             return self
-        made = replace(self, change_point=change_point)
+        made = self.with_parameters(change_point=change_point)
         if self._keeps_assembly:
             vars(made).update(_keeps_assembly=True, _start_angle=self._start_angle)
         return made
@@ -146,11 +151,11 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _arcs(self) -> Arcs:
-        return reachable_arcs(self.discriminant, self.declaration.discriminant_degree)
+        return reachable_arcs(self.discriminant, self.discriminant_degree)
 
     @cached_property
     def _root(self) -> SignedRoot:
-        return signed_root(sampled_polynomial(self.discriminant, self.declaration.discriminant_degree))
+        return signed_root(sampled_polynomial(self.discriminant, self.discriminant_degree))
 
     @cached_property
     def _keeps_assembly(self) -> bool:
@@ -193,4 +198,4 @@ class TwoBranchForm(ClosedForm):
     def _all_assemblies(self) -> list[Self]:
         """This mechanism in both assembly modes, cached with their dead centres."""
         own = None if self._keeps_assembly else self.branch
-        return [self if branch == own else replace(self, branch=branch) for branch in (1, -1)]
+        return [self if branch == own else self.with_parameters(branch=branch) for branch in (1, -1)]

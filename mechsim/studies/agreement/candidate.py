@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import files
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
@@ -261,7 +260,7 @@ def points_of_table(
     # motion laws through the rows of a table, with the rates of the table or of a spline
     states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
     through = make_motion_laws(mechanism, states, float(np.ptp(time)))
-    own = LoopForm(mechanism, forces=solver.forces, motion_laws=through)
+    own = KinematicSolver(mechanism, forces=solver.forces, motion_laws=through)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     used += [time_column] if time_column else []
     evaluation = _at_times(own, through, time - time[0])

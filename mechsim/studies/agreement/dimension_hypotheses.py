@@ -155,7 +155,7 @@ def _require_small(change: float) -> None:
 
 def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism with other dimensions."""
-    if solver.own_start:
+    if solver.closed_form is not None:
         return _solved_from_start(evaluation, solver)
     return evaluation.with_dimensions(solver)
 

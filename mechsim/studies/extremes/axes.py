@@ -1,12 +1,11 @@
 """The axes of the stress test: numerical quantities, singular configurations, long runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
@@ -75,7 +74,7 @@ MIN_SLACK, CHANGE_POINT_DISTANCE = 1e-10, 0.1
 def steps(solver: KinematicSolver, value: float) -> Trial:
     """Steps per revolution; for the catalogue, 1000 or more must pass."""
     count = max(4, round(value))
-    expected = "passed" if count >= 1000 and isinstance(solver, ClosedForm) else None
+    expected = "passed" if count >= 1000 and solver.closed_form is not None else None
     settings, motion = Settings(steps_per_turn=count), _motion(solver, SPEED)
     return attempt("steps", solver, value, settings=settings, expected=expected, **motion)
 
@@ -91,7 +90,7 @@ def _motion(solver: KinematicSolver, speed: float) -> dict[str, Any]:
     return driven_as(solver, profile_of(solver, speed, 1.0))
 
 
-def characteristic_length(solver: ClosedForm, value: float) -> Trial:
+def characteristic_length(solver: KinematicSolver, value: float) -> Trial:
     """The mechanism scaled to a characteristic length in [m]."""
     scaled = resized(solver, value / solver.mechanism.characteristic_length)
     return attempt("size", scaled, value, expected=_required("size", value, solver), **_motion(scaled, SPEED))
@@ -119,23 +118,18 @@ def coupler_of(mechanism: Mechanism) -> str | None:
     return next((link.name for link in mechanism.links if link.name not in grounded), None)
 
 
-def resized(solver: ClosedForm, factor: float) -> ClosedForm:
+def resized(solver: KinematicSolver, factor: float) -> KinematicSolver:
     """Return the closed form with every length scaled by a factor."""
-    values: dict[str, Any] = {}
-    for entry in fields(solver):
-        if entry.metadata["unit"] == "m":
-            value = getattr(solver, entry.name)
-            many = isinstance(value, tuple)
-            values[entry.name] = tuple(factor * length for length in value) if many else factor * value
-    return replace(solver, **values)
+    lengths = {name: value for name, (value, unit) in solver.dimensions.items() if unit == "m"}
+    return solver.with_dimensions({name: factor * length for name, length in lengths.items()})
 
 
 def _required(axis: str, value: float, solver: KinematicSolver) -> Outcome | None:
     low, high = REQUIRED[axis]
-    return "passed" if low <= value <= high and isinstance(solver, ClosedForm) else None
+    return "passed" if low <= value <= high and solver.closed_form is not None else None
 
 
-def drift(solver: ClosedForm, turns: float) -> Drift:
+def drift(solver: KinematicSolver, turns: float) -> Drift:
     """Run many revolutions at a hundred steps each, and compare the last errors with the first."""
     samples = min(RECORDS, round(4 * turns))
     settings = Settings(steps_per_turn=STEPS)
@@ -147,16 +141,16 @@ def drift(solver: ClosedForm, turns: float) -> Drift:
     return Drift(solver.name, turns, float(error[1:count].max()), float(error[-count:].max()))
 
 
-def gear_ratio(solver: ClosedForm, value: float) -> Trial:
+def gear_ratio(solver: KinematicSolver, value: float) -> Trial:
     """A second crank geared `value` times faster, with `value` times the steps."""
-    geared = replace(solver, **{solver.declaration.gear: float(round(value))})
+    geared = solver.with_parameters(gear_ratio=float(round(value)))
     settings = Settings(steps_per_turn=500 * max(1, round(value)))
     return attempt("gear ratio", geared, value, speed=LONG_RUN_SPEED, settings=settings, samples=720)
 
 
-def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
+def dead_centre(solver: KinematicSolver, value: float, method: str, beyond: bool) -> Trial:
     """A crank that swings to a distance `value` in [rad] before its dead centres, or beyond them."""
-    swinging = replace(solver, **special_designs(solver.name).swinging)
+    swinging = solver.with_parameters(**special_designs(solver.name).swinging)
     low, high = swinging.crank_range().arcs[0]
     middle = 0.5 * (low + high)
     revolutions = REVOLUTION * np.round((middle - swinging.mechanism.start) / REVOLUTION)
@@ -174,11 +168,12 @@ def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> 
     )
 
 
-def near_tangent(solver: ClosedForm, value: float, method: str) -> Trial:
+def near_tangent(solver: KinematicSolver, value: float, method: str) -> Trial:
     """A crank that barely makes a full revolution: a length is a fraction `value` from the limit."""
     limiting = with_limiting_length(solver, value)
     angles = np.linspace(-np.pi, np.pi, 4001)
-    angle = float(angles[np.argmin(limiting.discriminant(angles))]) + np.pi
+    assert isinstance(limiting.closed_form, TwoBranchForm)
+    angle = float(angles[np.argmin(limiting.closed_form.discriminant(angles))]) + np.pi
     # it starts at this angle
     motion = limiting.solve([angle])
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}
@@ -195,12 +190,12 @@ def near_tangent(solver: ClosedForm, value: float, method: str) -> Trial:
     )
 
 
-def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
+def change_point(solver: KinematicSolver, which: str, swing_only: bool) -> Trial:
     """A linkage with change points: a swing between two of them, or a motion through them.
 
     Beyond a change point both branches are correct; any outcome that describes the run correctly passes.
     """
-    solver = replace(solver, **special_designs(solver.name).change_points[which])
+    solver = solver.with_parameters(**special_designs(solver.name).change_points[which])
     motion: dict[str, Any] = {"speed": SINGULAR_SPEED}
     if swing_only:
         # from one change point, at 0, to the other, at half a revolution
@@ -270,13 +265,12 @@ def _perturbed(pose: Pose, value: float, length: float, random: np.random.Genera
     return Pose(pose.position + shift, turned_by(pose.rotation[None], rotation[None])[0])
 
 
-def with_limiting_length(solver: ClosedForm, slack: float) -> TwoBranchForm:
-    """Return a closed form with one length at a relative distance `slack` from the limit of full rotation."""
-    assert isinstance(solver, TwoBranchForm)
+def with_limiting_length(solver: KinematicSolver, slack: float) -> KinematicSolver:
+    """Return a mechanism with one length at a relative distance `slack` from the limit of full rotation."""
     name = special_designs(solver.name).limiting_length
 
-    def scaled(factor: float) -> TwoBranchForm:
-        return replace(solver, **{name: factor * getattr(solver, name)})
+    def scaled(factor: float) -> KinematicSolver:
+        return solver.with_dimensions({name: factor * getattr(solver, name)})
 
     inside = 1.0
     outside = next(factor for factor in (0.5, 2.0, 0.1, 10.0) if not scaled(factor).crank_range().full)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.formulas.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
@@ -41,7 +40,7 @@ def _decades(low: float, high: float, interval: int = 1) -> list[float]:
 
 
 def _designs(solver: KinematicSolver) -> SpecialDesigns:
-    return special_designs(solver.name) if isinstance(solver, ClosedForm) else SpecialDesigns()
+    return special_designs(solver.name) if solver.closed_form is not None else SpecialDesigns()
 
 
 def axes_of(solver: KinematicSolver, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
@@ -53,7 +52,7 @@ def axes_of(solver: KinematicSolver, quick: bool) -> list[tuple[str, Push, Seque
     ]
     if solver.motion_laws.crank:
         pushes.append(("speed", axes.speed, [1.0, 1e3, 1e5, 1e6, 1e7]))
-    if isinstance(solver, ClosedForm):
+    if solver.closed_form is not None:
         pushes += [
             ("size", axes.characteristic_length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
             ("size", axes.characteristic_length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
@@ -104,7 +103,7 @@ def study(
             result.borders += borders if axis != "far start" else []
             finished += 1
             progress(f"{name}: {axis}", finished / total)
-        if not isinstance(solver, ClosedForm):
+        if solver.closed_form is None:
             continue
         result.trials += [
             axes.change_point(solver, which, swing_only)

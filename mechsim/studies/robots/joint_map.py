@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
@@ -137,7 +137,7 @@ def compare_with_loop_equations(
     columns = dict(zip(table.inputs, values.T, strict=True))
     path = driver_path(solver, columns, "the map")
     mechanism = solver.mechanism
-    loops = LoopForm(mechanism, motion_laws=path.motion_laws)
+    loops = KinematicSolver(mechanism, motion_laws=path.motion_laws)
     zero = np.zeros(len(values))
     still = loops.solve_along(path.times, zero, zero)
     output = _outputs(still, still, mechanism, table.outputs)[0, 1:]

@@ -7,7 +7,6 @@ import numpy as np
 
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces, JointSpring
@@ -152,7 +151,9 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
     qpos = drawn[_nearest_first(drawn[:, path.addresses], path.reference[path.addresses])]
     values = np.vstack([path.reference[path.addresses], qpos[:, path.addresses]])
     laws = driver_path(solver, dict(zip(mechanism.drivers, values.T, strict=True)), "the configurations")
-    loops = LoopForm(mechanism, motion_laws=laws.motion_laws, ranges=solver.ranges, forces=solver.forces)
+    loops = KinematicSolver(
+        mechanism, motion_laws=laws.motion_laws, ranges=solver.ranges, forces=solver.forces
+    )
     rest = np.zeros(len(values))
     points = loops.whole_motion(laws.times, rest, rest).points
     sites = _site_positions(path, qpos)

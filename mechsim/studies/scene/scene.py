@@ -171,7 +171,7 @@ def scene_of(
     Args:
         read: contents of the file.
         mechanism: the same mechanism with lengths precise enough for its loops to close
-            (`LoopForm.mechanism`); closure is measured at its drivers.
+            (`KinematicSolver.mechanism`); closure is measured at its drivers.
         joint_laws: prescribed joint -> its motion law.
         ctrl: actuator -> motion law of its control.
         duration: in [s].

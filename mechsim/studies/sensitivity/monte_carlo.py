@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import Dimension
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.many_designs import Bools, allowed, closes_at, formula_of_many, solved
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.angles import wrapped
@@ -170,12 +170,12 @@ class FormulaSamples:
 
     Attributes:
         solved: the quantities and tolerances.
-        solver: the nominal mechanism.
+        formula: formulas of the nominal mechanism.
         fractions: deviations relative to the tolerances, (n, p), of mechanisms that can be assembled.
     """
 
     solved: DesignSolver
-    solver: ClosedForm
+    formula: ClosedForm
     fractions: Array
 
     def blocks(self) -> Iterator[Block]:
@@ -197,7 +197,7 @@ class FormulaSamples:
         for rows in _blocks(len(self.fractions), len(angles)):
             varied = _varied(self.solved, self.fractions[rows])
             columns_known = dict(
-                solved(self.solver, varied, angles, speed, rates=rates, joints=joints).columns()
+                solved(self.formula, varied, angles, speed, rates=rates, joints=joints).columns()
             )
             for i, quantity in enumerate(quantities):
                 out[rows, i] = quantity.number(columns_known).reshape(-1, len(angles))
@@ -213,7 +213,7 @@ def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaS
         solved_by: the quantities and tolerances.
         fractions: deviations relative to the tolerances, (n, p).
     """
-    solver = formula_of_many(solved_by.moved.solver, solved_by.bounds)
+    formula = formula_of_many(solved_by.moved.solver.closed_form, solved_by.bounds)
     angles, columns = solved_by.moved.angles, solved_by.columns
     quantities = [solved_by.moved.quantity(name) for name in columns]
     poses = (
@@ -221,10 +221,10 @@ def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaS
         * len(angles)
         * (RATE_WEIGHT if any(quantity.order > 0 for quantity in quantities) else 1)
     )
-    if poses > MAX_POSES or solver is None:
+    if poses > MAX_POSES or formula is None:
         return None
     columns_known = solved(
-        solver, _varied(solved_by, fractions[:1]), angles[:1], 1.0, rates=True, joints=True
+        formula, _varied(solved_by, fractions[:1]), angles[:1], 1.0, rates=True, joints=True
     )
     if (
         not {column.name for quantity in quantities for column in quantity.columns}
@@ -232,12 +232,12 @@ def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaS
     ):
         return None
     # near change points the formula cannot select a branch for each design
-    if solver.change_points():
+    if formula.change_points():
         return None
-    valid = allowed(solver, _varied(solved_by, fractions))
+    valid = allowed(formula, _varied(solved_by, fractions))
     for rows in _blocks(len(fractions), len(angles)):
-        valid[rows] &= closes_at(solver, _varied(solved_by, fractions[rows]), angles)
-    return FormulaSamples(solved_by, solver, fractions[valid]), ~valid
+        valid[rows] &= closes_at(formula, _varied(solved_by, fractions[rows]), angles)
+    return FormulaSamples(solved_by, formula, fractions[valid]), ~valid
 
 
 def _blocks(count: int, poses: int) -> Iterator[slice]:

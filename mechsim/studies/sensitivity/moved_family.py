@@ -17,7 +17,6 @@ from mechsim.analytic.derivatives.motion import (
 )
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import WEIGHT, Forces, forces_of
@@ -221,7 +220,7 @@ class MovedFamily:
         return (
             motion
             if all(name in columns for name in joints)
-            else LoopForm(solver.mechanism).solve(self.angles + ahead, self.rate)
+            else KinematicSolver(solver.mechanism).solve(self.angles + ahead, self.rate)
         )
 
     def _forces(self, solver: KinematicSolver, ahead: float) -> InverseDynamics:
@@ -272,7 +271,7 @@ class MovedFamily:
         """
         mechanism = self.solver.mechanism
         names = [f"{joint}.b.at.{axis}" for axis in AXES]
-        by_axis = np.array([*changes(placed_designs(LoopForm(mechanism)), names).values()])
+        by_axis = np.array([*changes(placed_designs(KinematicSolver(mechanism)), names).values()])
         directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
         change = {f"{joint}{CLEARANCE}{i}": direction @ by_axis for i, direction in enumerate(directions)}
         full = len(self._numbers(self.designs)({})) if self.loaded(columns) else 0

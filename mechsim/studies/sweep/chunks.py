@@ -52,7 +52,7 @@ def _release(release: Release) -> list[Any]:
 def _subject(task: SweepTask) -> str:
     make, mechanism = task.subject.make, task.subject.solver.mechanism
     if task.subject.closed is not None:
-        return repr(task.subject.closed)
+        return repr((task.subject.closed.name, sorted(task.subject.closed.values.items())))
     if isinstance(make, OfToml):
         return repr((make.model.source.document, sorted(make.fixed.items())))
     if isinstance(make, OfPython):

@@ -78,7 +78,9 @@ class Designs:
 def parameter_units(design_family: DesignFamily, solver: KinematicSolver) -> dict[str, str]:
     """Return the parameters that may vary: name -> SI unit; choices such as branch included."""
     result = {name: values.unit for name, values in design_family.dimensions.items()}
-    return dict.fromkeys(solver.choices, "1") | result
+    rows = {} if solver.closed_form is None else solver.closed_form.declared.rows
+    choices = [name for name, row in rows.items() if row.is_choice and not isinstance(row.default, str)]
+    return dict.fromkeys(choices, "1") | result
 
 
 def declared_units(design_family: DesignFamily) -> dict[str, str]:

@@ -59,8 +59,8 @@ def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     remaining = np.arange(high - low)
     if task.settings is not None:
         remaining = _stepped(task, rows, result)
-    elif solver := by_one_formula(task):
-        remaining = _formula(task, solver, rows, result)
+    elif formula := by_one_formula(task):
+        remaining = _formula(task, formula, rows, result)
     elif task.loops is not None:
         remaining = _loops(task, rows, result)
     one_by_one(task, rows, remaining, result)
@@ -68,15 +68,15 @@ def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
 
 
 def by_one_formula(task: SweepTask) -> TwoBranchForm | None:
-    """Return the solver whose formulas measure designs as arrays; None if they are measured otherwise."""
+    """Return the formulas that measure designs as arrays; None if they are measured otherwise."""
     if task.single_only or task.subject.closed is None:
         return None
     return formula_of_many(task.subject.closed, task.designs.values)
 
 
-def _formula(task: SweepTask, solver: TwoBranchForm, rows: Mapping[str, Array], result: Measured) -> Rows:
+def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array], result: Measured) -> Rows:
     """Measure designs by one formula; return those that it cannot determine."""
-    valid, turning_ranges = _turning_ranges(solver, rows)
+    valid, turning_ranges = _turning_ranges(formula, rows)
     if turning_ranges is None:
         return np.arange(len(result.outcome))
     certain, selected = ~turning_ranges.uncertain, ~turning_ranges.uncertain
@@ -93,10 +93,10 @@ def _formula(task: SweepTask, solver: TwoBranchForm, rows: Mapping[str, Array], 
     return np.sort(np.concatenate([np.setdiff1d(np.arange(len(result.outcome)), valid[certain]), *remaining]))
 
 
-def _turning_ranges(solver: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, CrankRanges | None]:
+def _turning_ranges(formula: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, CrankRanges | None]:
     """Return the designs with valid parameters, and their reachable crank ranges."""
-    valid = np.flatnonzero(allowed(solver, rows))
-    return valid, crank_ranges(solver, _subset(rows, valid)) if len(valid) else None
+    valid = np.flatnonzero(allowed(formula, rows))
+    return valid, crank_ranges(formula, _subset(rows, valid)) if len(valid) else None
 
 
 def _swing_blocks(
@@ -126,11 +126,11 @@ def _block(
     task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows, facts: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
-    solver = task.subject.closed
-    assert solver is not None
+    formula = task.subject.closed
+    assert formula is not None
     with np.errstate(all="ignore"):
         motion = solved(
-            solver,
+            formula,
             _subset(rows, block),
             crank.angle,
             crank.speed,
@@ -156,10 +156,10 @@ def _turns(
 
 def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
     """Measure designs by stepping them together where possible; return the others."""
-    solver, every = formula_of_many(task.subject.solver, rows), np.arange(len(result.outcome))
-    if task.subject.closed is None or solver is None:
+    formula, every = formula_of_many(task.subject.closed, rows), np.arange(len(result.outcome))
+    if formula is None:
         return stepped_together(task, rows, every, result)
-    valid, turning_ranges = _turning_ranges(solver, rows)
+    valid, turning_ranges = _turning_ranges(formula, rows)
     if turning_ranges is None:
         return every
     index = valid[~turning_ranges.uncertain & turning_ranges.full & turning_ranges.clear]

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
@@ -76,7 +76,7 @@ class SweptSubject:
         solver: the nominal design.
         design_family: its parameters.
         make: makes a design from parameter -> value in SI; it can be sent to other processes.
-        closed: the closed form whose own parameters vary; None for other subjects.
+        closed: the formulas whose own parameters vary; None for other subjects.
     """
 
     name: str
@@ -106,8 +106,8 @@ def swept_subject(
     current, plain = dict(set or {}), not any(options.values())
     if isinstance(source, PythonObject) and plain and source.parameters({}).dimensions:
         return SweptSubject(name, solver, result, OfPython(source.address, current))
-    if isinstance(solver, ClosedForm):
-        return SweptSubject(name, solver, result, result.make, solver)
+    if solver.closed_form is not None:
+        return SweptSubject(name, solver, result, result.make, solver.closed_form)
     if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
         make = OfToml(source, current, written_guess(source), unit_of)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.formulas.base import ClosedForm
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.many_designs import allowed, can_be_started, closed_form_starts
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
@@ -308,9 +308,9 @@ def assembled_designs(
         rows: parameter -> its value in each design.
         with_mechanisms: whether to return the mechanisms too, except those with other forces.
     """
-    solver = task.subject.closed
-    if solver is not None and can_be_started(solver, rows):
-        return _by_formula(solver, rows, with_mechanisms=with_mechanisms)
+    formula = task.subject.closed
+    if formula is not None and can_be_started(formula, rows):
+        return _by_formula(formula, rows, with_mechanisms=with_mechanisms)
     mechanisms = [*_made(task, rows)]
     started, which = similar_designs(task.subject.solver.mechanism, mechanisms)
     if started is None:
@@ -321,17 +321,19 @@ def assembled_designs(
 
 
 def _by_formula(
-    solver: ClosedForm, rows: Mapping[str, Array], *, with_mechanisms: bool
+    formula: ClosedForm, rows: Mapping[str, Array], *, with_mechanisms: bool
 ) -> AssembledDesigns | None:
-    valid = np.flatnonzero(allowed(solver, rows))
+    valid = np.flatnonzero(allowed(formula, rows))
     while len(valid):
-        designs = closed_form_starts(solver, {name: values[valid] for name, values in rows.items()})
+        designs = closed_form_starts(formula, {name: values[valid] for name, values in rows.items()})
         assembled = np.all(
             [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
         )
         if assembled.all():
             chosen = valid if with_mechanisms else valid[:0]
-            mechanisms = [solver.described_with(_row(rows, int(i))) for i in chosen]
+            mechanisms = [
+                formula.with_dimensions(_row(rows, int(i)), checked=False).described for i in chosen
+            ]
             return AssembledDesigns(designs, valid, mechanisms)
         valid = valid[assembled]
     return None

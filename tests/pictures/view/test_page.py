@@ -9,7 +9,7 @@ import pytest
 from browser import Browser, in_browser
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 
@@ -89,7 +89,7 @@ def test_names_of_a_mechanism_are_escaped_in_the_script():
     named = ms.Joint("</script><b>", "revolute", ms.End("ground"), ms.End("arm"))
     link = ms.Link("arm", outline=((0.1, 0.0, 0.0),))
     arm = ms.Mechanism("</title>", (link,), (named,), "</script><b>", {"P": ("arm", (0.1, 0.0, 0.0))})
-    text = page(mechanism_view(LoopForm(arm), 1.0))
+    text = page(mechanism_view(KinematicSolver(arm), 1.0))
     assert "</script><b>" not in text
     assert text.count("</title>") == 1
 

@@ -6,7 +6,7 @@ from browser import Browser, in_browser
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.pictures.view.offline_page import page
 from mechsim.pictures.view.pose_grid import View, motion_grid
@@ -78,7 +78,7 @@ def drivers_of(window):
 def python_motion(mechanism, start, drivers):
     """Solve the mechanism along a linear path of its drivers from its start; return the motion."""
     states = {name: steady(start[name], value - start[name]) for name, value in drivers.items()}
-    solver = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0))
+    solver = KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0))
     return solver.solve(t=np.linspace(0.0, 1.0, 11))
 
 

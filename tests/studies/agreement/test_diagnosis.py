@@ -143,11 +143,11 @@ def test_a_phase_error_of_a_motion_law_is_reported():
 def test_a_wrong_gear_ratio_is_reported(model, slip):
     solver = ms.load(model)
     if model == "warp_knitter":
-        wrong, ratio = replace(solver, gear_ratio=slip), solver.gear_ratio
+        wrong, ratio = solver.with_parameters(gear_ratio=slip), solver.gear_ratio
     else:
         first, second = solver.mechanism.gears
         gears = (first, replace(second, ratio=slip))
-        wrong, ratio = replace(solver, mechanism=replace(solver.mechanism, gears=gears)), second.ratio
+        wrong, ratio = solver.with_mechanism(replace(solver.mechanism, gears=gears)), second.ratio
 
     def function(angle):
         return {name: point.position for name, point in wrong.solve(angle).points.items()}
