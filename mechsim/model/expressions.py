@@ -428,6 +428,15 @@ def _instructions(node: ast.AST) -> tuple[Instruction, ...]:
             raise InputError(f"contains {ast.unparse(node)!r}; only arithmetic is allowed: {_ALLOWED}")
 
 
+def instructions_of(tree: ast.AST, numbers: Mapping[str, float]) -> tuple[Instruction, ...]:
+    """Return the evaluation of an expression that `Evaluator` accepts; numbers take the place of names."""
+    return tuple(
+        Instruction("number", numbers[value]) if name == "variable" and value in numbers else instruction
+        for instruction in _instructions(tree)
+        for name, value, _ in [instruction]
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Expression:
     """An expression of named arrays, such as a controller of states and time.
@@ -501,4 +510,4 @@ def compiled(text: str, names: Iterable[str]) -> Expression:
             raise
         raise InputError("has no value that is a finite real number") from None
     names = tuple(dict.fromkeys(name for name in used if name != "pi"))
-    return Expression(text, names, _instructions(tree))
+    return Expression(text, names, instructions_of(tree, {}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
+from mechsim.model.expressions import Instruction, instructions_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
@@ -105,11 +107,35 @@ def harmonics(
     if not 0.0 < period < np.inf:
         raise InputError(f"period of a load is {period}; give one above 0")
 
-    def value(position: Array) -> Array:
-        x = position[:, None] * (REVOLUTION / period)
+    return function(Harmonics(tuple(c.tolist()), tuple(s.tolist()), REVOLUTION / period), over=over)
+
+
+@dataclass(frozen=True, slots=True)
+class Harmonics:
+    """A periodic function, sum c_k cos(k w x) + s_k sin(k w x).
+
+    Attributes:
+        cosines: c from k = 0.
+        sines: s from k = 1.
+        frequency: w.
+    """
+
+    cosines: tuple[float, ...]
+    sines: tuple[float, ...]
+    frequency: float
+
+    def __call__(self, position: Array) -> Array:
+        """Return the values at positions (n,), (n,)."""
+        x, c, s = position[:, None] * self.frequency, np.array(self.cosines), np.array(self.sines)
         return np.cos(x * np.arange(len(c))) @ c + np.sin(x * np.arange(1, len(s) + 1)) @ s
 
-    return function(value, over=over)
+    @property
+    def instructions(self) -> tuple[tuple[Instruction, ...]]:
+        """The evaluation of its one component."""
+        terms = [("cos", k, value) for k, value in enumerate(self.cosines)]
+        terms += [("sin", k, value) for k, value in enumerate(self.sines, 1)]
+        text = " + ".join(f"{value!r}*{name}({k * self.frequency!r}*x)" for name, k, value in terms)
+        return (instructions_of(ast.parse(text or "0.0", mode="eval").body, {}),)
 
 
 def table(

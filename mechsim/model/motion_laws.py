@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.expressions import Instruction, instructions_of, parse_expression
 from mechsim.model.limits import require_revolutions
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
@@ -486,14 +487,32 @@ def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array)
     return float(np.abs(rate).max()) / length
 
 
-def steady(start: float, rate: float) -> State:
-    """Return the motion law of a constant rate from a start, in [m] or [rad] and per second."""
+@dataclass(frozen=True)
+class Steady:
+    """A motion law of a constant rate.
 
-    def state(time: Array) -> tuple[Array, Array, Array]:
+    Attributes:
+        start: in [m] or [rad].
+        rate: per second.
+    """
+
+    start: float
+    rate: float
+
+    def __call__(self, time: Array) -> tuple[Array, Array, Array]:
+        """Return value, rate and acceleration at times (n,) in [s]."""
         zero = 0.0 * time
-        return start + rate * time, rate + zero, zero
+        return self.start + self.rate * time, self.rate + zero, zero
 
-    return state
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """Its evaluation."""
+        return instructions_of(parse_expression("start + rate*t"), {"start": self.start, "rate": self.rate})
+
+
+def steady(start: float, rate: float) -> Steady:
+    """Return the motion law of a constant rate from a start, in [m] or [rad] and per second."""
+    return Steady(start, rate)
 
 
 def tabled(name: str, time: ArrayLike, value: ArrayLike) -> State:

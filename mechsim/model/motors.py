@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.model.expressions import Expression, compiled
+from mechsim.model.expressions import Expression, Instruction, compiled
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
@@ -57,6 +57,11 @@ class Controller:
             ) from None
         object.__setattr__(self, "inputs", inputs)
         object.__setattr__(self, "_expression", expression)
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """The evaluation of its expression, in which the k-th input is named `state_k_`."""
+        return self._expression.instructions
 
     @property
     def coordinates(self) -> set[str]:

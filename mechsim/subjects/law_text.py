@@ -1,6 +1,7 @@
 """Motion laws of drivers written as text: constant speed, an expression of t, or a table in a file."""
 
 import ast
+import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,17 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.errors import InputError
-from mechsim.model.expressions import Evaluator, Term, described, parse_expression, unit_powers, without_time
+from mechsim.model.expressions import (
+    Evaluator,
+    Expression,
+    Instruction,
+    Term,
+    described,
+    instructions_of,
+    parse_expression,
+    unit_powers,
+    without_time,
+)
 from mechsim.model.forces import Forces
 from mechsim.model.load_profile import PERIOD_TOLERANCE, LoadProfile, Over, constant, function, table
 from mechsim.model.motion_laws import State, steady, tabled
@@ -35,6 +46,28 @@ VARIABLES = {
 }
 
 
+@dataclass(frozen=True)
+class TimeFunction:
+    """A motion law or load that an expression of one variable states.
+
+    Attributes:
+        expression: the expression, in SI.
+    """
+
+    expression: Expression
+
+    def __call__(self, time: Array) -> tuple[Array, Array, Array]:
+        """Return the value and its first two derivatives at times or angles (n,)."""
+        zero = 0.0 * time
+        result = self.expression.jet({self.expression.names[0]: Jet(time, 1.0 + zero, zero)})
+        return result.value + zero, result.rate + zero, result.second + zero
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """Its evaluation."""
+        return self.expression.instructions
+
+
 def time_function(
     text: str,
     unit: str,
@@ -43,7 +76,7 @@ def time_function(
     parameters: Mapping[str, float] | None = None,
     variable: str = "t",
     declared: str = "",
-) -> tuple[str, State]:
+) -> tuple[str, TimeFunction]:
     """Return the text in SI without parameters, and the motion law of an expression of t.
 
     Args:
@@ -70,18 +103,16 @@ def time_function(
     tree = parse_expression(_QUANTITY.sub(placeholder, text))
     numbers = {name: Term(value) for name, value in (parameters or {}).items()}
 
-    def evaluate(time: Array) -> Term:
-        zero = 0.0 * time
-        terms = {variable: Term(Jet(time, 1.0 + zero, zero)), **numbers, **quantities}
+    used: dict[str, Term] = {}
+    terms = {variable: Term(Jet(np.ones(1), np.ones(1), np.zeros(1))), **numbers, **quantities}
 
-        def name_value(name: str) -> Term:
-            return terms[name] if name in terms else _unit(name, (variable, "pi", *numbers, "units"))
-
-        with np.errstate(all="ignore"):
-            return Evaluator(name_value).evaluate(tree)
+    def name_value(name: str) -> Term:
+        used[name] = terms[name] if name in terms else _unit(name, (variable, "pi", *numbers, "units"))
+        return used[name]
 
     try:
-        probe = evaluate(np.ones(1))
+        with np.errstate(all="ignore"):
+            probe = Evaluator(name_value).evaluate(tree)
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -90,13 +121,10 @@ def time_function(
         raise InputError(f"contains no {variable}, {VARIABLES[variable]}")
     _require_unit(probe, unit, default_unit, declared)
     scale = default_unit if probe.dimensionless else 1.0
-
-    def state(time: Array) -> tuple[Array, Array, Array]:
-        result = evaluate(time).value
-        if not isinstance(result, Jet):
-            return result + 0.0 * time, 0.0 * time, 0.0 * time
-        return scale * result.value, scale * result.rate, scale * result.second
-
+    product = [Instruction("number", scale), Instruction("Mult", operator.mul, 2)]
+    values = {name: float(term.value) for name, term in used.items() if name != variable}
+    instructions = (*instructions_of(tree, values), *(product if scale != 1.0 else []))
+    state = TimeFunction(Expression(text, (variable,), instructions))
     si_text = text if scale == 1.0 else f"({text})*{scale:.17g}"
     for name, value in (parameters or {}).items():
         si_text = re.sub(rf"(?<![\w.]){name}(?![\w(])", f"({value:.17g})", si_text)
@@ -173,6 +201,11 @@ class MotionLaw:
     def __call__(self, time: Array) -> tuple[Array, Array, Array]:
         """Return value, rate and acceleration at times (n,) in [s]."""
         return self.state(time)
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...] | None:
+        """The evaluation of its value; None for a table."""
+        return getattr(self.state, "instructions", None)
 
 
 def parse_motion_law(
@@ -283,10 +316,12 @@ class LoadComponent:
     Attributes:
         text: its number, or the text that defines it in a file in SI.
         profile: its load profile, one number at each position.
+        instructions: its evaluation; None for a table.
     """
 
     text: float | str
     profile: LoadProfile
+    instructions: tuple[Instruction, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -303,6 +338,16 @@ class WrittenLoad:
         """Return the values at positions (n,), (n,) or (n, 3)."""
         columns = [component.profile.evaluate(position, position) for component in self.components]
         return columns[0] if len(columns) == 1 else np.stack(columns, 1)
+
+    @property
+    def instructions(self) -> tuple[tuple[Instruction, ...] | None, ...]:
+        """The evaluation of each component; None for a table."""
+        return tuple(
+            component.instructions
+            if isinstance(component.text, str)
+            else (Instruction("number", component.text),)
+            for component in self.components
+        )
 
 
 def variables(text: str) -> list[str]:
@@ -346,7 +391,8 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
     if variable in parameters:
         raise InputError(f"names {variable!r}, which is also a parameter; give the parameter another name")
     si_text, state = time_function(text, unit, parameters=parameters, variable=variable)
-    return LoadComponent(si_text, function(lambda position: state(position)[0], over=_AXES[variable]))
+    profile = function(lambda position: state(position)[0], over=_AXES[variable])
+    return LoadComponent(si_text, profile, state.instructions)
 
 
 def combine_components(components: Sequence[LoadComponent]) -> LoadProfile:

@@ -13,15 +13,25 @@ from typing import Any
 
 import numpy as np
 
+from mechsim.analytic.dynamics.compiled_expressions import (
+    EXPRESSION,
+    INSTRUCTION,
+    Instructions,
+    NotCompiledError,
+    actuators,
+    controllers,
+    load_expressions,
+)
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.analytic.loops.constraints import Cut
 from mechsim.errors import MechsimError, MissingToolError, OutputError
+from mechsim.model.actuators import Actuator
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
 from mechsim.model.joint_kinds import COLUMN, KINDS, Kind
 from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import GROUND, Vector
 from mechsim.model.load_profile import LoadProfile
-from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
+from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 
@@ -37,6 +47,14 @@ SUPPORTED: dict[type, set[str]] = {
         "crank_torque",
         "flywheel",
         "motor",
+        "controllers",
+        "actuators",
+        "armature",
+    },
+    Controller: {"coordinate", "text", "inputs", "_expression"},
+    Actuator: {
+        *("name", "gear", "control", "gain", "bias", "direct", "inflow", "start", "inertia", "text"),
+        *("control_range", "state_range", "force_range"),
     },
     Friction: {"joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn"},
     Spring: {"a", "b", "stiffness", "rest", "damping"},
@@ -125,14 +143,25 @@ RESISTANCE = np.dtype(
     align=True,
 )
 SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
-LOAD = np.dtype([("link", _INT), ("point", _REAL, 3), ("force", _REAL, 3), ("moment", _REAL, 3)], align=True)
+LOAD = np.dtype(
+    [
+        ("link", _INT),
+        ("varying", _INT),
+        ("point", _REAL, 3),
+        ("wrench", _REAL, 6),
+        ("expressions", EXPRESSION, 6),
+    ],
+    align=True,
+)
 COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
     *("rows", "springs", "resistances", "loads", "crank"),
+    *("controllers", "actuators", "states", "rotating"),
 )
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
     *("inertias", "spring", "resistance", "load"),
+    *("instruction", "controller", "actuator", "gear", "rotors"),
 )
 
 
@@ -143,12 +172,8 @@ class ModelData(ctypes.Structure):
         *((name, ctypes.c_int) for name in COUNTS),
         *((name, ctypes.c_void_p) for name in TABLES),
         ("gravity", ctypes.c_double * 3),
-        *((name, ctypes.c_double) for name in ("flywheel", "torque", "torque_slope")),
+        *((name, ctypes.c_double) for name in ("torque", "torque_slope")),
     ]
-
-
-class NotCompiledError(MechsimError):
-    """A model that the C code does not contain; the message names the element."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +195,10 @@ class CompiledModel:
 def library_or_error() -> ctypes.CDLL | MechsimError:
     """Return the compiled C code, or the reason why there is none; a compiler that fails is tried once."""
     folder = Path(__file__).parent / "c"
-    texts = ((folder / name).read_text(encoding="utf-8") for name in ("equations.c", "integration.c"))
+    texts = (
+        (folder / name).read_text(encoding="utf-8")
+        for name in ("expressions.c", "equations.c", "integration.c")
+    )
     try:
         return loaded_library("forward_dynamics", "".join(texts))
     except (MissingToolError, OutputError) as error:
@@ -201,7 +229,8 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
     _require_supported(equations)
     forces, loops, free = equations.model.forces, equations.loops, equations.free
     torque, derivative = _crank_torque(equations)
-    moved = [_moved(cut) for cut in loops.cuts]
+    moved, added = [_moved(cut) for cut in loops.cuts], Instructions()
+    actuated, gears = actuators(equations, added)
     tables = {
         "branches": _branches(equations),
         "coordinates": _coordinates(equations),
@@ -212,7 +241,12 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "inertias": _inertias(equations),
         "spring": spring_table(equations),
         "resistance": _resistances(equations),
-        "load": _loads(equations),
+        "load": _loads(equations, added),
+        "controller": controllers(equations, added),
+        "instruction": np.array(added.rows, INSTRUCTION),
+        "actuator": actuated,
+        "gear": gears,
+        "rotors": np.ascontiguousarray(equations.rotors),
     }
     numbers = (
         len(tables["branches"]),
@@ -224,12 +258,14 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         loops.rows,
         *(len(tables[name]) for name in ("spring", "resistance", "load")),
         -1 if equations.crank is None else equations.crank,
+        *(len(tables[name]) for name in ("controller", "actuator")),
+        int(actuated["has_state"].sum()),
+        int(tables["rotors"].any()),
     )
     data = ModelData(
         **dict(zip(COUNTS, numbers, strict=True)),
         **{name: table.ctypes.data for name, table in tables.items()},
         gravity=(ctypes.c_double * 3)(*forces.gravity),
-        flywheel=forces.flywheel,
         torque=torque,
         torque_slope=derivative,
     )
@@ -249,9 +285,6 @@ def _require_supported(equations: EquationsOfMotion) -> None:
         _require_supported_fields(element)
     if equations.prescribed:
         raise NotCompiledError("prescribed motion")
-    for profile in forces.load_profiles:
-        if profile.over is not None:
-            raise NotCompiledError(f"a load over {profile.over}")
     if len(equations.free) > MAX_COORDINATES:
         raise NotCompiledError(f"its {len(equations.free)} coordinates, more than {MAX_COORDINATES}")
 
@@ -264,8 +297,9 @@ def _require_supported_fields(element: Any) -> None:
         value = getattr(element, field.name)
         if field.name not in supported and not _is_empty(value, field.default):
             raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
+        # expressions are checked where they become instructions
         for inner in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(inner):
+            if is_dataclass(inner) and field.name not in ("control", "value", "_expression"):
                 _require_supported_fields(inner)
 
 
@@ -283,7 +317,8 @@ def _crank_torque(equations: EquationsOfMotion) -> tuple[float, float]:
     forces = equations.model.forces
     if equations.crank is None:
         return 0.0, 0.0
-    load = 0.0 if forces.crank_torque is None else float(forces.crank_torque.evaluate(np.zeros(1))[0])
+    constant = forces.crank_torque is not None and forces.crank_torque.over is None
+    load = float(forces.crank_torque.evaluate(np.zeros(1))[0]) if constant and forces.crank_torque else 0.0
     torques = forces.motor_torque(np.zeros(1))
     return load + float(torques[0]), 0.0 if forces.motor is None else float(forces.motor.derivative)
 
@@ -458,12 +493,20 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     return _filled(RESISTANCE, rows)
 
 
-def _loads(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+def _loads(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
     rows: list[dict[str, Any]] = []
-    for load in equations.model.forces.loads:
-        link, point = _point(equations, load.location)
-        rows.append({"link": link, "point": point, "force": load.force.evaluate(np.zeros(1))[0]})
-    for couple in equations.model.forces.couples:
-        moment = couple.moment.evaluate(np.zeros(1))[0]
-        rows.append({"link": _index(equations, couple.link), "moment": moment})
+    forces = equations.model.forces
+    acting = [(*_point(equations, load.location), load.force, 0) for load in forces.loads]
+    acting += [(_index(equations, couple.link), (0.0,) * 3, couple.moment, 3) for couple in forces.couples]
+    for link, point, profile, first in acting:
+        row: dict[str, Any] = {"link": link, "point": point, "varying": profile.over is not None}
+        if profile.over is None:
+            wrench = np.zeros(6)
+            wrench[first : first + 3] = profile.evaluate(np.zeros(1))[0]
+            row["wrench"] = wrench
+        else:
+            expressions = np.zeros(6, EXPRESSION)
+            expressions[first : first + 3] = load_expressions(equations, profile, added, "a load")
+            row["expressions"] = expressions
+        rows.append(row)
     return _filled(LOAD, rows)

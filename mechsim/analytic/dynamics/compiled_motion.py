@@ -188,8 +188,8 @@ def integrated(
     return StepsInC(solution, run.status, run.time, state, numbers[:m, 2:], run.length, run.evaluations)
 
 
-def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array) -> float:
-    """Return the smallest pivot of the loop constraints at a state.
+def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time: float) -> float:
+    """Return the smallest pivot of the loop constraints at a state and a time in [s].
 
     C and numpy are compared at rates that move every coordinate: an element that C lacks would
     otherwise go unnoticed in the result.
@@ -202,15 +202,15 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array) -> fl
     fastest = max(1.0, float(np.abs(rates).max()))
     moving = rates.copy()
     moving[equations.free, 0] += fastest * np.cos(1.0 + np.arange(len(equations.free)))
-    moving = projected(equations, q, moving, np.zeros(1))[1]
+    times = np.array([time])
+    moving = projected(equations, q, moving, times)[1]
     sample = layout.pack(q, moving, work, lost)
     frictionless = np.zeros(len(equations.frictions))
     settings = StepSettings(0.0, np.ones(len(state)), 0.0, 0, 0.0, frictionless, (), False)
-    result = evaluated(model, settings, sample)
-    sliding = Contacts(equations).accelerate(
-        equations.kinematics(q, moving), np.zeros(1), ContactMode(frictionless)
-    )
-    expected = layout.derivatives(sample[None], equations.kinematics(q, moving), sliding)[0]
+    result = evaluated(model, settings, sample, time)
+    kinematics = equations.kinematics(q, moving, layout.activation(sample[None]))
+    dynamics = Contacts(equations).accelerate(kinematics, times, ContactMode(frictionless))
+    expected = layout.derivatives(sample[None], kinematics, dynamics)[0]
     if not np.abs(result.derivative - expected).max() <= AGREED * np.abs(expected).max():
         raise NotCompiledError("an element that changes the accelerations at the start")
     return result.pivot
@@ -235,11 +235,12 @@ class StateInC:
     potential: float
 
 
-def evaluated(model: CompiledModel, settings: StepSettings, state: Array) -> StateInC:
-    """Return what the C code gives for a state, (size,)."""
+def evaluated(model: CompiledModel, settings: StepSettings, state: Array, time: float = 0.0) -> StateInC:
+    """Return what the C code gives for a state, (size,), and a time in [s]."""
     result, energies, state = np.full(len(state), np.nan), np.zeros(2), state.copy()
     scale, sliding, at_rest = _arrays(settings)
     run = RunData(
+        time=time,
         resting=len(at_rest),
         at_rest=at_rest.ctypes.data,
         sliding=sliding.ctypes.data,

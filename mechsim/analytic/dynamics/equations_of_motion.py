@@ -283,7 +283,7 @@ class EquationsOfMotion:
         units = self.loops.units[self.free]
 
         def in_joints(acceleration: Array, multipliers: Array) -> Array:
-            forces = -acceleration @ self._rotors
+            forces = -acceleration @ self.rotors
             forces[:, driven] += multipliers[:, drives]
             forces[:, stopped] += multipliers[:, first + len(stuck) :]
             return forces / units
@@ -373,10 +373,10 @@ class EquationsOfMotion:
 
     def _mass(self, jacobians: Array, inertia: Array) -> Array:
         """Return the mass matrix from link Jacobians and spatial inertias."""
-        return mass_matrix(jacobians, inertia) + self._rotors
+        return mass_matrix(jacobians, inertia) + self.rotors
 
     @cached_property
-    def _rotors(self) -> Array:
+    def rotors(self) -> Array:
         """Inertia of rotors and the flywheel, which depends on no coordinate, (free, free) in units."""
         forces, units = self.model.forces, self.loops.units[self.free]
         rows = [({name: 1.0}, inertia) for name, inertia in forces.armature.items()]

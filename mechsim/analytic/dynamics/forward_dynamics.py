@@ -100,6 +100,11 @@ EARLY, HOPELESS = 20_000, 20.0
 # smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
 # the run
 LEAST_STEPS = 20
+# the same in C, whose steps have half as many nodes and are a quarter as long
+LEAST_STEPS_IN_C = 80
+# instant, relative to the run's duration, at which C and numpy are compared besides all rates: none at which
+# usual forces over time vanish
+WITHIN_RUN = 0.37
 # instants within a step at which events are searched, relative to its duration: evenly spaced, and denser
 # towards the start, where a stop may be hit again right after an impact
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
@@ -293,7 +298,9 @@ class Integration:
     @property
     def longest(self) -> float:
         """Longest step in C in [s]."""
-        return STABLE / self.decay if self.implicit else np.inf
+        # forces over time may be short pulses
+        pulses = np.inf if self.equations.steady else self.duration / LEAST_STEPS_IN_C
+        return min(pulses, STABLE / self.decay) if self.implicit else pulses
 
     def nearest_pivot(self) -> float:
         """Return the smallest pivot of the loop constraints at which C continues."""
@@ -306,7 +313,8 @@ class Integration:
             return
         try:
             self.compiled = compiled_model(self.equations)
-            self.pivot = agreed_pivot(self.compiled, self.right, self.state)
+            sample = self.time + WITHIN_RUN * min(duration, 1.0)
+            self.pivot = agreed_pivot(self.compiled, self.right, self.state, sample)
         except NotCompiledError as error:
             self.compiled, self.note = None, f"the C code does not contain {error}"
         except (MissingToolError, OutputError) as error:

@@ -119,7 +119,7 @@ def _in_c(
     Ranges, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
     """
     values = _values(model, columns)
-    if values is None or getattr(model.solver, "ranges", {}) or model.forces.controllers:
+    if values is None or getattr(model.solver, "ranges", {}):
         return None
     equations = equations_of_motion(model, dict.fromkeys([*values.coordinates, *values.rates], 0.0))
     q, rates = initial_state(equations, values)
@@ -174,7 +174,7 @@ def _evaluated(equations: EquationsOfMotion, states: Array, times: Array) -> dic
     for first in range(0, len(states), TOGETHER):
         block, instants = states[first : first + TOGETHER], times[first : first + TOGETHER]
         q, rates = projected(equations, *layout.unpack_states(block), instants)
-        kinematics = equations.kinematics(q, rates)
+        kinematics = equations.kinematics(q, rates, layout.activation(block))
         dynamics = equations.accelerate(kinematics, instants, np.zeros(0))
         columns = dict(motion_of(equations, kinematics, dynamics.acceleration, instants).columns())
         energies = (dynamics.kinetic, dynamics.potential, block[:, -2], block[:, -1])

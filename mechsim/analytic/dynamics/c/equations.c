@@ -4,10 +4,6 @@
    characteristic length for displacements, 1 rad for angles.
    Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 (recursive Newton-Euler), 6
    (composite rigid bodies) and 8 (loops). */
-#include <math.h>
-#include <stddef.h>
-#include <stdlib.h>
-#include <string.h>
 
 /* a tree joint; -1 is the ground, `before` the tree joint of the parent. Angles follow slides */
 typedef struct {
@@ -64,14 +60,29 @@ typedef struct {
 } Resistance;
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
 
-/* constant force on a point of a link, and constant moment on the link */
+/* constant force on a point of a link, and constant moment on the link; expressions take their place */
 typedef struct {
-    int link;
-    double point[3], force[3], moment[3];
+    int link, varying;
+    double point[3], wrench[6];
+    Expression expressions[6];
 } Load;
+
+/* force or torque on a coordinate */
+typedef struct {
+    int coordinate;
+    Expression effort;
+} Controller;
+
+/* force on a weighted sum of coordinates, as mechsim.model.actuators states; the weights lie in `gear` */
+typedef struct {
+    Expression control;
+    int has_state;
+    double gain[3], bias[3], direct[2], inflow[4], control_range[2], state_range[2], force_range[2];
+} Actuator;
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
+    int controllers, actuators, states, rotating;
     const Branch *branches;
     const Coordinate *coordinates;
     const Cut *cut;
@@ -82,16 +93,22 @@ typedef struct {
     const Spring *spring;
     const Resistance *resistance;
     const Load *load;
-    double gravity[3], flywheel, torque, torque_slope;
+    const Instruction *instruction;
+    const Controller *controller;
+    const Actuator *actuator;
+    const double *gear, *rotors;
+    double gravity[3], torque, torque_slope;
 } Model;
 
 /* one state and what follows from it */
 typedef struct {
     double *q, *turns, *position, *rotation, *unit_twist, *twist, *bias, *force, *inertia;
     double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
+    /* forces of controllers and actuators on all coordinates, and rates of the actuators' states */
+    double *applied, *inflow;
     /* rows in the order of elimination; whether a row depends on others, so that stages leave it out */
     int *order, *dependent;
-    double potential, kinetic, power_in, power_lost, smallest;
+    double potential, kinetic, power_in, power_lost, smallest, time;
     int rank;
 } Work;
 
@@ -457,24 +474,74 @@ static void add_resistance(const Resistance *r, const double *sliding, Work *w) 
     add_force(w, r->a.link, b, -effort, axis);
 }
 
+static void add_load(const Model *m, const Load *load, const double *rates, Work *w) {
+    double point[3], velocity[3], wrench[6];
+    for (int i = 0; i < 6; i++)
+        wrench[i] = load->varying ? evaluated(m->instruction, load->expressions[i], w->time, w->q, rates).value
+                                  : load->wrench[i];
+    locate(w, load->link, load->point, point, velocity);
+    add_force(w, load->link, point, 1.0, wrench);
+    if (load->link >= 0) add_scaled(3, 1.0, wrench + 3, w->force + 6 * load->link + 3);
+    w->power_in += dot(wrench, velocity) + dot(wrench + 3, spin_of(w, load->link));
+}
+
+static double clipped(double value, const double *range) {
+    return value < range[0] ? range[0] : value > range[1] ? range[1] : value;
+}
+
+/* adds the force of an actuator with a state, of which the rate is returned */
+static double add_actuator(const Model *m, const Actuator *a, const double *gear, double state, const double *rates,
+                           Work *w) {
+    double length = inner(m->count, gear, w->q), speed = 0.0;
+    for (int k = 0; k < m->count; k++) speed += gear[k] * m->coordinates[k].unit * rates[k];
+    Timed given = evaluated(m->instruction, a->control, w->time, w->q, rates);
+    double control = clipped(given.value, a->control_range), x = a->has_state ? state : control;
+    double rate = control == given.value ? given.rate : 0.0;
+    double force = (a->gain[0] + a->gain[1] * length + a->gain[2] * speed) * x;
+    force += a->bias[0] + a->bias[1] * length + a->bias[2] * speed;
+    force = clipped(force + a->direct[0] * control + (a->direct[1] != 0.0 ? a->direct[1] * rate : 0.0), a->force_range);
+    for (int k = 0; k < m->count; k++) w->applied[k] += gear[k] * m->coordinates[k].unit * force;
+    double flow = a->inflow[0] * control + a->inflow[1] * state + a->inflow[2] * length + a->inflow[3] * speed;
+    int leaving = (state <= a->state_range[0] && flow < 0.0) || (state >= a->state_range[1] && flow > 0.0);
+    return leaving ? 0.0 : flow;
+}
+
+/* forces on coordinates; states of actuators follow the rates */
+static void set_applied(const Model *m, Work *w, const double *rates) {
+    const double *state = rates + m->count;
+    double *inflow = w->inflow;
+    memset(w->applied, 0, m->count * sizeof(double));
+    for (int i = 0; i < m->controllers; i++) {
+        const Controller *c = m->controller + i;
+        double effort = evaluated(m->instruction, c->effort, w->time, w->q, rates).value;
+        w->applied[c->coordinate] += effort * m->coordinates[c->coordinate].unit;
+    }
+    for (int i = 0; i < m->actuators; i++) {
+        const Actuator *a = m->actuator + i;
+        double rate = add_actuator(m, a, m->gear + i * m->count, a->has_state ? *state : 0.0, rates, w);
+        if (a->has_state) *inflow++ = rate, state++;
+    }
+    w->power_in += inner(m->count, w->applied, rates);
+}
+
 /* all forces; energies and powers */
 static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding) {
     w->power_in = w->power_lost = 0.0;
     set_bodies(m, w);
     for (int i = 0; i < m->springs; i++) add_spring(m->spring + i, w);
     for (int i = 0; i < m->resistances; i++) add_resistance(m->resistance + i, sliding, w);
-    for (int i = 0; i < m->loads; i++) {
-        const Load *load = m->load + i;
-        double point[3], velocity[3];
-        locate(w, load->link, load->point, point, velocity);
-        add_force(w, load->link, point, 1.0, load->force);
-        add_scaled(3, 1.0, load->moment, w->force + 6 * load->link + 3);
-        w->power_in += dot(load->force, velocity) + dot(load->moment, spin_of(w, load->link));
+    for (int i = 0; i < m->loads; i++) add_load(m, m->load + i, rates, w);
+    set_applied(m, w, rates);
+    for (int i = 0; m->rotating && i < m->count; i++) {
+        int row = m->coordinates[i].column;
+        for (int j = 0; row >= 0 && j < m->count; j++) {
+            int column = m->coordinates[j].column;
+            if (column >= 0) w->kinetic += 0.5 * rates[i] * rates[j] * m->rotors[row * m->free + column];
+        }
     }
     if (m->crank >= 0) {
         double rate = rates[m->crank];
         w->power_in += (m->torque + m->torque_slope * rate) * rate;
-        w->kinetic += 0.5 * m->flywheel * rate * rate;
     }
 }
 
@@ -509,9 +576,11 @@ static void set_equations(const Model *m, Work *w, const double *rates) {
         add_scaled(13, 1.0, inertia, w->inertia + 13 * b->parent);
         add_scaled(6, 1.0, force, w->force + 6 * b->parent);
     }
+    if (m->rotating) add_scaled(m->free * m->free, 1.0, m->rotors, w->mass);
+    for (int k = 0; k < m->count; k++)
+        if (m->coordinates[k].column >= 0) w->effort[m->coordinates[k].column] += w->applied[k];
     if (m->crank < 0) return;
     int column = m->coordinates[m->crank].column;
-    w->mass[column * (m->free + 1)] += m->flywheel;
     w->effort[column] += m->torque + m->torque_slope * rates[m->crank];
 }
 

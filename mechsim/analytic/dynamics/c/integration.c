@@ -3,7 +3,7 @@
    order 7, and projection of each state onto the loops.
 
    Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), sections
-   II.5, II.6 and II.10. A state holds coordinates in units, quaternions of ball joints, rates, work and loss. */
+   II.5, II.6 and II.10. A state holds coordinates in units, quaternions of ball joints, rates, states of actuators, work and loss. */
 
 /* coefficients of DOP853 by E. Hairer; stages 13 to 15 are those of the dense output */
 static const double STAGES[16][15] = {
@@ -79,7 +79,7 @@ typedef struct {
 
 static int positions(const Model *m) { return m->count + 4 * m->balls; }
 
-static int size_of(const Model *m) { return positions(m) + m->count + 2; }
+static int size_of(const Model *m) { return positions(m) + m->count + m->states + 2; }
 
 static Work *workspace(const Model *m, int resting) {
     int n = m->free, k = m->count, rows = m->rows + resting;
@@ -91,7 +91,7 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, rows), rows * n}, {offsetof(Work, residual), rows}, {offsetof(Work, gamma), rows},
         {offsetof(Work, mass), n * n}, {offsetof(Work, effort), n}, {offsetof(Work, reflectors), n * n},
         {offsetof(Work, triangle), n * n}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
-        {offsetof(Work, reduced), n * n}};
+        {offsetof(Work, reduced), n * n}, {offsetof(Work, applied), k}, {offsetof(Work, inflow), m->states}};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i].count;
     char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + 2 * rows * sizeof(int));
@@ -107,9 +107,10 @@ static Work *workspace(const Model *m, int resting) {
 }
 
 /* derivative of a state; FINISHED if it is defined. At `stages` of a step the dependent rows remain the same */
-static int derive(const Model *m, Work *w, Run *run, const double *state, double *out, int stages) {
+static int derive(const Model *m, Work *w, Run *run, double time, const double *state, double *out, int stages) {
     const double *rates = state + positions(m);
     run->evaluations++;
+    w->time = time;
     set_poses(m, w, state);
     set_velocities(m, w, rates);
     int rows = set_rows(m, w, rates, run->resting, run->at_rest, stages);
@@ -135,7 +136,9 @@ static int derive(const Model *m, Work *w, Run *run, const double *state, double
         int column = m->coordinates[k].column;
         acceleration[k] = column < 0 ? 0.0 : w->vector[column];
     }
-    acceleration[m->count] = w->power_in, acceleration[m->count + 1] = w->power_lost;
+    double *more = acceleration + m->count;
+    memcpy(more, w->inflow, m->states * sizeof(double));
+    more[m->states] = w->power_in, more[m->states + 1] = w->power_lost;
     return FINISHED;
 }
 
@@ -190,7 +193,7 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
 
 /* scales the rates of a state to its energy, as EnergyBalance of forward_dynamics.py */
 static void balance(const Model *m, Work *w, Run *run, double *state) {
-    double *rates = state + positions(m), gained = rates[m->count] - rates[m->count + 1];
+    double *rates = state + positions(m), *energies = rates + m->count + m->states, gained = energies[0] - energies[1];
     if (run->balanced) {
         set_velocities(m, w, rates);
         set_forces(m, w, rates, run->sliding);
@@ -204,6 +207,13 @@ static void balance(const Model *m, Work *w, Run *run, double *state) {
         }
     }
     for (int k = 0; k < m->count; k++) run->fastest = fmax(run->fastest, fabs(rates[k]));
+}
+
+/* fraction of a step at which a stage lies */
+static double node(int stage) {
+    double sum = 0.0;
+    for (int j = 0; j < 15; j++) sum += STAGES[stage][j];
+    return sum;
 }
 
 /* state at a stage after a step of `length` */
@@ -252,7 +262,7 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
         status = FINISHED;
         for (int s = 1; s < 12 && status == FINISHED; s++) {
             stage(size, s, length, run->state, slopes, trial);
-            status = derive(m, w, run, trial, slopes + s * size, 1);
+            status = derive(m, w, run, run->time + node(s) * length, trial, slopes + s * size, 1);
         }
         if (status == SINGULAR) return status;
         double error = NAN;
@@ -269,11 +279,12 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
         double *numbers = run->step + run->steps * STEP, *dense = run->dense + (size_t)run->steps * 8 * size;
         memcpy(trial, after, size * sizeof(double));
         if (project(m, w, run, trial)) return FAILED;
+        w->time = run->time + length;
         balance(m, w, run, trial);
-        if ((status = derive(m, w, run, trial, slopes + 12 * size, 0))) return status;
+        if ((status = derive(m, w, run, run->time + length, trial, slopes + 12 * size, 0))) return status;
         for (int s = 13; s < 16; s++) {
             stage(size, s, length, run->state, slopes, dense);
-            if ((status = derive(m, w, run, dense, slopes + s * size, 1))) return status;
+            if ((status = derive(m, w, run, run->time + node(s) * length, dense, slopes + s * size, 1))) return status;
         }
         set_dense(size, length, run->state, after, slopes, dense);
         numbers[0] = run->time, numbers[1] = length;
@@ -292,7 +303,7 @@ int integrate(const Model *m, Run *run) {
     Work *w = workspace(m, run->resting);
     double *slopes = malloc((size_t)size * 18 * sizeof(double));
     run->steps = run->evaluations = 0, run->status = FAILED;
-    if (w && slopes) run->status = derive(m, w, run, run->state, slopes, 0);
+    if (w && slopes) run->status = derive(m, w, run, run->time, run->state, slopes, 0);
     if (run->status == FINISHED && !(run->length > 0.0)) {
         double change = 0.0;
         for (int i = 0; i < size; i++) change = fmax(change, fabs(slopes[i]) / run->scale[i]);
@@ -311,7 +322,7 @@ int integrate(const Model *m, Run *run) {
 /* derivative of one state, and its energies; sets rank and smallest pivot of the loops */
 int evaluate(const Model *m, Run *run, double *derivative, double *energies) {
     Work *w = workspace(m, run->resting);
-    int status = w ? derive(m, w, run, run->state, derivative, 0) : FAILED;
+    int status = w ? derive(m, w, run, run->time, run->state, derivative, 0) : FAILED;
     if (w) energies[0] = w->kinetic, energies[1] = w->potential, run->rank = w->rank, run->nearest = w->smallest;
     free(w);
     return status;
