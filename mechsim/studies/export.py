@@ -44,7 +44,7 @@ class ExportedModel:
         format: "xml" or "toml".
         text: of the file.
         shortfall: sentence on a tolerance that is not satisfied; empty if it is.
-        left_out: sentence on a formula that the file cannot name; empty if none is left out.
+        left_out: sentence on a formula or friction that the file cannot contain; empty if none is left out.
         verification: of a model in the style of Menagerie; None for others.
         twin: couplings of a serial twin and their errors; None for others.
     """
@@ -126,12 +126,21 @@ def export(
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = replace(
             _exported(solver, format, style, contents, progress),
-            left_out=left_out if format == "toml" else "",
+            left_out=left_out if format == "toml" else _friction_left_out(solver, scene),
         )
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(result.text, encoding="utf-8")
     return result
+
+
+def _friction_left_out(solver: KinematicSolver, scene: str) -> str:
+    """Return a sentence on friction that a MuJoCo file cannot contain; empty if there is none."""
+    frictions = solver.forces.friction if solver.forces is not None else ()
+    joints = [friction.joint for friction in frictions if friction.varies]
+    if not joints or scene not in ("dynamics", "picture"):
+        return ""
+    return f"friction by load and rate in {', '.join(joints)} is left out, because MuJoCo's is constant"
 
 
 @dataclass(frozen=True)

@@ -243,6 +243,18 @@ b = { link = "wedge", axis = [1, 0, 0], reference = [0, 1, 0], at = [0, 1, 0] }
     assert caught.value.outcome == "undetermined"
 
 
+def test_friction_in_the_pins_of_a_planar_loop_is_determined():
+    pins = tuple(Friction(name, coefficient=0.1, pin_radius=4e-3) for name in ("crank", "A", "B", "rocker"))
+    model = dynamics.dynamic_model(ms.catalog.make("four_bar"), ms.Forces(friction=pins))
+    assert dynamics.prescribed(model, [0.5, 2.0], 5.0).forces.power_lost.min() > 0.0
+
+
+def test_an_exported_mujoco_model_states_the_friction_it_lacks(tmp_path):
+    model = loaded(SLIDER_CRANK, tmp_path)
+    assert "crank, A, B, slide" in ms.export(model, scene="dynamics").left_out
+    assert not ms.export(model).left_out
+
+
 @pytest.mark.parametrize(
     ("friction", "message"),
     [

@@ -139,6 +139,8 @@ def friction_by_load(
     wrenches = linear_reactions(unit, needed, [item.joint for item in coordinates])
     terms: list[Array] = []
     stresses: list[Array] = []
+    # largest change of a load by a self-stress, if nothing cancelled
+    scale = np.zeros(len(unit))
     for k, (item, (wrench, alone, sound)) in enumerate(zip(coordinates, wrenches, strict=True)):
         axis, kind = unit.axis(item.joint), KINDS[item.joint.kind]
         _, maps = item.friction.loads(item.joint, axis)[item.number]
@@ -147,6 +149,12 @@ def friction_by_load(
             wrench[:, 3:, 1 + k] -= directions[k][:, None] * axis
         terms.append(np.einsum("ntcw,nwj->ntcj", maps, wrench))
         stresses.append(np.einsum("ntcw,nws->ntcs", maps, alone * sound[:, None, None]))
+        by_force, by_moment = (
+            np.linalg.norm(part, axis=(2, 3)).max(1) for part in (maps[..., :3], maps[..., 3:])
+        )
+        force, moment = (np.linalg.norm(part, axis=(1, 2)) for part in (alone[:, :3], alone[:, 3:]))
+        length = unit.mechanism.characteristic_length
+        scale = np.maximum(scale, (by_force + by_moment / length) * (force + moment / length))
     loads = np.stack(terms, 1)
     base, response = loads[..., 0], loads[..., 1:]
     constant = [(ratio - 1.0) * item.constant for item, ratio in zip(coordinates, ratios, strict=True)]
@@ -157,7 +165,6 @@ def friction_by_load(
     along = final / np.where(clear, amount, np.inf)[..., None]
     stress = np.stack(stresses, 1)
     felt = np.abs(np.einsum("nktc,nktcs->nkts", along, stress))
-    scale = np.sqrt((stress**2).sum(3)).max((1, 2, 3), initial=0.0)
     undetermined = (felt > FELT * scale[:, None, None, None]).any((2, 3))
     return LoadFriction(magnitude, radius, undetermined, ~(residual <= ROUNDED))
 

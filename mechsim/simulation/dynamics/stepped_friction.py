@@ -190,7 +190,11 @@ class UpdatedFriction:
         """Return the reactions of the joints with friction by the load."""
         model, loops = self.model, self.loops
         fields = {name: np.array(getattr(data, name))[None] for name in FIELDS}
+        # batches accept no Python callback
+        before = mujoco.get_mjcb_control()
+        mujoco.set_mjcb_control(None)
         jacobian = loops.linearise(data.qpos[None])[1]
+        mujoco.set_mjcb_control(before)
         scale, units = row_scale(model, jacobian.shape[1]), loops.units
         multipliers = np.zeros((1, jacobian.shape[1]))
         if multipliers.size:
