@@ -9,7 +9,14 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.dynamics import Equilibrium, Mode, equilibria, holding, nearest_equilibrium
+from mechsim.analytic.dynamics import (
+    Equilibrium,
+    Mode,
+    equilibria,
+    holding,
+    holding_range,
+    nearest_equilibrium,
+)
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
 from mechsim.cli.load_options import InitialOptions, LoadOptions
@@ -75,6 +82,8 @@ class StaticsJson(TypedDict):
     gravity: list[float]
     equilibria: list[EquilibriumJson]
     holding: dict[str, float]
+    # least and largest force under friction; null for a direction in which friction jams the mechanism
+    holding_range: dict[str, list[float | None]]
     passed: bool | None
     checks: list[Check]
 
@@ -141,6 +150,7 @@ def statics(
         columns["potential"] = np.array([item.potential for item in solutions])
         files.write_table(path, columns)
     torques = holding(model, initial=state) if state else {}
+    ranges = holding_range(model, initial=state) if state else {}
 
     def text() -> None:
         if any(equilibrium.everywhere for equilibrium in solutions):
@@ -154,6 +164,10 @@ def statics(
             print_text(
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
             )
+        for driver, (low, high) in ranges.items():
+            locking = ": self-locking" if low <= 0.0 <= high else ""
+            unit = mechanism.effort_unit(driver) + locking
+            print_text(f"with friction, so do {number(low)} to {number(high)} {unit}")
 
         if verdicts:
             print_verdicts(verdicts, verbose=verbose)
@@ -161,7 +175,14 @@ def statics(
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
     checks = [replace(check, variant=name) for name, verdict in verdicts.items() for check in verdict.checks]
     agreed = all(verdict.passed for verdict in verdicts.values())
-    data = {"equilibria": facts, "holding": torques, "passed": agreed if verdicts else None, "checks": checks}
+    finite = {name: [x if abs(x) < np.inf else None for x in limits] for name, limits in ranges.items()}
+    data = {
+        "equilibria": facts,
+        "holding": torques,
+        "holding_range": finite,
+        "passed": agreed if verdicts else None,
+        "checks": checks,
+    }
     return with_masses(model, Result(data, text, agreed), verbose)
 
 

@@ -23,7 +23,9 @@ Dupont and C. Canudas de Wit, A survey of models, analysis tools and compensatio
 machines with friction, Automatica 30 (1994) 1083-1138, section 2.1.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -112,6 +114,20 @@ class Friction:
     def ratio_at_rest(self) -> float:
         """Friction at rest relative to that in motion, 1 or more."""
         return self.static / (self.coefficient or self.coulomb) if self.static else 1.0
+
+    @property
+    def at_rest(self) -> Friction:
+        """The friction at rest, without viscous friction."""
+        ratio = self.ratio_at_rest
+        return replace(
+            self,
+            viscous=0.0,
+            viscous_turn=0.0,
+            coulomb=ratio * self.coulomb,
+            coefficient=ratio * self.coefficient,
+            static=0.0,
+            stribeck=0.0,
+        )
 
     def ratio(self, rate: Array) -> Array:
         """Return the friction at rates relative to that in fast motion."""

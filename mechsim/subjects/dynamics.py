@@ -34,6 +34,7 @@ def _loading(function: Callable[P, R]) -> Callable[P, R]:
 dynamic_model = _loading(dynamics.dynamic_model)
 equilibria = _loading(dynamics.equilibria)
 holding = _loading(dynamics.holding)
+holding_range = _loading(dynamics.holding_range)
 modes = _loading(dynamics.modes)
 nearest_equilibrium = _loading(dynamics.nearest_equilibrium)
 response = _loading(dynamics.response)

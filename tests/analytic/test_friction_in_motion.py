@@ -196,6 +196,25 @@ def test_mujoco_has_the_same_friction_by_rate(file):
     assert not crosscheck_forward(run, wrong, initial_values(model, initial)).passed
 
 
+@pytest.mark.parametrize("lead", [6.0, 60.0])
+def test_a_screw_holds_between_the_torques_that_lower_and_raise_the_load(lead, file):
+    text = SCREW.replace("[joints", 'drivers = ["thread.turn"]\n[joints', 1).format(lead=lead)
+    (limits,) = dynamics.holding_range(ms.load(file(text))).values()
+    r, mu, load = 9e-3, 0.12, 981.0
+    tangent = lead * 1e-3 / (2 * np.pi * r)
+    lowering, raising = ((tangent + s * mu) / (1.0 - s * mu * tangent) for s in (-1.0, 1.0))
+    assert limits == pytest.approx((load * r * lowering, load * r * raising), rel=1e-12)
+    assert (limits[0] <= 0.0) == (tangent <= mu)
+
+
+def test_static_friction_widens_the_range_of_forces_that_hold(file):
+    text = INCLINE.replace("{mu}", '0.3, static = 0.5, stribeck = "1 m/s"').replace(
+        "[joints", 'drivers = ["slide"]\n[joints', 1
+    )
+    (limits,) = dynamics.holding_range(ms.load(file(text.format()))).values()
+    assert limits == pytest.approx((2.0 * G * (0.6 - 0.5 * 0.8), 2.0 * G * (0.6 + 0.5 * 0.8)), rel=1e-12)
+
+
 class Press:
     """The slider-crank in maximal coordinates x, y, angle of each body's centre, by its joints' forces."""
 

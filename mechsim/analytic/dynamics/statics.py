@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from mechsim.analytic.dynamics.state_quantities import (
     load_displacement,
 )
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, FrictionError
 from mechsim.model.forces import Forces
 from mechsim.model.limits import require_count
 from mechsim.numerics.angles import wrapped
@@ -43,6 +43,8 @@ MAX_STARTS = 100_000
 RANDOM_CONFIGURATIONS = 10
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
+# rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
+IMPENDING = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +270,52 @@ def holding(
     drive_forces = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
     scaled = drive_forces / equations.loops.units[indices]
     return dict(zip(equations.model.mechanism.drivers, scaled.tolist(), strict=True))
+
+
+def holding_range(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
+) -> dict[str, tuple[float, float]]:
+    """Return the least and largest drive force under which friction holds the configuration at rest.
+
+    They are the forces by which motion is impending in both directions, with friction at rest: the driver
+    moves forwards under more than the largest, and backwards under less than the least. If zero is between
+    them, the mechanism is self-locking. A limit is infinite if friction jams the mechanism in its direction.
+
+    Args:
+        source: as for `holding`; it has one driver, and one degree of freedom.
+        forces: as for `holding`.
+        initial: initial coordinates of the configuration.
+
+    Returns:
+        Driver -> both forces, in [N m] or [N]; empty without Coulomb friction, or with several drivers.
+
+    Raises:
+        FrictionError: if friction at rest is undetermined.
+    """
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    drivers, frictions = model.mechanism.drivers, model.forces.friction
+    if len(drivers) != 1 or not any(friction.dry for friction in frictions):
+        return {}
+    (driver,) = drivers
+    at_rest = tuple(friction.at_rest for friction in frictions)
+    model = model.with_forces(replace(model.forces, friction=at_rest))
+    limits: list[float] = []
+    for sign in (-1.0, 1.0):
+        values = initial_values(model, {**(initial or {}), f"{driver}.v": sign * IMPENDING})
+        equations = equations_of_motion(model, {**values.coordinates, driver: 0.0})
+        q, rates = initial_state(equations, values)
+        equations, rates = with_determined_motion(equations, q, rates)
+        index = equations.loops.tree.index_of[driver]
+        state = equations.kinematics(q, rates)
+        sliding = np.sign(equations.friction_rates(state)[:, 0])
+        try:
+            force = float(equations.accelerate(state, np.zeros(1), sliding, (), [index]).contact[0, 0])
+        except FrictionError as error:
+            if error.outcome != "jammed":
+                raise
+            force = sign * np.inf * equations.loops.units[index]
+        limits.append(force / equations.loops.units[index])
+    return {driver: (limits[0], limits[1])}
 
 
 def _prepared(
