@@ -150,9 +150,9 @@ def friction_by_load(
         terms.append(np.einsum("ntcw,nwj->ntcj", maps, wrench))
         stresses.append(np.einsum("ntcw,nws->ntcs", maps, alone * sound[:, None, None]))
         by_force, by_moment = (
-            np.linalg.norm(part, axis=(2, 3)).max(1) for part in (maps[..., :3], maps[..., 3:])
+            np.linalg.norm(block, axis=(2, 3)).max(1) for block in (maps[..., :3], maps[..., 3:])
         )
-        force, moment = (np.linalg.norm(part, axis=(1, 2)) for part in (alone[:, :3], alone[:, 3:]))
+        force, moment = (np.linalg.norm(block, axis=(1, 2)) for block in (alone[:, :3], alone[:, 3:]))
         length = unit.mechanism.characteristic_length
         scale = np.maximum(scale, (by_force + by_moment / length) * (force + moment / length))
     loads = np.stack(terms, 1)

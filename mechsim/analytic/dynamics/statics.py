@@ -314,7 +314,7 @@ def holding_range(
             if error.outcome != "jammed":
                 raise
             force = sign * np.inf * equations.loops.units[index]
-        limits.append(force / equations.loops.units[index])
+        limits.append(float(force / equations.loops.units[index]))
     return {driver: (limits[0], limits[1])}
 
 
