@@ -24,7 +24,7 @@ from mechsim.cli.dynamics_report import (
     require_turns,
     with_masses,
 )
-from mechsim.cli.exit_codes import print_stderr
+from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -162,6 +162,8 @@ def forward(
         stated.exclude(["track"], "without -o, --of or --until")
     model = released_model(source, loads)
     model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
+    if kept := model.mechanism.one_sided:
+        notes.append(f"{', '.join(kept)}: kept in contact, or taut, even where the force changes its sign")
     if options.turns is not None:
         stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank")
     if not model.solver.ranges:

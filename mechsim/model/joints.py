@@ -64,6 +64,7 @@ class Coupling:
         pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; at 0 the tooth force is
             tangential. None for an ideal transmission without teeth.
         function: takes the place of p; the coefficients are then empty.
+        rope: whether it is a rope under tension, the left side its path and the right one empty.
     """
 
     JSON: ClassVar[tuple[str, ...]] = ("name", "driven=left_terms", "driver=right_terms", "coefficients")
@@ -76,6 +77,7 @@ class Coupling:
     turns: bool = False
     pressure_angle: float | None = None
     function: CouplingFunction | None = None
+    rope: bool = False
 
     def __post_init__(self) -> None:
         counts = (1, MAX_DEGREE + 1) if self.function is None else (0, 0)
@@ -116,6 +118,8 @@ class Coupling:
     @property
     def label(self) -> str:
         """Names of both sides, for messages."""
+        if self.rope:
+            return self.name
         return f"{'+'.join(self.right_terms) or 'nothing'}-{'+'.join(self.left_terms)}"
 
     def polynomial(self, right: Array) -> tuple[Array, Array, Array]:

@@ -280,6 +280,12 @@ class Mechanism:
             named[f"{law.label} {repeats + 1}" if repeats else law.label] = law
         return named
 
+    @property
+    def one_sided(self) -> list[str]:
+        """Names of the contacts that can only push, and of the ropes, which can only pull."""
+        contacts = [name for name, contact in self.contacts.items() if contact.one_sided]
+        return contacts + [name for name, law in self.named_laws.items() if law.rope]
+
     def joint(self, name: str) -> Joint:
         """Return the joint with a name."""
         _require_known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])

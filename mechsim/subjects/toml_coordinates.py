@@ -17,6 +17,8 @@ from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_l
 from mechsim.subjects.toml_values import KeyPath, Values, suggestion, written_function
 from mechsim.units import Unit
 
+# excess of a rope over its path that is rounding, relative to their lengths
+SLACK = 1e-12
 # name of the joint that is the default driver
 CRANK = "crank"
 
@@ -303,6 +305,7 @@ _KEYS_OF_KIND = {
     "coefficients": ("zeros", "turns", "pressure_angle"),
     "function": ("zeros", "turns", "periodic"),
     "radii": ("crossed", "phase"),
+    "rope": ("length", "path"),
 }
 
 
@@ -325,7 +328,7 @@ def _coupling(
         has = " and ".join(kind_keys) or "none"
         reason = (
             f"has {has} of ratio (a gear), radius or travel (a rack), coefficients (a polynomial), function, "
-            "radii (a belt); give one"
+            "radii (a belt), rope; give one"
         )
         raise coordinates.error(path, reason)
     for key in table:
@@ -336,6 +339,10 @@ def _coupling(
         for coordinate in (side_value,) if isinstance(side_value, str) else side_value:
             coordinates.require(coordinate, (*path, side))
     teeth = table.get("pressure_angle")
+    if kind_keys[0] == "rope":
+        return _rope(coordinates, name, table, path)
+    if "driven" not in table:
+        raise coordinates.error(path, "has no 'driven'; name a coordinate")
     if kind_keys[0] == "coefficients":
         return _polynomial(coordinates, name, table, path, teeth)
     if kind_keys[0] == "function":
@@ -419,6 +426,38 @@ def _function(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyP
         raise coordinates.error((*path, "function"), f"has columns {', '.join(columns)}; give q and value")
     positions, targets = (tuple(columns[name].tolist()) for name in ("q", "value"))
     return TabledFunction(str(values.source.sibling(text)), positions, targets, table.get("periodic", False))
+
+
+def _rope(coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath) -> Coupling:
+    """Return a rope: the sum of its path's changes is its length less the path at zero (Nikravesh, ch. 4).
+
+    Raises:
+        InputError: for unknown coordinates, or a rope that is slack where all its coordinates are stated.
+    """
+    weights: dict[str, float] = table["rope"]
+    if not any(weights.values()):
+        raise coordinates.error(
+            (*path, "rope"), "changes with no coordinate; give the change of its path per coordinate"
+        )
+    for coordinate in weights:
+        coordinates.require(coordinate, (*path, "rope"))
+    length, free = table.get("length", 0.0), table.get("path", 0.0)
+    start = {
+        key: coordinates.value(key, written, where) for key, (where, written) in _started(coordinates).items()
+    }
+    if start.keys() >= weights.keys():
+        taut = free + sum(weight * start[key] for key, weight in weights.items())
+        if not length <= taut + SLACK * max(abs(length), abs(taut)):
+            reason = (
+                f"is a rope of {length:g} m on a path of {taut:g} m: it is slack at the start; shorten it"
+            )
+            raise coordinates.error(path, reason)
+    return Coupling(name, weights, {}, (length - free,), rope=True)
+
+
+def _started(coordinates: FileCoordinates) -> dict[str, tuple[KeyPath, Any]]:
+    """Return the coordinates that `start` states by name."""
+    return coordinates.table("start") if isinstance(coordinates.read.get("start"), dict) else {}
 
 
 def _belt(

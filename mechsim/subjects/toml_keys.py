@@ -346,6 +346,9 @@ _COUPLING = Table(
         "periodic": Boolean("whether the table repeats after its last row"),
         "radii": ListOf(Number("m", "a radius"), "of a belt or chain: radii of driver and driven", 2),
         "crossed": Boolean("whether the belt is crossed"),
+        "rope": TableOf(Number("1", "in SI"), "of a rope: change of its path per coordinate, by coordinate"),
+        "length": Number("m", "of a rope"),
+        "path": Number("m", "of a rope: length of its path where its coordinates are 0"),
         "phase": JointNumber("driven coordinate at zero of the driver's; default 0"),
         "zeros": ListOf(
             JointNumber("a coordinate"), "zero positions of driven and driver of a polynomial", 2
@@ -355,8 +358,7 @@ _COUPLING = Table(
             "rad", "pressure angle of a gear or rack, 0 to 90 deg; default 0: the tooth force is tangential"
         ),
     },
-    "driven = ratio * driver + phase, a rack, a belt, a polynomial or a function, selected by its keys",
-    ("driven",),
+    "driven = ratio * driver + phase, a rack, belt, polynomial, function or rope, selected by its keys",
 )
 _GUESS = Table(
     {

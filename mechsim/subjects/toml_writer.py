@@ -284,6 +284,8 @@ def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:
 
 
 def _coupling(coupling: Coupling) -> dict[str, Any]:
+    if coupling.rope:
+        return {"rope": coupling.left_terms, "length": coupling.coefficients[0]}
     sides = {"driven": coupling.left, "driver": coupling.right}
     table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle")
     table |= _function(coupling.function)

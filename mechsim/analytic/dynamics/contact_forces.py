@@ -30,7 +30,8 @@ class ContactForce:
     """Normal force of a contact along a motion.
 
     Attributes:
-        one_sided: whether the contact can only push.
+        one_sided: whether the contact can only push, or a rope only pull.
+        rope: whether it is the tension of a rope.
         least: least force in [N]; negative if the contact would pull.
         least_at: its time in [s].
         largest: largest force in [N].
@@ -41,6 +42,7 @@ class ContactForce:
     """
 
     one_sided: bool
+    rope: bool
     least: float
     least_at: float
     largest: float
@@ -49,7 +51,15 @@ class ContactForce:
     preload: float | None
 
     def sentence(self, name: str) -> str:
-        """Return in words whether the contact stays closed."""
+        """Return in words whether the contact stays closed, or the rope taut."""
+        if self.rope:
+            if self.least >= 0.0:
+                return f"{name}: the rope is taut, under {self.least:.6g} to {self.largest:.6g} N"
+            instants = ", ".join(f"{time:.10g}" for time in self.changes) or "no instant"
+            return (
+                f"{name}: the rope goes slack: its tension changes sign at {instants} s and would reach "
+                f"{self.least:.6g} N at {self.least_at:.6g} s"
+            )
         if not self.changes:
             if self.one_sided and self.least < 0.0:
                 return f"{name}: the contact would have to pull, up to {-self.least:.6g} N, all the time"
@@ -67,41 +77,47 @@ class ContactForce:
 
 
 def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str, ContactForce]:
-    """Return the forces of all contacts of a mechanism along a prescribed motion.
+    """Return the forces of all contacts and ropes of a mechanism along a prescribed motion.
 
     Args:
         model: the dynamic model.
         state: its motion over time.
         times: instants between which changes of sign are located, rising, (n,) in [s].
     """
-    return {
-        name: _contact_force(model, state, times, name) for name in model.mechanism.contacts if len(times) > 1
-    }
+    mechanism = model.mechanism
+    ropes = [name for name, coupling in mechanism.named_laws.items() if coupling.rope]
+    names = [*mechanism.contacts, *ropes] if len(times) > 1 else []
+    return {name: _contact_force(model, state, times, name) for name in names}
 
 
 def _contact_force(model: DynamicModel, state: State, times: Array, name: str) -> ContactForce:
-    contact = model.mechanism.contacts[name]
+    contact = model.mechanism.contacts.get(name)
 
-    def force(instants: Array) -> Array:
-        return _normal_force(model, state, instants, contact)[0]
+    def force(instants: Array) -> tuple[Array, Array | None]:
+        if contact is not None:
+            return _normal_force(model, state, instants, contact)
+        parameter, rate, second = state(instants)
+        # the multiplier of the path's length, which tension shortens
+        return -prescribed_along(model, parameter, rate, second, time=instants).forces.gears[name], None
 
-    value, levers = _normal_force(model, state, times, contact)
+    value, levers = force(times)
     preload = None if levers is None else max(0.0, float((-value * levers).max()))
     # a force next to zero that turns between two instants may change its sign twice
     steps, magnitude = np.abs(np.diff(value)), np.abs(value[1:-1])
     turning = (magnitude < np.maximum(steps[1:], steps[:-1])) & (value[:-2] * value[2:] > 0.0)
     for i in np.flatnonzero(turning):
         between = np.linspace(times[i], times[i + 2], FINER + 1)
-        times, value = np.append(times, between), np.append(value, force(between))
+        times, value = np.append(times, between), np.append(value, force(between)[0])
     order = np.argsort(times, kind="stable")
     times, value = times[order], value[order]
     changes = [
-        root(lambda time: float(force(np.array([time]))[0]), float(times[i]), float(times[i + 1]))
+        root(lambda time: float(force(np.array([time]))[0][0]), float(times[i]), float(times[i + 1]))
         for i in np.flatnonzero(value[:-1] * value[1:] < 0.0)
     ]
     first, last = int(np.argmin(value)), int(np.argmax(value))
     return ContactForce(
-        one_sided=contact.one_sided,
+        one_sided=contact is None or contact.one_sided,
+        rope=contact is None,
         least=float(value[first]),
         least_at=float(times[first]),
         largest=float(value[last]),

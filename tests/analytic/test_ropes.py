@@ -1,0 +1,99 @@
+"""Ropes over pulleys against the equation of motion of a hoist."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics import dynamic_model
+from mechsim.analytic.dynamics.contact_forces import contact_forces
+from mechsim.errors import InputError
+from mechsim.studies.motions import profile_of
+
+HOIST = """name = "hoist"
+drivers = ["drum"]
+motion_laws.drum = "2*pi*t + {swing}*sin(2*pi*t)"
+duration = 1
+{start}
+[joints.drum]
+kind = "revolute"
+a.link = "ground"
+b.link = "drum"
+[joints.hook]
+kind = "prismatic"
+a = {{ link = "ground", at = [0.05, -1, 0], axis = [0, 1, 0] }}
+b = {{ link = "hook", axis = [0, 1, 0] }}
+[couplings.rope]
+rope = {{ drum = 0.05, hook = -2 }}   # two falls below the block
+length = "3 m"
+path = "{path}"
+[links.drum]
+inertia = {{ mass = 1, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
+[links.hook]
+inertia = {{ mass = 10, centre = [0, 0, 0], moments = [1e-2, 1e-2, 1e-2] }}
+[points]
+H = {{ link = "hook" }}
+[forces]
+gravity = [0, -9.81, 0]
+"""
+
+
+def hoist(folder, swing=1.5, path="3 m", start=""):
+    (folder / "hoist.toml").write_text(HOIST.format(swing=swing, path=path, start=start))
+    return ms.load(str(folder / "hoist.toml"))
+
+
+def tension(model):
+    profile = profile_of(model.solver, 1.0, 1.0)
+    return contact_forces(model, profile.state, np.linspace(0.0, profile.duration, 81))["rope"]
+
+
+def test_two_falls_carry_the_hook_with_half_its_weight(tmp_path):
+    model = hoist(tmp_path)
+    t = np.linspace(0.0, 1.0, 21)
+    hook = model.solve(t=t).joints["hook"].value
+    assert np.abs(hook - 0.025 * (2 * np.pi * t + 1.5 * np.sin(2 * np.pi * t))).max() < 1e-15
+    rope, swing = tension(dynamic_model(model)), 0.025 * 1.5 * 4 * np.pi**2
+    assert rope.changes == ()
+    assert abs(rope.least - 5 * (9.81 - swing)) < 1e-11
+    assert abs(rope.largest - 5 * (9.81 + swing)) < 1e-11
+    assert "taut" in rope.sentence("rope")
+    assert ms.validate(model).passed
+
+
+def test_a_rope_goes_slack_where_the_hook_would_fall_faster_than_free(tmp_path):
+    rope = tension(dynamic_model(hoist(tmp_path, swing=15)))
+    first = np.arcsin(9.81 / (0.025 * 15 * 4 * np.pi**2)) / (2 * np.pi)
+    assert np.abs(np.array(rope.changes) - [first, 0.5 - first]).max() < 1e-13
+    assert "goes slack" in rope.sentence("rope")
+
+
+@pytest.mark.parametrize(
+    ("path", "start", "named"),
+    [
+        (
+            "2.9 m",
+            "start = { drum = 0, hook = 0 }",
+            "a rope of 3 m on a path of 2.9 m: it is slack at the start",
+        ),
+        ("3 m", "", None),
+    ],
+)
+def test_a_rope_longer_than_its_path_is_rejected(tmp_path, path, start, named):
+    if named is None:
+        hoist(tmp_path, path=path, start=start)
+        return
+    with pytest.raises(InputError, match=named):
+        hoist(tmp_path, path=path, start=start)
+
+
+def test_a_rope_over_unknown_pulleys_is_rejected(tmp_path):
+    hoist(tmp_path)
+    text = (tmp_path / "hoist.toml").read_text()
+    for old, new, named in (
+        ("hook = -2", "hock = -2", "hock"),
+        ("drum = 0.05, hook = -2", "", "changes with no coordinate"),
+        ('length = "3 m"', 'phase = 1\nlength = "3 m"', "does not go with 'rope'"),
+    ):
+        (tmp_path / "hoist.toml").write_text(text.replace(old, new))
+        with pytest.raises(InputError, match=named):
+            ms.load(str(tmp_path / "hoist.toml"))
