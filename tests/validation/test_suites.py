@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from validation.suites import __main__ as command
-from validation.suites import chrono, pmks
+from validation.suites import chrono, pmks, textbooks
 from validation.suites.case import Case, Clone, kept
 
 
@@ -83,3 +83,15 @@ def test_an_unknown_suite_is_rejected(capsys):
         command.main(["adams"])
     assert error.value.code == 2
     assert "there is no suite adams; give chrono" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_printed_answers_of_textbooks(monkeypatch):
+    outcomes = {case.name: case.outcome for case in textbooks.cases(None)}
+    assert len(outcomes) == 30
+    assert {name for name, outcome in outcomes.items() if outcome == "source wrong"} == {*textbooks.FAULTS}
+    assert {*outcomes.values()} == {"right", "source wrong"}
+    # another printed answer
+    solve, _ = textbooks.EXAMPLES["Beer 15.9, Geneva wheel"]
+    monkeypatch.setattr(textbooks, "EXAMPLES", {"wrong": (solve, "omega S=-4.18")})
+    assert [case.outcome for case in textbooks.cases(None)] == ["unexplained"]

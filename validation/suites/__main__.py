@@ -10,10 +10,10 @@ import json
 import sys
 from pathlib import Path
 
-from validation.suites import chrono, page, pmks
+from validation.suites import chrono, page, pmks, textbooks
 from validation.suites.case import Case, Clone, Suite
 
-SUITES = {"chrono": chrono.SUITE, "pmks": pmks.SUITE}
+SUITES = {"chrono": chrono.SUITE, "pmks": pmks.SUITE, "textbooks": textbooks.SUITE}
 WRONG = ("mechsim wrong", "unexplained")
 
 

@@ -1,0 +1,262 @@
+"""Worked examples of textbooks with printed answers, in the books' units; dimensions and answers are facts.
+
+Norton, Design of Machinery; Shigley, Mechanical Engineering Design; Khurmi & Gupta, Theory of Machines; Beer
+& Johnston, Vector Mechanics for Engineers; Meriam & Kraige, Dynamics; Hibbeler, Dynamics.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from decimal import Decimal
+
+import numpy as np
+
+import mechsim as ms
+from mechsim.model.joints import Gear
+from mechsim.model.links import GROUND, Pose
+from validation.published.table import Row
+from validation.suites.case import Case, Clone, Suite
+
+REASON = "half a unit of the last printed digit"
+NOTHING = ms.Inertia(0.0, (0.0, 0.0, 0.0), ((0.0,) * 3,) * 3)
+RPM = np.pi / 30.0
+# quantity of a motion: columns of links or points
+OF_LINKS = {"omega": "angular_velocity", "alpha": "angular_acceleration"}
+OF_POINTS = {"v": "velocity", "a": "acceleration", "x": "position"}
+Result = ms.Motion | Mapping[str, float]
+
+
+def about(degrees: float) -> np.ndarray:
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def along(degrees: float, length: float) -> np.ndarray:
+    return length * about(degrees)[:2, 0]
+
+
+def planar(joints: Mapping[str, tuple], driver=(), inertias=None, points=None, gears=()) -> ms.Mechanism:
+    """Return a linkage of joints name -> (link a, link b, point, direction of a slide), in one frame."""
+    own, built = [], []
+    for name, (a, b, point, *axis) in joints.items():
+        own += [link for link in (a, b) if link != GROUND and link not in own]
+        direction = (*axis[0], 0.0) if axis else (0.0, 0.0, 1.0)
+        ends = (ms.End(link, (*point, 0.0), direction) for link in (a, b))
+        built.append(ms.Joint(name, "prismatic" if axis else "revolute", *ends))
+    links = tuple(ms.Link(name, inertia=(inertias or {}).get(name, NOTHING)) for name in own)
+    tracked = {name: (link, (*point, 0.0)) for name, (link, point) in (points or {}).items()}
+    poses = {name: Pose(np.zeros(3), np.eye(3)) for name in own}
+    return ms.Mechanism("example", links, tuple(built), driver, tracked, gears, poses)
+
+
+def four_bar(a, b, c, d, speed: float) -> ms.Motion:
+    pins = {"crank": (GROUND, "2", a), "B": ("2", "3", b), "C": ("3", "4", c), "D": (GROUND, "4", d)}
+    return ms.load(planar(pins, "crank")).solve([0.0], speed=speed)
+
+
+def slider(b, c, axis=(1.0, 0.0), middle=0.5, inertias=None) -> ms.Mechanism:
+    """Return a crank from the origin to b, a rod to c, and its point G at a fraction of its length."""
+    pins = {"crank": (GROUND, "2", (0.0, 0.0)), "B": ("2", "3", b), "C": ("3", "block", c)}
+    points = {"C": ("block", c), "G": ("3", b + middle * (c - b))}
+    return planar(pins | {"guide": (GROUND, "block", c, axis)}, "crank", inertias, points)
+
+
+def engine(crank: float, rod: float, degrees: float, speed: float, middle: float = 0.5) -> ms.Motion:
+    b = along(degrees, crank)
+    c = np.array([b[0] + np.sqrt(rod**2 - b[1] ** 2), 0.0])
+    return ms.load(slider(b, c, middle=middle)).solve([0.0], speed=speed * RPM)
+
+
+def norton_four_bar(branch: int) -> ms.Motion:
+    bars = ms.catalog.make("four_bar", crank=40.0, coupler=120.0, rocker=80.0, ground=100.0, branch=branch)
+    return bars.solve(np.deg2rad([40.0]), speed=25.0, acceleration=15.0)
+
+
+def norton_slider(branch: int) -> ms.Motion:
+    crank = ms.catalog.make("slider_crank", crank=40.0, rod=120.0, offset=-20.0, branch=branch)
+    return crank.solve(np.deg2rad([60.0]), speed=-30.0)
+
+
+def norton_geared(coupler: float, other: float) -> ms.Motion:
+    """Return the geared five-bar of 1, 7, 9, 4, 6 at a ratio of 2 and a phase of 30 deg, from a guess."""
+    ends = {
+        "crank": (ms.End(GROUND), ms.End("2")),
+        "A": (ms.End("2", (1.0, 0.0, 0.0)), ms.End("3")),
+        "B": (ms.End("3", (7.0, 0.0, 0.0)), ms.End("4", (9.0, 0.0, 0.0))),
+        "C": (ms.End("5", (4.0, 0.0, 0.0)), ms.End("4")),
+        "wheel": (ms.End(GROUND, (6.0, 0.0, 0.0)), ms.End("5")),
+    }
+    joints = tuple(ms.Joint(name, "revolute", *pair) for name, pair in ends.items())
+    first = {"2": ((0, 0), 60), "3": ((0.5, 0.9), coupler), "4": ((2.5, 2), other), "5": ((6, 0), 150)}
+    guess = {name: Pose(np.array([*pin, 0.0]), about(degrees)) for name, (pin, degrees) in first.items()}
+    gears, links = (Gear("crank", "wheel", 2.0, np.deg2rad(30.0)),), tuple(ms.Link(name) for name in first)
+    start = float(np.deg2rad(60.0))
+    five = ms.Mechanism("five", links, joints, "crank", {}, gears, guess, start)
+    return ms.load(five).solve([start])
+
+
+def train(arm: float, fixed: float, **ratios: tuple[str, float]) -> dict[str, float]:
+    """Return speeds in rpm of wheels on an arm: the first has a given one, others a ratio to another."""
+    (first, _), *_ = ratios.values()
+    wheels = [first, *ratios]
+    joints = {name: ("arm", name, (i, 0.0)) for i, name in enumerate(wheels)}
+    gears = tuple(Gear(driver, driven, ratio) for driven, (driver, ratio) in ratios.items())
+    whole = planar({"arm": (GROUND, "arm", (0.0, 0.0))} | joints, ("arm", first), gears=gears)
+    laws = {"arm": f"{arm}rpm", first: f"{fixed - arm}rpm"}
+    motion = ms.load(whole, drive=laws).solve(t=[0.0])
+    return {f"speed of {name}": float(motion.links[name].angular_velocity[0, 2]) / RPM for name in wheels}
+
+
+def geneva() -> ms.Motion:
+    distance = 50.0 * np.sqrt(2.0)
+    pin = np.array([distance, 0.0]) + along(150.0, 50.0)
+    joints = {"crank": (GROUND, "D", (distance, 0.0)), "P": ("D", "block", pin)}
+    joints |= {"slot": ("block", "S", pin, pin / np.hypot(*pin)), "O": (GROUND, "S", (0.0, 0.0))}
+    return ms.load(planar(joints, "crank")).solve([0.0], speed=10.0)
+
+
+def rod(mass: float, length: float, centre) -> ms.Inertia:
+    moment = mass * length**2 / 12.0
+    return ms.Inertia(mass, (*centre, 0.0), tuple(map(tuple, np.diag([moment] * 3))))
+
+
+def rod_on_tracks() -> dict[str, float]:
+    a, b = np.zeros(2), along(150.0, 4.0)
+    joints = {"A": (GROUND, "a", a, (1.0, 0.0)), "a": ("a", "rod", a)}
+    joints |= {"B": (GROUND, "b", b, (1.0, -1.0)), "b": ("b", "rod", b)}
+    falling = planar(joints, inertias={"rod": rod(50.0 / 32.2, 4.0, b / 2.0)})
+    weight = ms.Forces(gravity=(0.0, -32.2, 0.0))
+    run = ms.dynamics.run(falling, weight, duration=0.01, samples=1)
+    forces = ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(falling, weight), run)
+    sizes = {f"force at {name.upper()}": float(np.hypot(*forces[name].force[0, :2])) for name in "ab"}
+    return {"alpha rod": float(run.motion.links["rod"].angular_acceleration[0, 2])} | sizes
+
+
+def rods_released() -> dict[str, float]:
+    b, c = along(60.0, 0.75), np.array([0.75, 0.0])
+    rods = {"2": rod(6.0, 0.75, b / 2.0), "3": rod(6.0, 0.75, (b + c) / 2.0)}
+    weight = ms.Forces(gravity=(0.0, -9.81, 0.0))
+    linkage = slider(b, c, inertias=rods)
+    motion = ms.dynamics.run(linkage, weight, duration=2.0, until="crank.q=-40deg").motion
+    return {"omega AB": motion.joints["crank"].rate[-1], "vx D": motion.points["C"].velocity[-1, 0]}
+
+
+def collars() -> ms.Motion:
+    joints = {"crank": (GROUND, "c", (0.0, 0.0), (0.0, -1.0)), "C": ("c", "CB", (0.0, 0.0))}
+    joints |= {"B": ("CB", "b", (0.2, -0.2)), "guide": (GROUND, "b", (0.2, -0.2), (1.0, 0.0))}
+    pair = planar(joints, ("crank",), points={"B": ("b", (0.2, -0.2))})
+    return ms.load(pair, drive={"crank": "2m/s"}).solve(t=[0.0])
+
+
+def upright_engine() -> ms.Motion:
+    b = along(135.0, 0.25)
+    c = np.array([0.0, b[1] + np.sqrt(0.75**2 - b[0] ** 2)])
+    return ms.load(slider(b, c, (0.0, 1.0))).solve([0.0], speed=-10.0, acceleration=-20.0)
+
+
+BAR = along(60.0, 0.2)
+WHEEL = BAR + np.array([0.2, 0.0])
+# name of the example -> its result, and quantities with printed answers; angles in deg
+EXAMPLES: dict[str, tuple[Callable[[], Result], str]] = {
+    "Norton 4-1 open": (lambda: norton_four_bar(1), "theta coupler=20.30; theta rocker=57.33"),
+    "Norton 4-1 crossed": (lambda: norton_four_bar(-1), "theta coupler=-60.98; theta rocker=-98.01"),
+    "Norton 4-2 open": (lambda: norton_slider(1), "back rod=152.91; x B=126.84"),
+    "Norton 4-2 crossed": (lambda: norton_slider(-1), "back rod=27.09; x B=-86.84"),
+    "Norton, geared five-bar open": (lambda: norton_geared(174, -178), "theta 3=173.64; theta 4=-177.715"),
+    "Norton, geared five-bar crossed": (
+        lambda: norton_geared(-115, -124),
+        "theta 3=-115.407; theta 4=-124.050",
+    ),
+    "Norton 6-7": (
+        lambda: norton_four_bar(1),
+        "omega coupler=-4.121; omega rocker=6.998; vx B=-471.242; vy B=302.243",
+    ),
+    "Norton 6-8": (lambda: norton_slider(1), "omega rod=5.616"),
+    "Norton 7-1": (lambda: norton_four_bar(1), "alpha coupler=296.089; alpha rocker=470.134"),
+    "Norton, Ferguson's paradox": (
+        lambda: train(100.0, 0.0, P=("two", -100 / 20), three=("P", -20 / 99), four=("P", -20 / 101)),
+        "speed of three=-1.01; speed of four=0.99",
+    ),
+    "Shigley 13-6, planetary train": (
+        lambda: train(-20.0, 0.0, four=("ring", 80 / 30), sun=("four", -30 / 20)),
+        "speed of sun=-100; speed of four=33.3",
+    ),
+    "Khurmi 8.1, engine": (
+        lambda: engine(0.15, 0.6, 45.0, -300.0),
+        "v G=4.1; a G=117; omega 3=5.67; alpha 3=171.67",
+    ),
+    "Khurmi 13.4, A fixed": (lambda: train(150.0, 0.0, B=("A", -36 / 45)), "speed of B=270"),
+    "Khurmi 13.4, A driven": (lambda: train(150.0, -300.0, B=("A", -36 / 45)), "speed of B=510"),
+    "Khurmi 13.5, reverted train": (
+        lambda: train(-100.0, 0.0, DE=("B", -75 / 45), C=("DE", -90 / 30)),
+        "speed of C=400",
+    ),
+    "Khurmi 13.6, epicyclic train": (
+        lambda: train(18.0, 0.0, B=("A", 72 / 20), C=("B", -20 / 32)),
+        "speed of C=58.5; speed of B=-46.8",
+    ),
+    "Beer 15.3, engine": (lambda: engine(0.25, 8 / 12, 40.0, -2000.0), "omega 3=62.0; vx C=43.6"),
+    "Beer 15.7, engine": (lambda: engine(0.25, 8 / 12, 40.0, -2000.0), "alpha 3=9.94e3; ax C=-9.29e3"),
+    "Beer 15.8, four-bar": (
+        lambda: four_bar((0, 0), (8, 14), (20, 17), (37, 0), 20.0),
+        "omega 3=-29.33; omega 4=11.29; alpha 3=-645; alpha 4=809",
+    ),
+    "Beer 15.9, Geneva wheel": (geneva, "omega S=-4.08"),
+    "Beer 15.10, Geneva wheel": (geneva, "alpha S=-233"),
+    "Beer 16.10, rod on two tracks": (rod_on_tracks, "alpha rod=2.30; force at A=27.9; force at B=22.5"),
+    "Beer 17.5, two rods released": (rods_released, "omega AB=-3.90; vx D=2.00"),
+    "Meriam 5/8, four-bar": (
+        lambda: four_bar((250, 50), (175, 50), (0, 100), (0, 0), 2.0),
+        "omega 3=-0.857; omega 4=-0.429",
+    ),
+    "Meriam 5/14, four-bar": (
+        lambda: four_bar((250, 50), (175, 50), (0, 100), (0, 0), 2.0),
+        "alpha 3=-0.1050; alpha 4=-4.34",
+    ),
+    "Meriam 5/9, engine": (
+        lambda: engine(5 / 12, 14 / 12, 60.0, -1500.0, 4 / 14),
+        "vx C=67.3; omega 3=29.5; v G=64.1",
+    ),
+    "Meriam 5/15, engine": (lambda: engine(5 / 12, 14 / 12, 60.0, -1500.0), "ax C=-3.31e3; alpha 3=7.74e3"),
+    "Hibbeler 16.8, two collars": (collars, "omega CB=10; v B=2"),
+    "Hibbeler 16.9, bar and wheel": (
+        lambda: four_bar((0, 0), BAR, WHEEL, WHEEL + np.array([0.0, 0.1]), -30.0),
+        "omega 3=15.0; omega 4=52.0",
+    ),
+    "Hibbeler 16.18, engine": (upright_engine, "omega 3=2.43; alpha 3=27.7; ay C=-13.5"),
+}
+FAULTS = {
+    "Norton 4-1 open": "last digit of theta4: 57.325 deg",
+    "Norton 4-1 crossed": "last digit of theta4: -98.005 deg",
+    "Khurmi 8.1, engine": "read from a drawing; exact: 3.995, 5.642, 171.55",
+}
+
+
+def value(result: Result, quantity: str) -> float:
+    """Return a quantity: 'theta LINK', 'omega LINK', 'v POINT' (size), 'vx POINT', or a key of the result."""
+    if not isinstance(result, ms.Motion):
+        return float(result[quantity])
+    kind, name = quantity.split()
+    if kind in OF_LINKS:
+        return float(getattr(result.links[name], OF_LINKS[kind])[0, 2])
+    if kind in ("theta", "back"):
+        x, y = result.links[name].rotation[0, :2, 0]
+        return float(np.rad2deg(np.arctan2(y, x) if kind == "theta" else np.arctan2(-y, -x)))
+    vector = getattr(result.points[name], OF_POINTS[kind[0]])[0, :2]
+    return float(np.hypot(*vector) if kind in "va" else vector["xy".index(kind[-1])])
+
+
+def cases(_: Clone | None) -> Iterator[Case]:
+    for name, (solve, answers) in EXAMPLES.items():
+        rows, result = [], solve()
+        for answer in answers.split("; "):
+            quantity, printed = answer.split("=")
+            last = 0.5 * 10.0 ** int(Decimal(printed).as_tuple().exponent)
+            rows.append(Row(answer, abs(value(result, quantity) - float(printed)), last, "", REASON))
+        yield Case(name, tuple(rows), source_fault=FAULTS.get(name, ""))
+
+
+SUITE = Suite(
+    "Textbooks: worked examples",
+    "",
+    "Typed from memory; Khurmi 13.4, 13.6 and Beer 16.10, 17.5 were looked up.",
+    cases,
+)
