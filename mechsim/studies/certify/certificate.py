@@ -104,6 +104,10 @@ class Certificate:
         )
 
 
+# shares of the time after which the motion is solved and its segments are tested; measured in humanoid_ankle
+SOLVED, TESTED = 0.1, 0.55
+
+
 def certified_motion(
     solver: KinematicSolver,
     between: tuple[float, float] | None = None,
@@ -128,6 +132,7 @@ def certified_motion(
             "+ - * / **, sin, cos, tan, sqrt and exp"
         )
         return _in_instants(_uncertified(solver.name, requested, reason, 0), laws)
+    progress("the motion", 0.0)
     try:
         motion = computed_motion(solver, between, radii or {})
     except AssemblyError as error:
@@ -141,6 +146,7 @@ def certified_motion(
     if solved > unknown:
         motion = motion.with_independent_rows()
     proven, rest, spent = proven_segments(motion, progress)
+    progress(f"{len(proven):,} segments that join", TESTED)
     proof = _in_instants(_certificate(solver.name, motion, between or whole, proven, rest, spent), laws)
     if solved == unknown or not proof.certified:
         return proof
@@ -190,7 +196,8 @@ def proven_segments(
             segments = tested_segments(motion, edges[batch], edges[batch + 1], guess.select(batch))
         proven.append(segments.select(segments.proven))
         finished += float((proven[-1].high - proven[-1].low).sum())
-        progress(f"{count:,} segments, at most {MAX_SEGMENTS:,}", finished / (motion.high - motion.low))
+        fraction = finished / (motion.high - motion.low)
+        progress(f"{count:,} segments, at most {MAX_SEGMENTS:,}", SOLVED + (TESTED - SOLVED) * fraction)
         failed = segments.select(~segments.proven)
         if failed.half.max(initial=0.0) < COARSE * (motion.high - motion.low):
             failed = with_misses(motion, failed)

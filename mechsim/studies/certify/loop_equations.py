@@ -162,7 +162,7 @@ class ClosureEquations:
         gap = points[1] - points[0]
         relative = relative_motion(self.tree, rod.sides)
         jacobian = gap.T @ placed.linear + cross(points[0], gap).T @ placed.angular
-        return (gap.T @ gap - squared) * (0.5 * scale), jacobian * scale @ relative
+        return (gap.T @ gap - squared) * (0.5 * scale), jacobian * scale * relative
 
 
 @dataclass(frozen=True)
@@ -240,10 +240,10 @@ def cross(a: Number, b: Number) -> Number:
 
 
 def relative_motion(tree: SpanningTree, sides: tuple[int, int]) -> Array:
-    """Return the matrix from unit twists to the motion of side b relative to side a, (count, count)."""
+    """Return the factors from unit twists to the motion of side b relative to side a, (count,)."""
     zero = np.zeros(tree.count)
     a, b = (zero if side < 0 else tree.moved_by[side] for side in sides)
-    return np.diag((b - a) * tree.units)
+    return (b - a) * tree.units
 
 
 def _about_z(angle: Number) -> Number:
@@ -384,7 +384,7 @@ def cut_equations(
     if cut.directions:
         i, j = ([pair[k] for pair in cut.directions] for k in (0, 1))
         blocks.append(cross(side_b[..., j], side_a[..., i]).T @ placed.angular)
-    jacobian = concatenated(blocks, -2) @ relative_motion(tree, cut.sides)
+    jacobian = concatenated(blocks, -2) * relative_motion(tree, cut.sides)
     return cut_residual(cut, constants, placed), jacobian
 
 
