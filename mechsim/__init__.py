@@ -11,6 +11,7 @@ from mechsim._version import __version__ as __version__
 
 # a name that is imported as itself is public for type checkers
 if TYPE_CHECKING:
+    from mechsim import formulas as formulas
     from mechsim import simulation as simulation
     from mechsim import testing as testing
     from mechsim import units as units
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "catalog": "subjects.catalog",
     "dynamics": "subjects.dynamics",
+    "formulas": "formulas",
     "load_profile": "model.load_profile",
     "loops": "analytic.loops",
     "masses": "model.masses",

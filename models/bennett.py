@@ -5,14 +5,20 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.formulas.closed_form import ClosedForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import column, cross, spun
-from mechsim.errors import InputError
-from mechsim.model.joints import End
-from mechsim.model.links import EX, EZ, ORIGIN
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values, cos_sin
+from mechsim import End, InputError
+from mechsim.formulas import (
+    EX,
+    EZ,
+    ORIGIN,
+    Array,
+    ClosedForm,
+    LinkFrame,
+    Values,
+    column,
+    cos_sin,
+    cross,
+    spun,
+)
 
 # largest ratio of the half-angle tangents; beyond it the rocker moves almost in jumps
 MAX_RATIO = 1e6

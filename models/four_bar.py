@@ -6,13 +6,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import circle_sphere, column, cross, dot, spun
-from mechsim.errors import AssemblyError
-from mechsim.model.links import EX, EY, EZ, ORIGIN
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values, cos_sin
+from mechsim import AssemblyError
+from mechsim.formulas import (
+    EX,
+    EY,
+    EZ,
+    ORIGIN,
+    Array,
+    LinkFrame,
+    TwoBranchForm,
+    Values,
+    circle_sphere,
+    column,
+    cos_sin,
+    cross,
+    dot,
+    spun,
+)
 
 
 class FourBar(TwoBranchForm):

@@ -9,17 +9,30 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.closed_form import ClosedForm
+from mechsim import InputError
 from mechsim.analytic.vector_method import trig_polynomial
-from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
-from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled_polynomial
-from mechsim.analytic.vector_method.vectors import circle_sphere, column, cross, dot, norm, spun
-from mechsim.errors import InputError
-from mechsim.model.links import EX, EZ, ORIGIN
+from mechsim.analytic.vector_method.trig_polynomial import reachable_arcs, sampled_polynomial
+from mechsim.formulas import (
+    EX,
+    EZ,
+    ORIGIN,
+    Arcs,
+    Array,
+    ClosedForm,
+    LinkFrame,
+    Values,
+    circle_sphere,
+    column,
+    cos_sin,
+    cross,
+    dot,
+    norm,
+    spun,
+    values,
+)
 from mechsim.numerics.angles import REVOLUTION, shifted_into
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values, cos_sin, jet_root, values
+from mechsim.numerics.jets import Jet, jet_root
 
 Side = int
 # in nine hundred random linkages at most five roots had the same sign

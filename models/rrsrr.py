@@ -7,23 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import (
+from mechsim import AssemblyError, Motion, Pose
+from mechsim.formulas import (
+    EX,
+    EY,
+    ORIGIN,
+    Array,
+    LinkFrame,
+    TwoBranchForm,
+    Values,
     circle_sphere,
     column,
     cross,
     dot,
     norm,
+    revalued,
     rotation,
     spun,
     turned_twice,
+    values,
 )
-from mechsim.errors import AssemblyError
-from mechsim.model.links import EX, EY, ORIGIN, Pose
-from mechsim.model.motion import Motion
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values, revalued, values
 
 # cosine of v2 below which the rocker angle counts as undetermined: its acceleration grows as 1/cos2, and a
 # third of the digits are lost already

@@ -7,9 +7,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import (
+from mechsim.formulas import (
+    EX,
+    EY,
+    ORIGIN,
+    Array,
+    LinkFrame,
+    TwoBranchForm,
+    Values,
     circle_sphere,
     column,
     cross,
@@ -20,9 +25,7 @@ from mechsim.analytic.vector_method.vectors import (
     turned_twice,
     unit_at_angles,
 )
-from mechsim.model.links import EX, EY, ORIGIN, vector
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values
+from mechsim.model.links import vector
 
 # parameters that have no effect without a guide
 GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")

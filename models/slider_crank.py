@@ -5,12 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import column, sine_of, spun
-from mechsim.model.links import EX, EZ, ORIGIN
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values
+from mechsim.formulas import EX, EZ, ORIGIN, Array, LinkFrame, TwoBranchForm, Values, column, sine_of, spun
 
 
 class SliderCrank(TwoBranchForm):

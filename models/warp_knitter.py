@@ -7,17 +7,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from mechsim.analytic.formulas.closed_form import ClosedForm
+from mechsim import InputError, Pose
 from mechsim.analytic.vector_method import triad
-from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
-from mechsim.analytic.vector_method.vectors import column, spun
-from mechsim.errors import InputError
-from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Pose
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values, values
+from mechsim.formulas import EX, EZ, ORIGIN, Arcs, Array, ClosedForm, LinkFrame, Values, column, spun, values
+from mechsim.model.links import GROUND
+from mechsim.numerics.jets import Jet
 
 # largest number of teeth of a gear
 MAX_TEETH = 1000

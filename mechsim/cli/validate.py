@@ -34,6 +34,7 @@ from mechsim.studies.agreement.noise import Noise
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.subjects import catalog, gallery, reference_data
+from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
 from mechsim.units import crank_speed, option
@@ -194,7 +195,8 @@ def _validate(
     if driven_or_changed and len(names) != 1:
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
         raise InputError(f"{options} one mechanism; name it")
-    designs = _by_name({model: load_parametric(model, sets, driven) for model in names})
+    solving = with_formulas if chosen.formula else str
+    designs = _by_name({model: load_parametric(solving(model), sets, driven) for model in names})
     if not chosen.formula:
         designs = {name: _without_formula(design) for name, design in designs.items()}
     report_code([design.make({}) for design in designs.values()])

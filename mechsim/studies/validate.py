@@ -39,6 +39,7 @@ from mechsim.studies.agreement.agreement import (
 )
 from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
+from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.verdict.checks import (
@@ -418,7 +419,7 @@ def validate(
             stepped=stepped,
         )
     crank_speed, limit = comparison_inputs(speed, tolerance)
-    designs = parametric(model, set, drive, duration)
+    designs = parametric(with_formulas(model), set, drive, duration)
     return case_of(designs, speed=crank_speed, quick=not stepped, tolerance=limit)
 
 

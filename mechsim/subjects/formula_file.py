@@ -6,6 +6,7 @@ choice is true.
 """
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from mechsim import units
+from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.formulas.closed_form import ClosedForm, Geometry
 from mechsim.analytic.formulas.parameters import FormulaParameter
 from mechsim.analytic.formulas.two_branch import CHANGE_POINT, TwoBranchForm
@@ -26,7 +28,7 @@ from mechsim.model.expressions import Evaluator, Term, parse_expression
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.python_object import PythonObject, run_object, run_user_code
 from mechsim.subjects.toml_coordinates import coordinates_of, drivers_of
 from mechsim.subjects.toml_keys import PARAMETER_UNITS, PARAMETERS, ROOT
@@ -40,18 +42,16 @@ OWN_TABLES = ("parameters", "when", "formula")
 
 
 @dataclass(frozen=True)
-class FormulaFile(ModelSource):
-    """A mechanism with formulas: its file, and the class of its formulas; bare numbers are in SI.
+class FormulaDescription(ModelSource):
+    """The description that formulas share with other methods, which solve it by its loop equations.
 
     Attributes:
         source: the parsed file.
-        formulas: class of the formulas.
-        about: the first line of the file.
+        about: the first sentence of the file.
         rows: parameters by name; the policy at change points comes last, since it is no dimension.
     """
 
     source: TomlSource
-    formulas: type[ClosedForm]
     about: str
     rows: Mapping[str, FormulaParameter]
 
@@ -60,25 +60,55 @@ class FormulaFile(ModelSource):
         """Name of the mechanism."""
         return str(self.source.document.get("name", ""))
 
-    def make(self, values: Mapping[str, Any]) -> KinematicSolver:
-        """Return the mechanism with some parameters changed from their defaults.
-
-        Args:
-            values: parameter -> value in SI, or text with a unit.
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism by its loop equations, with some parameters changed.
 
         Raises:
-            InputError: for an unknown parameter, with the nearest name, or an invalid value.
+            InputError: for a parameter that only the formulas use, and as `read`.
         """
-        rows = self.rows
-        for name in values:
-            if name not in rows:
-                raise InputError(f"{self.name} has no parameter {name!r}{suggestion(name, rows)}")
-        read = {name: rows[name].read(self.name, value) for name, value in values.items()}
-        return KinematicSolver.by_formula(self.formulas(self, read))
+        code, alone = _formulas_address(self.source), self._used_by_formulas_alone()
+        for name in changed:
+            if name in alone:
+                raise InputError(
+                    f"{self.name}: only the formulas use {name}; name {code} as the model, "
+                    "or choose the assembly by --start"
+                )
+        values = {name: row.default for name, row in self.rows.items()} | self.read(
+            {name: str(value) for name, value in changed.items()}
+        )
+        values = {name: self.rows[name].checked(self.name, value) for name, value in values.items()}
+        fact = f"solved by its loop equations; only the formulas {code} use {', '.join(alone)}"
+        solver = KinematicSolver(self.mechanism(values), _numbers(values), facts=(fact,) if alone else ())
+        return ModelDescription(solver)
 
-    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
-        """Return the mechanism with some parameters changed."""
-        return ModelDescription(self.make({name: str(value) for name, value in changed.items()}))
+    def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
+        """Return the parameters that are single numbers."""
+        values = {name: row.default for name, row in self.rows.items()} | self.read(changed)
+        numbers = {
+            name: row
+            for name, row in self.rows.items()
+            if not (row.is_choice or isinstance(row.default, tuple))
+        }
+        return Parameters(
+            {name: Dimension(name, float(values[name]), row.unit, row.unit) for name, row in numbers.items()}
+        )
+
+    def _used_by_formulas_alone(self) -> list[str]:
+        """Return the choices that no table and no expression of the description uses."""
+        document = {key: table for key, table in self.source.document.items() if key != "parameters"}
+        words = set(re.findall(r"\w+", repr(document)))
+        return [name for name, row in self.rows.items() if row.is_choice and name not in words]
+
+    def read(self, changed: Mapping[str, Any]) -> dict[str, Any]:
+        """Return parameters in SI from values or text with a unit.
+
+        Raises:
+            InputError: for an unknown parameter, with the nearest name, or text that is no value.
+        """
+        for name in changed:
+            if name not in self.rows:
+                raise InputError(f"{self.name} has no parameter {name!r}{suggestion(name, self.rows)}")
+        return {name: self.rows[name].read(self.name, value) for name, value in changed.items()}
 
     def mechanism(self, values: Mapping[str, Any]) -> Mechanism:
         """Return the description for values of the parameters, without a guess."""
@@ -120,20 +150,46 @@ class FormulaFile(ModelSource):
         return document
 
 
+@dataclass(frozen=True)
+class FormulaFile(FormulaDescription):
+    """A mechanism whose formulas solve its motion.
+
+    Attributes:
+        formulas: class of the formulas.
+    """
+
+    formulas: type[ClosedForm]
+
+    def make(self, values: Mapping[str, Any]) -> KinematicSolver:
+        """Return the mechanism with some parameters changed from their defaults, as in `read`."""
+        return KinematicSolver.by_formula(self.formulas(self, self.read(values)))
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism with some parameters changed."""
+        return ModelDescription(self.make({name: str(value) for name, value in changed.items()}))
+
+    def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
+        """Return none: the dimensions are those of the solver."""
+        return Parameters()
+
+
 def open_toml(path: str) -> ModelSource:
-    """Return the source of a TOML file. Data run no code: formulas that solve are named as a Python object.
+    """Return the source of a TOML file. Data run no code: `with_formulas` names the formulas of a file.
 
     Raises:
-        InputError: for a file that is no TOML, or has parameters as tables.
+        InputError: for a file that is no TOML.
     """
     model = TomlModel(path)
-    if _has_tables(model.source):
-        code = _formulas_address(model.source) or "FILE.py:CLASS"
-        raise model.source.error(
-            ("parameters",),
-            f"are tables, for formulas in Python that solve; to run them, name {code} as the model",
-        )
-    return model
+    return description_in(model.source, ClosedForm) if _has_tables(model.source) else model
+
+
+def with_formulas(model: Any) -> Any:
+    """Return FILE.py:CLASS for a TOML file whose formulas solve its motion; any other model unchanged."""
+    if not isinstance(model, str | os.PathLike) or not (path := os.fspath(model)).endswith(".toml"):
+        return model
+    source = TomlModel(path).source
+    code = _formulas_address(source) if _has_tables(source) else ""
+    return formula_path(source, code) if code else model
 
 
 def open_python(address: str) -> ModelSource:
@@ -200,13 +256,23 @@ def mechanism_in(source: TomlSource) -> FormulaFile:
     Raises:
         InputError: for invalid contents; names file, line, key and remedy.
     """
-    for key in source.document.keys() - TABLES:
-        raise source.error((key,), f"is not read in a file with formulas; it has {', '.join(TABLES)}")
-    rows = Values(source, "m", "rad", {}).checked(PARAMETERS, source.document["parameters"], ("parameters",))
     address = _formulas_address(source)
     formulas = run_object(formula_path(source, address)) if address else None
     if not (isinstance(formulas, type) and issubclass(formulas, ClosedForm)):
         raise source.error(("formula",), "names no class of formulas, which parameters with tables need")
+    described = description_in(source, formulas)
+    return FormulaFile(source, described.about, described.rows, formulas)
+
+
+def description_in(source: TomlSource, formulas: type[ClosedForm]) -> FormulaDescription:
+    """Return the description that a file shares with its formulas.
+
+    Raises:
+        InputError: for invalid contents; names file, line, key and remedy.
+    """
+    for key in source.document.keys() - TABLES:
+        raise source.error((key,), f"is not read in a file with formulas; it has {', '.join(TABLES)}")
+    rows = Values(source, "m", "rad", {}).checked(PARAMETERS, source.document["parameters"], ("parameters",))
     for choice, tables in _tables(source, ("when",)).items():
         if choice not in rows:
             raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")
@@ -215,7 +281,7 @@ def mechanism_in(source: TomlSource) -> FormulaFile:
     parameters = {name: _parameter(source, formulas, name, row) for name, row in rows.items()}
     if issubclass(formulas, TwoBranchForm):
         parameters[CHANGE_POINT.name] = CHANGE_POINT
-    return FormulaFile(source, formulas, head_comment(source.path), parameters)
+    return FormulaDescription(source, head_comment(source.path), parameters)
 
 
 def _parameter(

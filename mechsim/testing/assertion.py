@@ -13,6 +13,8 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.studies.agreement.agreement import SPEED, Agreement, compare
+from mechsim.studies.validate import validate
+from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.readers import load
 from mechsim.testing.report_page import failure, write_page
 from mechsim.testing.running import RUNNING, RunningTest
@@ -63,6 +65,22 @@ def assert_agrees(
         page = None if running is None else write_page(agreement, command, running)
         raise AssertionError(failure(agreement, command, page))
     return agreement
+
+
+def assert_file_agrees(path: str) -> None:
+    """Fail if a TOML file differs from its formula, which is run; formulas that solve are validated.
+
+    Raises:
+        AssertionError: as `assert_agrees`.
+        InputError: for an invalid file or formula.
+    """
+    __tracebackhide__ = True
+    if with_formulas(path) == path:
+        assert_agrees(path)
+        return
+    validation = validate(path, stepped=False)
+    if not validation.passed:
+        raise AssertionError(f"{validation}\n{shlex.join(['mechsim', 'validate', path])}")
 
 
 def _record(running: RunningTest, agreement: Agreement) -> None:

@@ -120,7 +120,7 @@ class FormulaItem(pytest.Item):
         path = self.path.relative_to(root) if self.path.is_relative_to(root) else self.path
         # import only when a test runs, not when it is collected
         assertion: Any = import_module("mechsim.testing.assertion")
-        assertion.assert_agrees(str(path))
+        assertion.assert_file_agrees(str(path))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
         """Return the message of a difference or an error, without a traceback."""

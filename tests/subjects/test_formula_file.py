@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from mechsim import load
+from mechsim import load, validate
 from mechsim.errors import InputError
 from mechsim.studies.validate import case_of
+from mechsim.testing.assertion import assert_file_agrees
 
 FILE = """# Inverted slider-crank. Its lever slides through a block on the crank.
 name = "inverted"
@@ -33,22 +34,20 @@ slot = { kind = "planar", a = { link = "lever" }, b = { link = "block" } }
 python = "inverted.py:Inverted"
 """
 CODE = """
-from mechsim import vectors
-from mechsim.analytic.formulas.closed_form import ClosedForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.formulas import EX, EZ, ClosedForm, LinkFrame, column, norm, spun
 
 
 class Inverted(ClosedForm):
     def frames(self, angle):
-        ex, ez = vectors.column((1.0, 0.0, 0.0)), vectors.column((0.0, 0.0, 1.0))
+        ex, ez = column(EX), column(EZ)
         x, y = self.pivot
-        ahead = vectors.spun(ex, ez, angle)
-        pin = vectors.column((x, y, 0.0)) + self.crank * ahead
-        way = pin - vectors.column((x + self.ground, y, 0.0))
-        along = way / vectors.norm(way)
-        yield "crank", LinkFrame(vectors.column((x, y, 0.0)), x=ahead, z=ez)
+        ahead = spun(ex, ez, angle)
+        pin = column((x, y, 0.0)) + self.crank * ahead
+        way = pin - column((x + self.ground, y, 0.0))
+        along = way / norm(way)
+        yield "crank", LinkFrame(column((x, y, 0.0)), x=ahead, z=ez)
         yield "block", LinkFrame(pin, x=along, z=ez)
-        yield "lever", LinkFrame(vectors.column((x + self.ground, y, 0.0)), x=along, z=ez)
+        yield "lever", LinkFrame(column((x + self.ground, y, 0.0)), x=along, z=ez)
 """
 
 
@@ -82,10 +81,34 @@ def test_formulas_of_a_file_are_validated(written):
     assert not case_of(load(written('"pivot_x+ground"', '"pivot_x+1.01*ground"')), quick=True).passed
 
 
-def test_a_description_alone_runs_no_code(written, tmp_path):
-    written(code=("from mechsim import vectors", "raise SystemExit('was run')"))
-    with pytest.raises(InputError, match=r"name inverted\.py:Inverted as the model"):
-        load(str(tmp_path / "inverted.toml"))
+def test_a_description_alone_runs_no_code_and_is_solved_by_its_loop_equations(written, tmp_path):
+    angles = np.linspace(0.1, 1.0, 5)
+    exact = load(written()).solve(angles)
+    written(code=("class Inverted", "raise SystemExit('was run')\nclass Inverted"))
+    solver = load(str(tmp_path / "inverted.toml"), {"ground": "90 mm"})
+    assert solver.solve(angles).source == "loop equations"
+    own = load(str(tmp_path / "inverted.toml")).solve(angles)
+    assert np.abs(own.points["A"].position - exact.points["A"].position).max() <= 1e-15
+    assert np.abs(own.joints["lever"].rate - exact.joints["lever"].rate).max() <= 1e-13
+
+
+def test_validation_runs_the_formulas_of_a_description(written, tmp_path):
+    written()
+    assert "closed form" in str({check.method for check in validate(str(tmp_path / "inverted.toml")).checks})
+    # the formulas keep the old place of the lever's pivot
+    written('"pivot_x+ground"', '"pivot_x+1.01*ground"')
+    assert not validate(str(tmp_path / "inverted.toml"), stepped=False).passed
+    with pytest.raises(AssertionError, match=r"failed: .*loop"):
+        assert_file_agrees(str(tmp_path / "inverted.toml"))
+
+
+def test_a_choice_of_the_formulas_alone_is_no_parameter_of_the_description(written, tmp_path):
+    written("loose = {", 'branch = { value = 1, choices = [1, -1], about = "assembly" }\nloose = {')
+    path = str(tmp_path / "inverted.toml")
+    assert "only the formulas inverted.py:Inverted use branch" in load(path).facts[-1]
+    with pytest.raises(InputError, match=r"only the formulas use branch; name inverted\.py:Inverted as"):
+        load(path, {"branch": "-1"})
+    assert load(path, {"loose": "on"}).mechanism.joint("slot").kind == "planar"
 
 
 def test_a_choice_replaces_a_joint(written):
@@ -105,7 +128,7 @@ def test_a_choice_replaces_a_joint(written):
         ("ground = {", "crank_range = {", "parameters.crank_range cannot be the name"),
         ("when.loose", "when.lose", "when.lose is no parameter; did you mean 'loose'"),
         ('["crank", 0, 0] }\n[when', '["krank", 0, 0] }\n[when', "points.A.at[0] is 'krank'"),
-        ("inverted.py:Inverted", "inverted.py:vectors", "formula names no class of formulas"),
+        ("inverted.py:Inverted", "inverted.py:column", "formula names no class of formulas"),
         ('{ kind = "planar", a = { link = "lever" }, b = { link = "block" } }', "3", "loose.joints.slot"),
         ('[parameters]', 'duration = 1\n[parameters]', "duration is not read in a file with formulas"),
     ],

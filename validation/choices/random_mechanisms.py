@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from mechsim.analytic.formulas.formulas import SELECTORS
 
 from mechsim import catalog
+from mechsim.analytic.formulas.closed_form import SELECTORS
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 

@@ -13,7 +13,7 @@ from mechsim import catalog
 
 POSES = 200_000
 # configurations per second: positions of points; with their rates
-TARGETS = {"positions": 5e6, "solve_along(links=False)": 1e6}
+TARGETS = {"positions": 5e6, "motion(links=False)": 1e6}
 
 
 def poses_per_second(call: Callable[[], object], repeats: int = 9) -> float:
@@ -32,7 +32,7 @@ def main() -> None:
     angles = np.linspace(0.0, 2 * np.pi, POSES)
     calls: dict[str, Callable[[], object]] = {
         "positions": lambda: closed_form.positions(angles),
-        "solve_along(links=False)": lambda: closed_form.solve_along(angles, 62.8, links=False),
+        "motion(links=False)": lambda: closed_form.closed_form.motion(angles, 62.8, links=False),
         "solve": lambda: closed_form.solve(angles, 62.8),
     }
     for name, call in calls.items():

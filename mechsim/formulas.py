@@ -1,0 +1,55 @@
+"""Base classes of formulas, frames of links and vector algebra: what a user's own formulas import.
+
+FILE.py in the folder of FILE.toml defines a subclass of `ClosedForm`, which yields the `LinkFrame` of links
+at crank angles. `TwoBranchForm` adds the discriminant whose sign changes are the dead centres. Vectors are
+(3, n), component first. Angles may be jets, so that rates follow from the same formula (`Values`).
+"""
+
+from mechsim.analytic.formulas.closed_form import ClosedForm
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
+from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
+from mechsim.analytic.vector_method.vectors import (
+    circle_sphere,
+    column,
+    cross,
+    dot,
+    norm,
+    rotation,
+    sine_of,
+    spun,
+    triangle_angle,
+    turned_twice,
+    unit_at_angles,
+)
+from mechsim.model.links import EX, EY, EZ, ORIGIN, Vector
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, cos_sin, revalued, values
+
+__all__ = [
+    "EX",
+    "EY",
+    "EZ",
+    "ORIGIN",
+    "Arcs",
+    "Array",
+    "ClosedForm",
+    "LinkFrame",
+    "TwoBranchForm",
+    "Values",
+    "Vector",
+    "circle_sphere",
+    "column",
+    "cos_sin",
+    "cross",
+    "dot",
+    "norm",
+    "revalued",
+    "rotation",
+    "sine_of",
+    "spun",
+    "triangle_angle",
+    "turned_twice",
+    "unit_at_angles",
+    "values",
+]
