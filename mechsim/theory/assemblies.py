@@ -73,7 +73,8 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
             angle, solver.all_assembly_points(angle), False, f"found from random starts: {error}"
         )
     listed = solver.all_assembly_points(angle, groups.poses)
-    return _assemblies_of(angle, listed, True, "every pose of its Assur groups", groups.families)
+    reason = "every pose" if groups.complete else f"the first {len(groups.poses)} of more poses"
+    return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups", groups.families)
 
 
 def _assemblies_of(

@@ -21,6 +21,10 @@ MIN_LEG = 0.03
 DISCRIMINANT_ROUNDING = 1e-14
 
 
+# largest number of assemblies: each dyad of a chain doubles it
+MAX_ASSEMBLIES = 64
+
+
 class UnsolvedGroupError(InputError):
     """A group has no closed form here."""
 
@@ -77,10 +81,12 @@ class GroupAssemblies:
     Attributes:
         poses: link -> pose of each isolated assembly.
         families: why further assemblies are continuous families, one sentence for each group.
+        complete: whether there are no more than `MAX_ASSEMBLIES`.
     """
 
     poses: tuple[dict[str, Pose], ...]
     families: tuple[str, ...]
+    complete: bool
 
 
 def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAssemblies:
@@ -115,8 +121,10 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
     pairs = _plane_pairs(mechanism, poses, basis)
     placed: list[Placed] = [dict.fromkeys((GROUND, *decomposition.drivers), AT_REFERENCE)]
     families: dict[str, None] = {}
+    complete = True
     for group in decomposition.groups:
-        before, placed = placed, []
+        complete &= len(placed) <= MAX_ASSEMBLIES
+        before, placed = placed[:MAX_ASSEMBLIES], []
         for start in before:
             try:
                 placed += [{**start, **added} for added in _solutions(group, pairs, start)]
@@ -125,9 +133,9 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
     body = rigid(mechanism)
     isolated = tuple(
         {name: _displaced(pose, assembly[body[name]], basis) for name, pose in poses.items()}
-        for assembly in placed
+        for assembly in placed[:MAX_ASSEMBLIES]
     )
-    return GroupAssemblies(isolated, tuple(families))
+    return GroupAssemblies(isolated, tuple(families), complete and len(placed) <= MAX_ASSEMBLIES)
 
 
 def _plane_pairs(mechanism: Mechanism, poses: Mapping[str, Pose], basis: Array) -> list[PlanePair]:
