@@ -23,6 +23,7 @@ from mechsim.cli.dynamics_report import (
     require_samples,
     require_turns,
     with_masses,
+    without_solution,
 )
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
@@ -30,7 +31,7 @@ from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress, sections
-from mechsim.errors import InputError
+from mechsim.errors import FrictionError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.model.progress import Progress
@@ -179,10 +180,13 @@ def forward(
     if release.duration > LONG and options.turns is None:
         print_stderr(f"dynamics: ends after {release.budget or BUDGET:,} states at the latest (--budget)")
     # MuJoCo stops when its steps are short enough
-    with progress("dynamics", None, at_least=True) as report:
-        formulas, check = sections(report, SHARES)
-        result = release.run(options.samples - 1, formulas)
-        verdict = _verdict(release, result, options, check)
+    try:
+        with progress("dynamics", None, at_least=True) as report:
+            formulas, check = sections(report, SHARES)
+            result = release.run(options.samples - 1, formulas)
+            verdict = _verdict(release, result, options, check)
+    except FrictionError as error:
+        return with_masses(model, without_solution(error), verbose)
     values = release.values(result, options.quantities)
     if options.output is not None:
         more = {quantity.name: column for quantity, column in values.items()}

@@ -81,11 +81,9 @@ class Friction:
             at_least_zero(f"viscous friction in joint {self.joint!r}", getattr(self, name))
         for name in ("coulomb", "coulomb_turn"):
             at_least_zero(f"Coulomb friction in joint {self.joint!r}", getattr(self, name))
-        for name in ("coefficient", *_LENGTHS):
+        for name in ("coefficient", *RADII):
             what = f"{name} of friction in joint {self.joint!r}".replace("_", " ")
             at_least_zero(what, getattr(self, name))
-            if name in _LENGTHS and getattr(self, name) and not self.coefficient:
-                raise InputError(f"{what} has no effect without a coefficient; give one, or leave it out")
         for name in ("static", "stribeck"):
             at_least_zero(f"{name} of friction in joint {self.joint!r}", getattr(self, name))
         moving = self.coefficient or self.coulomb
@@ -208,7 +206,7 @@ class Friction:
         return [(0, _terms(mu * across, moment=mu * arm * across, torsion=along * (mu / r if r else 0.0)))]
 
 
-_LENGTHS = ("pin_radius", "collar_radius", "bearing_length")
+RADII = ("pin_radius", "collar_radius", "bearing_length")
 
 
 def _loaded(kind: Kind) -> bool:

@@ -12,6 +12,7 @@ from mechsim.model.forces import (
     JointSpring,
     Load,
 )
+from mechsim.model.joint_friction import RADII
 from mechsim.model.joint_kinds import KINDS, KindName
 from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
@@ -48,6 +49,9 @@ def forces_of(
     if "forces" not in read and not rubbing and not stops:
         return None
     table: dict[str, Any] = read.get("forces", {})
+    for joint in rubbing.keys() & table.get("friction", {}).keys():
+        path = ("forces", "friction", joint)
+        raise values.source.error(path, f"is also given in joints.{joint}.friction; leave one of them out")
     with values.source.error_context(("forces",)):
         forces = Forces(
             gravity=table.get("gravity", WEIGHT.gravity),
@@ -107,8 +111,12 @@ def _frictions(
         }
         first = {key: values.quantity(entry[key], units[key], (*path, key)) for key in units if key in entry}
         others = {key: entry[key] for key in FRICTION_NUMBERS if key in entry}
+        if "coefficient" not in entry and (unused := [key for key in RADII if key in entry]):
+            raise values.source.error((*path, unused[0]), "has no effect without a coefficient; give one")
         with values.source.error_context(path):
-            yield Friction(joint, **first, **others)
+            friction = Friction(joint, **first, **others)
+            friction.check(mechanism.joint(joint))
+        yield friction
 
 
 def _loads(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[Load]:

@@ -1,5 +1,6 @@
 """Runs under friction by the load: closed forms, an independent integration by scipy, and MuJoCo's order."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.integrate import solve_ivp
 import mechsim as ms
 from mechsim import dynamics
 from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.cli import main
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.studies.dynamics_check import crosscheck_forward
 
@@ -126,6 +128,17 @@ def test_friction_holds_a_ladder(beyond, outcome, file):
     text = LADDER.format(x=x, y=y, angle=180.0 - angle)
     run = ms.dynamics.run(file(text), duration=0.1, samples=4)
     assert run.outcome == outcome, run.reason
+
+
+def test_a_ladder_that_friction_jams_ends_with_that_outcome(file, capsys, monkeypatch):
+    text = LADDER.format(x=1.2, y=1.6, angle=np.rad2deg(np.arctan2(1.6, -1.2)))
+    path = file(text.replace("0.4 }", "1.5 }").replace("0.3 }", "1.5 }"))
+    arguments = ["--initial", "floor.v=-0.5", "--duration", "0.1s", "--json"]
+    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "forward", path, *arguments])
+    with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    assert json.loads(capsys.readouterr().out)["outcome"] == "jammed"
 
 
 @pytest.mark.parametrize("lead", [6.0, 60.0])

@@ -260,7 +260,6 @@ def test_an_exported_mujoco_model_states_the_friction_it_lacks(tmp_path):
     [
         ({"coefficient": -0.1, "pin_radius": 0.01}, "coefficient of friction .* -0.1"),
         ({"coefficient": 0.1}, "give pin_radius"),
-        ({"pin_radius": 0.01}, "no effect without a coefficient"),
         ({"coefficient": float("nan"), "pin_radius": 0.01}, "is nan"),
         ({"coefficient": 0.1, "pin_radius": 0.01, "bearing_length": -1.0}, "bearing length"),
         ({"coefficient": 0.2, "pin_radius": 0.01, "static": 0.1}, "static .* 0.1, below that in motion, 0.2"),
@@ -293,6 +292,28 @@ def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods(tmp_path):
         pins += (moment * load + 0.01 * (name == "A")) * np.abs(joints[name].rate)
     expected = curve * np.abs(normal * slide)
     assert study.forces.power_lost - pins == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ("coefficient = 0.2, ->", "A.friction.pin_radius has no effect without a coefficient"),
+        ("coefficient = 0.2 -> coefficient = 0.2, static = 0.1", "line 11: static friction"),
+        (
+            'pin_radius = "6 mm", ->',
+            "line 11: the coefficient of friction in revolute joint 'A' has no radius",
+        ),
+        (
+            "[links.crank] -> [forces.friction.A]\ncoulomb = 1\n[links.crank]",
+            "also given in joints.A.friction",
+        ),
+    ],
+)
+def test_invalid_friction_in_a_file_is_rejected_with_its_line(changed, message, tmp_path):
+    before, after = changed.split(" ->")
+    text = SLIDER_CRANK.lstrip().replace(before, after.strip())
+    with pytest.raises(InputError, match=message):
+        loaded(text, tmp_path)
 
 
 def test_a_spatial_chain_with_friction_in_every_kind_agrees_with_mujoco():
