@@ -10,10 +10,15 @@ import json
 import sys
 from pathlib import Path
 
-from validation.suites import chrono, page, pmks, textbooks
+from validation.suites import chrono, modelica, page, pmks, textbooks
 from validation.suites.case import Case, Clone, Suite
 
-SUITES = {"chrono": chrono.SUITE, "pmks": pmks.SUITE, "textbooks": textbooks.SUITE}
+SUITES = {
+    "chrono": chrono.SUITE,
+    "pmks": pmks.SUITE,
+    "textbooks": textbooks.SUITE,
+    "modelica": modelica.SUITE,
+}
 WRONG = ("mechsim wrong", "unexplained")
 
 
