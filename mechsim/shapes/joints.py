@@ -13,6 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import Canvas, edges, free_sides, stations, upright_end
 from mechsim.shapes.gears import draw_gears
+from mechsim.shapes.guides import draw_contacts, hidden_links
 from mechsim.shapes.shape import HOUSING, STEEL, Shape, vector
 
 
@@ -226,14 +227,15 @@ def link_shapes(
     if outward is None:
         outward = free_sides(mechanism, {GROUND: GROUND_POSE, **mechanism.guess})
     canvas = Canvas(mechanism, dict(travel or {}), dict(outward))
-    for link in mechanism.links:
-        _body(canvas, link.name)
-    bodies = {link.name for link in mechanism.links if link.is_body or len(mechanism.ends(link.name)) > 1}
+    hidden = hidden_links(mechanism)
+    bodies = [link.name for link in mechanism.links if link.name not in hidden]
+    for link in bodies:
+        _body(canvas, link)
     for joint in mechanism.joints:
-        # the parameter of a curve moves nothing
         if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
     draw_gears(canvas)
+    draw_contacts(canvas)
     return canvas.out
 
 

@@ -1,0 +1,54 @@
+"""Curves, profiles of cams and the rollers on them."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from mechsim.model.cams import Cam
+from mechsim.model.contacts import Contact
+from mechsim.model.joints import End
+from mechsim.model.links import GROUND, VIRTUAL_PREFIX
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+from mechsim.shapes.body import Canvas, upright_end
+from mechsim.shapes.shape import HOUSING, STEEL
+
+# chords of a drawn curve
+CHORDS = 90
+
+
+def hidden_links(mechanism: Mechanism) -> set[str]:
+    """Return the massless links of contacts, which are equations and no bodies."""
+    ends = ("", ".guide", ".s")
+    return {f"{VIRTUAL_PREFIX}{name}{end}" for name in mechanism.contacts for end in ends}
+
+
+def draw_contacts(canvas: Canvas) -> None:
+    """Draw each curve and profile of a cam on its link, and the roller on the link that follows it."""
+    for name, contact in canvas.mechanism.contacts.items():
+        colour = canvas.colours.get(contact.carrier, HOUSING)
+        points = _points(canvas.mechanism.joint(name).a, contact)
+        if canvas.normals:
+            points = points + canvas.level(contact.carrier) * canvas.normals[contact.carrier]
+        for frm, to in pairwise(points):
+            canvas.add(contact.carrier, "capsule", frm, to, 0.6 * canvas.r, colour)
+        end = canvas.mechanism.joint(contact.force_joint).b
+        radius = contact.shape.radius if isinstance(contact.shape, Cam) else abs(contact.shape.offset)
+        if radius and end.link != GROUND:
+            upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+            height = canvas.level(contact.carrier) if canvas.normals else 0.0
+            canvas.disc(end.link, upright, height - 0.6 * canvas.r, height + 0.6 * canvas.r, radius, STEEL)
+
+
+def _points(end: End, contact: Contact) -> Array:
+    """Return points of a curve without its offset, or of a profile, in its link's frame, (n, 3) in [m]."""
+    shape = contact.shape
+    if isinstance(shape, Cam):
+        profile = shape.contact(np.linspace(0.0, REVOLUTION, CHORDS + 1))
+        x, y = profile.in_cam(profile.point)
+        # the joint rotates about minus the axis of the cam
+        return np.asarray(end.point) + np.stack([x, -y, 0.0 * x], -1) @ end.frame.T
+    s = np.linspace(*shape.interval, CHORDS + 1)
+    axes = [axis(s)[0] + 0.0 * s for axis in shape.axes]
+    return np.stack([*axes, 0.0 * s][:3], -1)
