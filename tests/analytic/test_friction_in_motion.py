@@ -11,6 +11,8 @@ import mechsim as ms
 from mechsim import dynamics
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.cli import main
+from mechsim.model.forces import Forces, Friction
+from mechsim.model.motors import ConstantTorque
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.studies.dynamics_check import crosscheck_forward
 
@@ -342,3 +344,31 @@ def test_mujoco_converges_with_the_square_of_the_step(file):
         errors.append(np.abs(stepped.motion.joints["crank"].value - run.motion.joints["crank"].value).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.1)
+
+
+PIN = {"coefficient": 0.15, "pin_radius": 4e-3}
+OTHERS = {
+    "four_bar": (
+        Forces(
+            friction=tuple(Friction(name, **PIN) for name in ("crank", "A", "B", "rocker")),
+            motor=ConstantTorque(0.05),
+            flywheel=1e-4,
+        ),
+        {"crank.v": 20.0},
+    ),
+    "rrsrr": (Forces(friction=(Friction("S", **PIN),)), {"crank.v": 40.0}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_runs_under_friction_by_the_load_agree_with_mujoco(name):
+    forces, initial = OTHERS[name]
+    model = dynamics.dynamic_model(ms.catalog.make(name), forces)
+    run = ms.dynamics.run(model, initial=initial, duration=0.03, samples=12)
+    assert run.energy_error <= 1e-12
+    verdict = crosscheck_forward(run, model, initial_values(model, initial))
+    assert verdict.passed, verdict
+    other = tuple(replace(friction, coefficient=0.16) for friction in forces.friction)
+    wrong = model.with_forces(replace(forces, friction=other))
+    assert not crosscheck_forward(run, wrong, initial_values(wrong, initial)).passed
