@@ -202,6 +202,8 @@ class EquationsOfMotion:
         free = with_locked_rows(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
         return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias, activation)
 
+    # whoever asks for the accelerations reports forces that are not finite
+    @np.errstate(over="ignore", invalid="ignore")
     def accelerate(
         self,
         state: Kinematics,
