@@ -70,7 +70,8 @@ def test_parts_that_are_not_read_are_reported(run, arguments):
     assert "did you mean 'motor'" in shown.err
 
 
-def test_a_controller_that_is_not_finite_is_one_line(run, recwarn):
+@pytest.mark.parametrize("rate", ["0", "1"])
+def test_a_controller_that_is_not_finite_is_one_line(run, recwarn, rate):
     with np.errstate(all="warn", under="ignore"):
         code, shown = run(
             [
@@ -78,7 +79,7 @@ def test_a_controller_that_is_not_finite_is_one_line(run, recwarn):
                 "forward",
                 "four_bar",
                 "--initial",
-                "crank.v=1",
+                f"crank.v={rate}",
                 "--duration",
                 "0.1s",
                 "--controller",
