@@ -31,7 +31,7 @@ def exact_derivatives(function, linkage, parameter, angle):
     name, _, axis = parameter.partition(".")
 
     def moved(value, time):
-        own = {item: getattr(linkage, item) for item in linkage.__dataclass_fields__}
+        own = {item: getattr(linkage, item) for item in linkage.parameters}
         own[name] = value
         if axis:
             own[name] = list(getattr(linkage, name))

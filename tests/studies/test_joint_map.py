@@ -1,6 +1,7 @@
 """Maps from motors to joints against closed forms; loop equations reject wrong maps."""
 
 import json
+from dataclasses import replace
 
 import mpmath
 import mujoco
@@ -53,7 +54,7 @@ def test_reported_polynomial_errors_hold_between_grid_points(four_bar):
 def test_loop_equations_accept_a_map_and_reject_a_wrong_one(four_bar):
     assert compare_with_loop_equations(four_bar, "four_bar").passed
     for name in ("output", "jacobian", "jacobian_derivative"):
-        wrong = four_bar.with_parameters(**{name: getattr(four_bar, name) + 1e-8})
+        wrong = replace(four_bar, **{name: getattr(four_bar, name) + 1e-8})
         assert not compare_with_loop_equations(wrong, "four_bar").passed
     longer = compare_with_loop_equations(four_bar, "four_bar", {"crank": "31mm"})
     assert not longer.passed
@@ -63,7 +64,7 @@ def test_loop_equations_accept_a_map_and_reject_a_wrong_one(four_bar):
 def test_loop_equations_reject_a_wrong_point_or_rotation(four_bar, column):
     wrong = four_bar.output.copy()
     wrong[:, column] += 1e-8
-    assert not compare_with_loop_equations(four_bar.with_parameters(output=wrong), "four_bar").passed
+    assert not compare_with_loop_equations(replace(four_bar, output=wrong), "four_bar").passed
 
 
 def test_differences_that_are_no_numbers_are_no_agreement():
