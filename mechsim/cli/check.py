@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict
 
 import typer
@@ -10,7 +11,7 @@ import typer
 from mechsim._version import __version__
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.output import in_colour, print_json, print_table, wrapped
-from mechsim.cli.output_paths import writable
+from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.findings.rule_table import RULES
@@ -43,7 +44,9 @@ def check_files(
         None, "Apply only these rules; MS1 selects all that begin with it.", metavar="RULE,..."
     ),
     ignore: str | None = option(None, "Omit these rules.", metavar="RULE,..."),
-    fix: str | None = option(None, "Write a repaired copy of the file.", metavar="OUT"),
+    fix: Annotated[
+        str | None, output_file("Write a repaired copy of the file.", ".xml", name="--fix", metavar="OUT")
+    ] = None,
     output_format: str = option("text", "Format of the findings.", metavar="text|json|github|sarif"),
     target: str | None = option(None, "Also report what this format cannot express.", metavar="urdf"),
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE"),
@@ -67,7 +70,6 @@ def check_files(
         raise InputError(
             f"--loops closes the loops of one file, and there are {len(models)}; check them one by one"
         )
-    path = None if fix is None else writable(fix, ".xml")
     codes = [text.split(",") if text else [] for text in (select, ignore)]
     violations = check_each(models, select=codes[0], ignore=codes[1], target=target, loops=loops)
     rejected = [violation.file for violation in violations if violation.rule == "MS100"]
@@ -80,9 +82,9 @@ def check_files(
         "findings": violations,
     }
     repaired: list[str] = []
-    if path is not None:
-        copy, repaired = fixed_copy(models[0], path, violations)
-        with atomic_path(path) as unfinished:
+    if fix is not None:
+        copy, repaired = fixed_copy(models[0], Path(fix), violations)
+        with atomic_path(fix) as unfinished:
             unfinished.write_text(copy, encoding="utf-8", newline="")
         data["fixed"] = fix
     if explain_equalities:
@@ -92,7 +94,7 @@ def check_files(
         _print(violations, output_format, data)
         for model, rows in equalities.items() if output_format == "text" else ():
             _print_stiffness(model, rows)
-        if path is not None:
+        if fix is not None:
             typer.echo(
                 f"wrote {fix}, repaired: {', '.join(repaired) or 'nothing'}", err=output_format != "text"
             )

@@ -35,7 +35,7 @@ class CompileJson(TypedDict):
 def compile_solver(
     options: Annotated[ModelOptions, Without("duration")],
     *,
-    output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.")],
+    output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.", ".h", ".js")],
     test: str | None = option(
         None, "Also write a test that checks and times the solver.", metavar="FILE.c|FILE.js"
     ),
@@ -51,7 +51,7 @@ def compile_solver(
     mechsim compile rssr -o rssr.h --test rssr_test.c
     mechsim compile leg.toml -o leg.js --certify
     """
-    path = writable(output, ".h", ".js")
+    path = Path(output)
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")

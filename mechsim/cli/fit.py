@@ -1,7 +1,6 @@
 """Command `mechsim fit`: dimensions from measured motion, with their uncertainty."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, TypedDict
 
 import numpy as np
@@ -11,7 +10,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.studies.calibration import Fit, fit_dimensions
@@ -89,7 +88,8 @@ def fit(
     options: FitOptions,
     stated: Stated,
     output: Annotated[
-        str | None, output_file("Result to write: .json, or residuals as .csv or .npz.")
+        str | None,
+        output_file("Result to write: .json, or residuals as .csv or .npz.", ".json", ".csv", ".npz"),
     ] = None,
 ) -> Result[FitJson]:
     """Identify dimensions from measured motion, with their uncertainty; report which are indistinguishable.
@@ -102,7 +102,6 @@ def fit(
     mechsim fit arm.toml --to measured.csv --vary reach --offset -o fit.json
     """
     table = options.table_path()
-    path = None if output is None else writable(output, ".json", ".csv", ".npz")
     parametric = source.load_parametric()
     solver = parametric.make({})
     measured = measured_of(files.read(table), solver, table)
@@ -111,8 +110,8 @@ def fit(
     with progress("fit", None) as report:
         result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
     data = _as_dict(result, measured, output)
-    if path is not None:
-        _write(path, result, measured, data)
+    if output is not None:
+        _write(output, result, measured, data)
     return Result(data, lambda: _print(result, measured), result.outcome == "fitted", [output])
 
 
@@ -137,8 +136,8 @@ def _crank_speed(requested: str | None, measured: MeasuredMotion, solver: Kinema
     return speed
 
 
-def _write(path: Path, result: Fit, measured: MeasuredMotion, data: FitJson) -> None:
-    if path.suffix.lower() == ".json":
+def _write(path: str, result: Fit, measured: MeasuredMotion, data: FitJson) -> None:
+    if path.lower().endswith(".json"):
         files.write_json(path, data)
         return
     table = {result.moved.over[0]: measured.over}

@@ -29,7 +29,7 @@ from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.finding import Outcome
@@ -118,8 +118,8 @@ class ForwardOptions(InitialOptions):
     method: str = option(
         "step", "Whether MuJoCo checks the run: step integrates it too, none omits it.", metavar="step|none"
     )
-    output: Annotated[str | None, output_file("Table of all quantities to write: .csv or .npz.")] = None
-    plot: str | None = option(None, "Draw coordinates and energies: .svg, .pdf or .png.", metavar="FILE")
+    output: Annotated[str | None, table_file("Table of all quantities to write")] = None
+    plot: Annotated[str | None, plot_file("Draw coordinates and energies")] = None
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
@@ -130,10 +130,6 @@ class ForwardOptions(InitialOptions):
             require_turns(self.turns)
             if self.until is not None:
                 raise InputError("--turns and --until both end the run; drop one of them")
-        if self.output is not None:
-            writable(self.output, ".csv", ".npz")
-        if self.plot is not None:
-            writable(self.plot, ".svg", ".pdf", ".png")
 
 
 # duration in [s] above which a run states its work budget at once

@@ -38,7 +38,7 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.force_record import Fluctuation
@@ -97,8 +97,8 @@ class InverseOptions:
         "norm.",
         metavar="J[=WEIGHT],...",
     )
-    output: Annotated[str | None, output_file("Table of all quantities to write: .csv or .npz.")] = None
-    plot: str | None = option(None, "Draw all quantities: .svg, .pdf or .png.", metavar="FILE")
+    output: Annotated[str | None, table_file("Table of all quantities to write")] = None
+    plot: Annotated[str | None, plot_file("Draw all quantities")] = None
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
@@ -106,10 +106,6 @@ class InverseOptions:
         if self.samples is not None:
             require_samples(self.samples)
         require_turns(self.turns)
-        if self.output is not None:
-            writable(self.output, ".csv", ".npz")
-        if self.plot is not None:
-            writable(self.plot, ".svg", ".pdf", ".png")
 
     def actuator_weights(self) -> dict[str, float]:
         """Return the actuators and the weights of their squared torques."""

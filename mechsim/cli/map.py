@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import joint_ranges
 from mechsim.cli.output import Value, print_table, print_text
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.cli.sample import ClosedModelOptions, closed_model
 from mechsim.files import atomic_path
@@ -61,7 +61,7 @@ def map_joints(
     ),
     points: int = option(21, "Grid points along each input."),
     degree: int | None = option(None, "Also fit polynomials of this total degree to the outputs."),
-    output: Annotated[str, output_file("Map to write: .npz.")],
+    output: Annotated[str, output_file("Map to write: .npz.", ".npz")],
 ) -> Result[MapJson]:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
 
@@ -71,7 +71,6 @@ def map_joints(
     mechsim map ankle.xml --from left,right --to pitch,roll -o map.npz
     mechsim map four_bar --from crank=20deg:80deg --to rocker -o map.npz --json
     """
-    path = writable(output, ".npz")
     ranges = joint_ranges("--from", inputs)
     model, options = closed_model(source)
     with progress("map", None) as report:
@@ -79,7 +78,7 @@ def map_joints(
             model, ranges, outputs.split(","), points=points, degree=degree, progress=report, **options
         )
     comparison = compare_with_loop_equations(table, model, **options)
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
+    with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]
     data: MapJson = {
         "output": output,

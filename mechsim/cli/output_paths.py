@@ -37,9 +37,29 @@ def complete_files(incomplete: str) -> list[str]:
     return paths_from(incomplete)
 
 
-def output_file(contents: str) -> Any:
-    """Declare the option for the output file; its help states the contents and the suffixes."""
-    return typer.Option("-o", "--output", metavar="FILE", help=contents, autocompletion=complete_files)
+def output_file(contents: str, *suffixes: str, name: str = "--output", metavar: str = "FILE") -> Any:
+    """Declare an option for a file to write; its help states the contents and the suffixes.
+
+    The path is checked before the command runs; without suffixes the command checks it.
+    """
+
+    def check(context: typer.Context, path: str | None) -> str | None:
+        if path is not None and suffixes and not context.resilient_parsing:
+            writable(path, *suffixes)
+        return path
+
+    names = ("-o", name) if name == "--output" else (name,)
+    return typer.Option(*names, metavar=metavar, help=contents, callback=check, autocompletion=complete_files)
+
+
+def table_file(contents: str) -> Any:
+    """Declare the option for a table to write, as `output_file`."""
+    return output_file(f"{contents}: .csv or .npz.", ".csv", ".npz")
+
+
+def plot_file(contents: str, name: str = "--plot") -> Any:
+    """Declare an option for a plot to write, as `output_file`."""
+    return output_file(f"{contents}: .svg, .pdf or .png.", ".svg", ".pdf", ".png", name=name)
 
 
 def writable(path: str, *extensions: str) -> Path:

@@ -11,7 +11,7 @@ from mechsim.cli.load_options import (
     released_model,
 )
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import plot_file
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.pictures import plots
@@ -47,7 +47,7 @@ class PlotJson(Written):
 @command
 def plot(
     source: ModelOptions,
-    output: Annotated[str, output_file("Plot to write: .svg, .pdf or .png.")],
+    output: Annotated[str, plot_file("Plot to write", "--output")],
     options: PlotOptions,
     initial: InitialOptions,
     stated: Stated,
@@ -64,8 +64,6 @@ def plot(
     mechsim plot sweep.nc --kind map --of range:rocker -o map.png
     mechsim plot four_bar --kind phase --initial crank.q=30deg -o phase.svg
     """
-    plots.format_of(output)
-    path = writable(output)
     if source.model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
         require_taken("of a sweep", ("coordinates",), options)
         stated.exclude(("sets", "speed", *option_names(DriveOptions)), "on the file of a sweep")
@@ -89,7 +87,7 @@ def plot(
             if not plotted.solver.motion_laws.crank:
                 stated.exclude(["speed"], "under motion laws")
         figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
-    plots.write(path, figure)
+    plots.write(output, figure)
     data: Any = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
     return Result(data, lambda: print_masses(masses), files=[output])
 

@@ -10,7 +10,7 @@ from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, require_distinct
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.reduction.search import Reduction
@@ -65,7 +65,7 @@ def reduce(
     ),
     driven: Annotated[DriveOptions, Without("loops")],
     controls: ControlOptions,
-    output: Annotated[str, output_file("Reduced scene to write: .xml.")],
+    output: Annotated[str, output_file("Reduced scene to write: .xml.", ".xml")],
 ) -> Result[ReduceJson]:
     """Remove from a scene what the motion of its tracked points does not need.
 
@@ -74,7 +74,6 @@ def reduce(
     mechsim reduce leg.xml --by torque --tolerance 0.01 -o reduced.xml
     """
     require_mjcf(model)
-    path = writable(output, ".xml")
     require_distinct("--ctrl", controls.ctrl)
     with progress("reduce", None) as report:
         result = reduce_model(
@@ -82,7 +81,7 @@ def reduce(
             tolerance,
             by=by,
             ctrl=dict(controls.ctrl),
-            output=path,
+            output=output,
             progress=report,
             **driven.as_arguments(),
         )

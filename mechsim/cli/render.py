@@ -21,7 +21,7 @@ from mechsim.cli.load_options import (
 )
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import number
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
@@ -113,7 +113,11 @@ class RenderJson(Written):
 def render(
     source: ModelOptions,
     output: Annotated[
-        str, output_file("Picture or animation to write: .png, .mp4, .webm, .gif, or a new folder.")
+        str,
+        output_file(
+            "Picture or animation to write: .png, .mp4, .webm, .gif, or a new folder.",
+            *(".png", ".mp4", ".webm", ".gif", ""),
+        ),
     ],
     animation: AnimationOptions,
     look: Look,
@@ -131,7 +135,7 @@ def render(
     mechsim render four_bar -o mode.mp4 --mode 1 --initial crank.q=-95deg
     """
     picture = output.endswith(".png")
-    path = writable(output, ".png", ".mp4", ".webm", ".gif", "")
+    path = Path(output)
     _check(stated, output, animation, look)
     if release.requested:
         exclude_without_effect(stated, release)

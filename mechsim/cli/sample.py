@@ -9,7 +9,7 @@ import typer
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ModelOptions, changed_parameters
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
@@ -42,7 +42,7 @@ def sample(
     source: ClosedModelOptions,
     *,
     n: int = option(MISSING, "Number of states.", name="-n"),
-    output: Annotated[str, output_file("States to write: .npz.")],
+    output: Annotated[str, output_file("States to write: .npz.", ".npz")],
     seed: int = option(0, "Seed of the random numbers."),
 ) -> Result[SampleJson]:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
@@ -51,13 +51,12 @@ def sample(
     mechsim sample ankle.xml -n 4096 -o states.npz
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
-    path = writable(output, ".npz")
     model, options = closed_model(source)
     with progress("sample", None) as report:
         states = closed_configurations.sample(
             model, n, seed, progress=report, lock_others=source.lock_others, **options
         )
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
+    with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
     data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}
     text = f"{n} states, {states.accepted:.1%} of draws accepted, worst residual {data['worst_residual']:.2g}"

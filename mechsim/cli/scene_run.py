@@ -1,7 +1,5 @@
 """Run of a user's MJCF scene under controls, compared with its exact closure."""
 
-from pathlib import Path
-
 import typer
 
 from mechsim import files
@@ -23,7 +21,7 @@ def run_under_controls(
     plain: PlainSettings,
     requested: float | None,
     samples: int | None,
-    path: Path | None,
+    output: str | None,
 ) -> Result[RunJson]:
     """Step a user's MJCF scene unchanged under its controls, and compare it with its exact closure.
 
@@ -32,7 +30,7 @@ def run_under_controls(
         plain: settings that change those of the file.
         requested: tolerance on closure in [m]; None for `POSITION_TOLERANCE` of the size.
         samples: number of rows; None for all.
-        path: file of the motion; None writes none.
+        output: file of the motion; None writes none.
     """
     tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
     violation = _start_violation(scene, tolerance)
@@ -42,9 +40,8 @@ def run_under_controls(
         run = sampled_run(run, samples)
     outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
     note = divergence_reason(run) if run.broken else violation
-    output = None if path is None else str(path)
-    if path is not None:
-        files.write_table(path, table_of(run))
+    if output is not None:
+        files.write_table(output, table_of(run))
 
     def text() -> None:
         if run.broken:

@@ -26,7 +26,7 @@ from mechsim import files
 from mechsim.cli.command import Result, command, data_type
 from mechsim.cli.motion_warnings import AccuracyWarning
 from mechsim.cli.output import print_json
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
@@ -136,7 +136,9 @@ def schema(
         list[str] | None,
         typer.Argument(metavar="[COMMAND]", help="Command whose --json output is described."),
     ] = None,
-    output: Annotated[str | None, output_file("Schema to write: .json. Default: the terminal.")] = None,
+    output: Annotated[
+        str | None, output_file("Schema to write: .json. Default: the terminal.", ".json")
+    ] = None,
 ) -> Result[dict[str, Any]]:
     """Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.
 
@@ -154,5 +156,5 @@ def schema(
     result = toml_schema() if name is None else output_schema(name)
     if output is None:
         return Result(result, lambda: print_json(result))
-    files.write_json(writable(output, ".json"), result)
+    files.write_json(output, result)
     return Result({"output": output})

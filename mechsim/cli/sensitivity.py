@@ -11,7 +11,7 @@ from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError
@@ -74,9 +74,7 @@ class SensitivityOptions:
     )
     samples: int = option(SAMPLES, "Random mechanisms of the Monte Carlo check; 0 omits it.")
     seed: int = option(SEED, "Seed of the random numbers.")
-    plot: str | None = option(
-        None, "Draw the derivatives, or the tolerance bands: .svg, .pdf or .png.", metavar="FILE"
-    )
+    plot: Annotated[str | None, plot_file("Draw the derivatives, or the tolerance bands")] = None
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
@@ -126,7 +124,7 @@ def sensitivity(
     source: ModelOptions,
     options: SensitivityOptions,
     stated: Stated,
-    output: Annotated[str | None, output_file("Table of derivatives to write: .csv or .npz.")] = None,
+    output: Annotated[str | None, table_file("Table of derivatives to write")] = None,
 ) -> Result[SensitivityJson]:
     """Differentiate quantities by dimensions, exactly; propagate tolerances and rank their contributions.
 
@@ -140,8 +138,6 @@ def sensitivity(
     options.check()
     if options.tolerances is None:
         stated.exclude(["distribution", "samples", "seed"], "without --tolerances")
-    path = None if output is None else writable(output, ".csv", ".npz")
-    plot_path = None if options.plot is None else writable(options.plot, ".svg", ".pdf", ".png")
     parametric = source.load_parametric()
     solver = parametric.make({})
     if not solver.motion_laws.crank:
@@ -166,10 +162,10 @@ def sensitivity(
             study = tolerance_study(
                 table, tolerances, samples=options.samples, seed=options.seed, progress=report
             )
-    if path is not None:
-        files.write_table(path, dict(table.columns()) | dict(() if study is None else study.columns()))
-    if plot_path is not None:
-        plots.write(plot_path, _drawn(table, study))
+    if output is not None:
+        files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
+    if options.plot is not None:
+        plots.write(options.plot, _drawn(table, study))
     masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
 
     def text() -> None:

@@ -15,7 +15,7 @@ from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
 from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, scene_of, with_policy
 from mechsim.cli.output import Units, in_units, number, output_units, print_text
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import RunJson
 from mechsim.cli.verdict_text import (
@@ -105,7 +105,7 @@ def simulate(
     cut: str | None = option(None, "Joints at which the loops are cut."),
     change_point: ChangePointOption = None,
     units: Units = None,
-    output: Annotated[str | None, output_file("Motion to write: .csv or .npz.")] = None,
+    output: Annotated[str | None, table_file("Motion to write")] = None,
 ) -> Result[RunJson]:
     """Run a mechanism in MuJoCo under a driven crank, or under motion laws of its drivers.
 
@@ -113,7 +113,7 @@ def simulate(
     mechsim simulate four_bar --speed 600rpm --turns 2 --tolerance 1um
     mechsim simulate gripper.xml --ctrl 'fingers=120*sin(t)' -o run.csv
     """
-    path, settings = None if output is None else writable(output, ".csv", ".npz"), setting.stated()
+    settings = setting.stated()
     if controls.ctrl:
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
         from mechsim.cli.scene_run import run_under_controls
@@ -121,10 +121,10 @@ def simulate(
         stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
         controlled = user_scene(source.model, source, controls)
         plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
-        return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, path)
+        return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, output)
     if options.method == "pose":
         stated.exclude(OF_STEPS, "with --method pose, which takes no steps")
-    stated.exclude(["units"] if path is None else [], "without -o")
+    stated.exclude(["units"] if output is None else [], "without -o")
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
     motion = _motion(solver, options, stated)
@@ -137,10 +137,10 @@ def simulate(
     findings = scene_findings(solver, laws)
     few = None if motion is None or run.motion.broken else loss_of_significance(solver, run.motion)
     # the file is written last, so that invalid input writes nothing
-    if path is not None:
+    if output is not None:
         joints = with_all_joints(solver.mechanism, run.motion)
         table = joints if motion else Poses(joints)
-        files.write_table(path, in_units(table.columns(), joints.column_units(), shown))
+        files.write_table(output, in_units(table.columns(), joints.column_units(), shown))
 
     method, unit = ("solved poses",) * 2 if run.method == "pose" else ("stepped", "time steps")
 

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, TypedDict, cast
 
 import numpy as np
@@ -30,7 +29,7 @@ from mechsim.cli.output import (
     print_table,
     without_noise,
 )
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
@@ -124,7 +123,7 @@ def solve(
     stated: Stated,
     change_point: ChangePointOption = None,
     units: Units = None,
-    output: Annotated[str | None, output_file("Motion to write: .csv or .npz.")] = None,
+    output: Annotated[str | None, table_file("Motion to write")] = None,
     as_json: JSON_OPTION = False,
 ) -> Result[SolveJson] | None:
     """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table.
@@ -133,24 +132,23 @@ def solve(
     mechsim solve four_bar --angles 0:360:5deg --speed 300rpm -o motion.csv
     mechsim solve arm.xml --drive 'left=30deg*sin(2*pi*t)' --samples 101
     """
-    path = None if output is None else writable(output, ".csv", ".npz")
-    if as_json and path is None:
+    if as_json and output is None:
         stated.exclude(["units"], "with --json, which is in SI, without -o")
     solver = with_policy(source.load(), change_point)
     if options.poses is not None:
         options.check(solver, stated)
         poses = poses_of_table(solver, files.read(options.poses), options.poses)
-        return _whole(solver, poses, path, output_units(units, solver))
+        return _whole(solver, poses, output, output_units(units, solver))
     require_motion(solver)
     options.check(solver, stated)
     task, shown = _task(solver, options), output_units(units, solver)
-    in_terminal = path is None and sys.stdout.isatty()
-    if as_json or in_terminal or (path is not None and path.suffix.lower() == ".npz"):
+    in_terminal = output is None and sys.stdout.isatty()
+    if as_json or in_terminal or (output or "").lower().endswith(".npz"):
         number_bytes = JSON_BYTES if as_json else NPZ_BYTES
         remedy = "write .csv, which needs no memory"
         require_memory(task.name, len(task.instants) * task.numbers, number_bytes, remedy)
-        return _whole(task.solver, task.motion_at(task.instants), path, shown)
-    _in_chunks(task, path, shown)
+        return _whole(task.solver, task.motion_at(task.instants), output, shown)
+    _in_chunks(task, output, shown)
     return None
 
 
@@ -176,29 +174,29 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
 
 
 def _whole(
-    solver: KinematicSolver, motion: Motion | Poses, path: Path | None, shown: OutputUnits | None
+    solver: KinematicSolver, motion: Motion | Poses, output: str | None, shown: OutputUnits | None
 ) -> Result[SolveJson]:
     """Write a motion that is in memory, and return it as the result."""
     few = loss_of_significance(solver, motion) if isinstance(motion, Motion) else None
-    if path is not None:
-        files.write_table(path, in_units(motion.columns(), motion.column_units(), shown))
+    if output is not None:
+        files.write_table(output, in_units(motion.columns(), motion.column_units(), shown))
 
     def text() -> None:
         if few is not None:
             few.warn()
-        if path is not None:
-            typer.echo(f"wrote {len(motion)} rows to {path}")
+        if output is not None:
+            typer.echo(f"wrote {len(motion)} rows to {output}")
         elif sys.stdout.isatty():
             _print_table(solver.name, in_units(motion.columns(), motion.column_units(), shown or SI_UNITS))
         else:
             _print_csv([in_units(motion.columns(), motion.column_units(), shown)])
 
-    data = {"mechanism": solver.name, "rows": len(motion), "output": None if path is None else str(path)}
+    data = {"mechanism": solver.name, "rows": len(motion), "output": output}
     data |= {"columns": dict(motion.columns()), "few_digits": few}
     return Result(cast("SolveJson", data), text)
 
 
-def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) -> None:
+def _in_chunks(task: SolveTask, output: str | None, shown: OutputUnits | None) -> None:
     """Write or print a motion as .csv chunk by chunk, in constant memory."""
     instants, fewest = task.instants, list[AccuracyWarning]()
     # a motion that has no solution as a whole fails before a row is written
@@ -212,15 +210,15 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
             report()
 
     with progress("solve", -(-len(instants) // CHUNK)) as report:
-        if path is None:
+        if output is None:
             _print_csv(chunks())
         else:
-            files.write_tables(path, chunks())
+            files.write_tables(output, chunks())
     few = most_severe(*fewest)
     if few is not None:
         few.warn()
-    if path is not None:
-        typer.echo(f"wrote {len(instants)} rows to {path}")
+    if output is not None:
+        typer.echo(f"wrote {len(instants)} rows to {output}")
 
 
 def _print_csv(tables: Iterable[Mapping[str, Array]]) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, TypedDict
 
 import numpy as np
@@ -22,7 +21,7 @@ from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
 from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
@@ -122,7 +121,7 @@ def statics(
     loads: LoadOptions,
     initial: InitialConfiguration,
     verbose: Verbose = False,
-    output: Annotated[str | None, output_file("Table of the equilibria to write: .csv or .npz.")] = None,
+    output: Annotated[str | None, table_file("Table of the equilibria to write")] = None,
     assemblies: int = option(0, "Also search from N random configurations of any assembly.", metavar="N"),
     method: str = option("pose", "Whether MuJoCo checks the equilibria: pose, or none.", metavar="pose|none"),
 ) -> Result[StaticsJson]:
@@ -135,7 +134,6 @@ def statics(
     mechsim dynamics statics four_bar --gravity 0,0,-9.81 --json
     """
     require_method(method, "pose", "none")
-    path = _written_paths(output, None)
     model, state = loads.dynamic_model(source.load(still=True)), dict(initial.initial)
     mechanism, solutions = model.mechanism, equilibria(model, initial=state, assemblies=assemblies)
     verdicts = {
@@ -144,11 +142,11 @@ def statics(
         # a structure without degrees of freedom has nothing to compare
         if method != "none" and not equilibrium.singular and len(equilibrium.linear.roots.values)
     }
-    if path is not None:
+    if output is not None:
         names = list(solutions[0].q) if solutions else []
         columns = {f"{name}.q": np.array([item.q[name] for item in solutions]) for name in names}
         columns["potential"] = np.array([item.potential for item in solutions])
-        files.write_table(path, columns)
+        files.write_table(output, columns)
     torques = holding(model, initial=state) if state else {}
     ranges = holding_range(model, initial=state) if state else {}
 
@@ -261,8 +259,8 @@ def modes(
     source: AtRest,
     loads: LoadOptions,
     initial: InitialConfiguration,
-    output: Annotated[str | None, output_file("Table of the modes to write: .csv or .npz.")] = None,
-    plot: str | None = option(None, "Draw the mode shapes: .svg, .pdf or .png.", metavar="FILE"),
+    output: Annotated[str | None, table_file("Table of the modes to write")] = None,
+    plot: Annotated[str | None, plot_file("Draw the mode shapes")] = None,
 ) -> Result[ModesJson]:
     """Compute natural frequencies, damping ratios and mode shapes about an equilibrium.
 
@@ -272,12 +270,11 @@ def modes(
     mechsim dynamics modes four_bar --initial crank.q=-95deg
     mechsim dynamics modes four_bar --spring crank=3,0.5 --plot modes.svg
     """
-    path = _written_paths(output, plot)
     model = loads.dynamic_model(source.load(still=True))
     equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
     name = model.mechanism.name
-    if path is not None:
-        files.write_table(path, _mode_columns(equilibrium.modes))
+    if output is not None:
+        files.write_table(output, _mode_columns(equilibrium.modes))
     if plot is not None:
         plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
 
@@ -334,8 +331,8 @@ def response(
     ],
     loads: LoadOptions,
     initial: InitialConfiguration,
-    output: Annotated[str | None, output_file("Table of the response to write: .csv or .npz.")] = None,
-    plot: str | None = option(None, "Bode diagram: .svg, .pdf or .png.", metavar="FILE"),
+    output: Annotated[str | None, table_file("Table of the response to write")] = None,
+    plot: Annotated[str | None, plot_file("Bode diagram")] = None,
 ) -> Result[ResponseJson]:
     """Compute the frequency response of a quantity to a load, about an equilibrium.
 
@@ -343,12 +340,11 @@ def response(
     mechsim dynamics response four_bar crank:B.x --initial crank.q=-95deg
     mechsim dynamics response four_bar B.y:B.y --plot bode.svg
     """
-    path = _written_paths(output, plot)
     model = loads.dynamic_model(source.load(still=True))
     result = frequency_response(model, response, dict(initial.initial))
     table = result.columns()
-    if path is not None:
-        files.write_table(path, table)
+    if output is not None:
+        files.write_table(output, table)
     if plot is not None:
         plots.write(plot, plots.bode_plot(table, f"{result.quantity} [{result.unit}]"))
     magnitude, frequency = table["magnitude"], table["frequency"]
@@ -360,10 +356,3 @@ def response(
     )
     data = {"load": result.load, "quantity": result.quantity, "unit": result.unit, "response": table}
     return with_masses(model, Result(data, lambda: print_text(text)))
-
-
-def _written_paths(output: str | None, plot: str | None) -> Path | None:
-    """Return the path of a table; raise InputError or OutputError if it or the plot cannot be written."""
-    if plot is not None:
-        writable(plot, ".svg", ".pdf", ".png")
-    return None if output is None else writable(output, ".csv", ".npz")

@@ -16,7 +16,7 @@ from mechsim.cli.output import (
     print_table,
     print_text,
 )
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
 from mechsim.pictures import plots
@@ -72,8 +72,8 @@ class TraceJson(TypedDict):
 def trace(
     source: Annotated[ModelOptions, Without("duration")],
     stated: Stated,
-    output: Annotated[str | None, output_file("Table of the curves to write: .csv or .npz.")] = None,
-    plot: str | None = option(None, "Plot the curves: .svg, .pdf or .png.", metavar="FILE"),
+    output: Annotated[str | None, table_file("Table of the curves to write")] = None,
+    plot: Annotated[str | None, plot_file("Plot the curves")] = None,
     coordinates: str | None = option(
         None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
     ),
@@ -93,13 +93,9 @@ def trace(
     mechsim trace four_bar --set crank=90mm
     mechsim trace rssr --plot curves.svg --of angle,rocker
     """
-    path = None if output is None else writable(output, ".csv", ".npz")
-    plot_path = None if plot is None else writable(plot)
-    if plot is not None:
-        plots.format_of(plot)
-    elif coordinates is not None:
+    if plot is None and coordinates is not None:
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
-    if path is None:
+    if output is None:
         stated.exclude(["units"] if plot else ["units", "samples"], "without -o")
     if not 2 <= samples <= MAX_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 2 to {MAX_SAMPLES}")
@@ -109,14 +105,14 @@ def trace(
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))
     with progress("trace", None, at_least=True) as report:
         curves = trace_assemblies(solver, starts=starts, seed=seed, progress=report)
-    if path is not None or plot_path is not None:
+    if output or plot:
         tables = curve_tables(curves, samples)
-        if plot_path is not None:
+        if plot is not None:
             table = assembly_table(curves, tables)
-            plots.write(plot_path, plots.assembly_plot(table, over or usual_columns(curves, table)))
-        if path is not None:
+            plots.write(plot, plots.assembly_plot(table, over or usual_columns(curves, table)))
+        if output is not None:
             table = joined(tables)
-            files.write_table(path, in_units(table.items(), _units(curves, table), shown))
+            files.write_table(output, in_units(table.items(), _units(curves, table), shown))
     data: Any = {**trace_record(curves), "output": output, "plot": plot}
     return Result(data, lambda: _print(curves), files=[output, plot])
 

@@ -13,7 +13,7 @@ from mechsim.cli.command import Result, Stated, Without, command, option_names
 from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model
 from mechsim.cli.output import Value, number, print_table, print_text, width
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file, plot_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
@@ -102,8 +102,8 @@ def tradeoff(
     by: str = option(
         "position", "Error that decides: position, velocity, acceleration, angle, loop or drive."
     ),
-    plot: str | None = option(None, "Work-precision plot: .svg, .png or .pdf.", metavar="FILE"),
-    output: Annotated[str | None, output_file("Table of all trials to write: .csv.")] = None,
+    plot: Annotated[str | None, plot_file("Work-precision plot")] = None,
+    output: Annotated[str | None, output_file("Table of all trials to write: .csv.", ".csv")] = None,
 ) -> Result[TradeoffJson]:
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism, and recommend some.
 
@@ -111,8 +111,6 @@ def tradeoff(
     mechsim tradeoff slider_crank --budget 20s --plot precision.svg
     mechsim tradeoff gripper.xml --costs --ctrl fingers=120
     """
-    path = None if output is None else writable(output, ".csv")
-    plot_path = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
     if costs:
         stated.exclude(("sets", "output", "plot", "speed", "budget", "seed", "by"), "with --costs")
         return _costs(source, controls)
@@ -123,10 +121,10 @@ def tradeoff(
     with progress("tradeoff", None) as report:
         subject = _subject(source, crank_speed(speed), timer)
         result = measure_tradeoff(subject, budget=timer, seed=seed, progress=report)
-    if path is not None:
-        write_csv(path, result, by)
-    if plot_path is not None:
-        plots.write(plot_path, work_precision(result, by))
+    if output is not None:
+        write_csv(output, result, by)
+    if plot is not None:
+        plots.write(plot, work_precision(result, by))
     data: dict[str, Any] = result.as_dict(by)
     for row in data["recommended"]:
         point = result.choice(row["limit"], by)

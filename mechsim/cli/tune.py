@@ -11,7 +11,7 @@ from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, require_distinct
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.output_paths import writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.errors import SceneErrors, SceneTrial
@@ -89,14 +89,16 @@ def tune(
     controls: ControlOptions,
     allow: str = option("", f"What may be disabled or softened: {', '.join(ALLOWABLE)}.", metavar="KIND,..."),
     budget: str = option(f"{SECONDS:g}s", "Duration of the search; a bare number is in s."),
-    output: Annotated[
-        str, typer.Option("-o", "--output", metavar="OUT.xml", help="Tuned scene to write: .xml.")
-    ],
-    python: str | None = option(
-        None,
-        "Also write a Python script that runs the scene, with settings that MJCF cannot hold.",
-        metavar="OUT.py",
-    ),
+    output: Annotated[str, output_file("Tuned scene to write: .xml.", ".xml", metavar="OUT.xml")],
+    python: Annotated[
+        str | None,
+        output_file(
+            "Also write a Python script that runs the scene, with settings that MJCF cannot hold.",
+            ".py",
+            name="--python",
+            metavar="OUT.py",
+        ),
+    ] = None,
 ) -> Result[TuneJson]:
     """Find the cheapest settings with which plain MuJoCo satisfies a tolerance on your own scene and motion.
 
@@ -105,8 +107,6 @@ def tune(
     mechsim tune leg.xml --tolerance 1um --by trajectory -o tuned.xml
     """
     require_mjcf(model)
-    path = writable(output, ".xml")
-    script = None if python is None else writable(python, ".py")
     seconds = units.parse_time(budget, "the budget")
     require_distinct("--ctrl", controls.ctrl)
     kinds = [kind.strip() for kind in allow.split(",") if kind.strip()]
@@ -118,8 +118,8 @@ def tune(
             ctrl=dict(controls.ctrl),
             allow=kinds,
             budget=seconds,
-            output=path,
-            python=script,
+            output=output,
+            python=python,
             progress=report,
             **driven.as_arguments(),
         )

@@ -17,7 +17,7 @@ from mechsim.cli.earlier import ChangeJson, compared_with, earlier_checks
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json, print_text
-from mechsim.cli.output_paths import output_folder, writable
+from mechsim.cli.output_paths import output_folder, plot_file
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
     findings_in_json,
@@ -41,7 +41,6 @@ from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Check, Verdict
 
 if TYPE_CHECKING:
-    from mechsim.studies.agreement.agreement import Agreement
     from mechsim.studies.certify.certificate import Certificate
 
 
@@ -74,7 +73,7 @@ class ValidateOptions:
         "own settings.",
     )
     formula: bool = option(True, "Whether to run the formulas that files name, which are Python code.")
-    plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
+    plot: Annotated[str | None, plot_file("Draw the quantity farthest off with --against")] = None
     compare_to: str | None = option(
         None, "Also state what became better or worse since this output of --json.", metavar="EARLIER.json"
     )
@@ -321,7 +320,6 @@ def _against(
 ) -> Result[ValidateJson]:
     """Compare a model with a function or a table, and explain the difference."""
     source = chosen.against or ""
-    draw = None if chosen.plot is None else _agreement_drawing(chosen.plot)
     from mechsim.studies.agreement.agreement import compare_model
 
     tolerance = chosen.tolerance_in_metres
@@ -331,8 +329,12 @@ def _against(
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
     data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}
-    if draw is not None:
-        draw(agreement)
+    if chosen.plot is not None:
+        from mechsim.pictures import plots
+        from mechsim.pictures.plots.motion import agreement_plot
+        from mechsim.report.validation import worst_first
+
+        plots.write(chosen.plot, agreement_plot(worst_first(agreement)[0]))
     if folder is not None:
         from mechsim.report.validation import write_agreement_report
 
@@ -346,17 +348,6 @@ def _against(
         _print_report(chosen.report)
 
     return Result(data, text, agreement.passed)
-
-
-def _agreement_drawing(path: str) -> "Callable[[Agreement], None]":
-    """Return the function that draws the quantity farthest off; raise InputError for an unusable path."""
-    from mechsim.pictures import plots
-    from mechsim.pictures.plots.motion import agreement_plot
-    from mechsim.report.validation import worst_first
-
-    target = writable(path)
-    plots.format_of(target)
-    return lambda agreement: plots.write(target, agreement_plot(worst_first(agreement)[0]))
 
 
 def report_code(solvers: Iterable[KinematicSolver]) -> None:

@@ -19,7 +19,7 @@ from mechsim.cli.load_options import (
     released_model,
 )
 from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric
-from mechsim.cli.output_paths import output_file, writable
+from mechsim.cli.output_paths import output_file
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
@@ -42,7 +42,8 @@ def view(
     release: ReleaseOptions,
     stated: Stated,
     output: Annotated[
-        str | None, output_file("Page to write: .html. Default: a temporary page, opened in the browser.")
+        str | None,
+        output_file("Page to write: .html. Default: a temporary page, opened in the browser.", ".html"),
     ] = None,
     speed: Speed = SPEED,
     up: str | None = option(
@@ -67,7 +68,7 @@ def view(
     from mechsim.studies.certify.certificate import certified_motion
 
     require_axis("--up", up)
-    path = None if output is None else writable(output, ".html")
+    path = None if output is None else Path(output)
     contents = replace(_contents(source, release, stated, speed), up=up)
     if live:
         contents = _live(contents, source, release, speed)

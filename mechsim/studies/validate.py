@@ -32,7 +32,6 @@ from mechsim.studies.agreement.agreement import (
     SPEED,
     Against,
     Agreement,
-    compare,
     compare_model,
     comparison_inputs,
     parametric,
@@ -407,19 +406,10 @@ def validate(
         >>> ms.validate("four_bar", stepped=False).passed
         True
     """
-    if against is not None:
-        return compare(
-            model,
-            against,
-            set=set,
-            drive=drive,
-            duration=duration,
-            speed=speed,
-            tolerance=tolerance,
-            stepped=stepped,
-        )
     crank_speed, limit = comparison_inputs(speed, tolerance)
-    designs = parametric(with_formulas(model), set, drive, duration)
+    designs = parametric(with_formulas(model) if against is None else model, set, drive, duration)
+    if against is not None:
+        return compare_model(designs, against, speed=crank_speed, tolerance=limit, stepped=stepped)
     return case_of(designs, speed=crank_speed, quick=not stepped, tolerance=limit)
 
 

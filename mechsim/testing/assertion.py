@@ -12,7 +12,13 @@ from typing import Any
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
-from mechsim.studies.agreement.agreement import SPEED, Agreement, compare
+from mechsim.studies.agreement.agreement import (
+    SPEED,
+    Agreement,
+    compare_model,
+    comparison_inputs,
+    parametric,
+)
 from mechsim.studies.validate import validate
 from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.readers import load
@@ -54,9 +60,9 @@ def assert_agrees(
     """
     __tracebackhide__ = True
     source = str(model) if isinstance(model, Path) else model
-    agreement = compare(
-        source, formula, set=set, drive=drive, duration=duration, speed=speed, tolerance=tolerance
-    )
+    crank_speed, limit = comparison_inputs(speed, tolerance)
+    designs = parametric(source, set, drive, duration)
+    agreement = compare_model(designs, formula, speed=crank_speed, tolerance=limit)
     running = RUNNING.get()
     if running is not None:
         _record(running, agreement)

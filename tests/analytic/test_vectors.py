@@ -9,7 +9,6 @@ from strategies import EPS, branches, lengths, offsets, turns
 
 import mechsim as ms
 from mechsim.analytic.vector_method import vectors
-from mechsim.studies.agreement.agreement import compare
 
 triples = st.tuples(offsets, offsets, offsets).map(lambda v: 100.0 * np.array(v))
 
@@ -85,7 +84,7 @@ def formula_of_the_spatial_four_bar(sign):
 
 @pytest.mark.parametrize(("sign", "outcome"), [(-1, "passed"), (1, "failed")])
 def test_a_users_formula_is_built_from_the_operations(sign, outcome):
-    result = compare("rssr", formula_of_the_spatial_four_bar(sign), tolerance=1e-15, stepped=False)
+    result = ms.validate("rssr", formula_of_the_spatial_four_bar(sign), tolerance=1e-15, stepped=False)
     assert result.outcome == outcome
 
 

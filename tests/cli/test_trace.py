@@ -72,7 +72,7 @@ REJECTED = {
     "no samples": (("--samples", "0", "-o", "a.csv"), "0 samples of a curve; give 2 to"),
     "starts below none": (("--starts", "-1"), "starts of a trace: -1; give a whole number"),
     "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; choose from .csv, .npz"),
-    "unknown plot": (("--plot", "a.txt"), "its extension is not one of"),
+    "unknown plot": (("--plot", "a.txt"), "'a.txt' ends in .txt; choose from .svg, .pdf, .png"),
     "cannot assemble": (("--set", "ground=300mm"), "the loops close at no crank angle"),
 }
 

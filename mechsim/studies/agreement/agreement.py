@@ -136,40 +136,6 @@ class Agreement:
     __repr__ = first_lines
 
 
-def compare(
-    model: Any,
-    against: Against | None = None,
-    *,
-    set: Mapping[str, str | float] | None = None,
-    drive: Mapping[str, str | State] | None = None,
-    duration: str | float | None = None,
-    speed: float | str = SPEED,
-    tolerance: float | str | None = None,
-    stepped: bool = True,
-) -> Agreement:
-    """Compare a model with a formula or a table, and find the cause of a difference.
-
-    Args:
-        model: as `load` takes it, or a parametric model, whose parameters are suspects of a difference.
-        against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
-            that the model's file names. The function is run.
-        set: parameter -> value, as for `load`.
-        drive: coordinate -> motion law, as for `load`.
-        duration: of the motion laws, as for `load`.
-        speed: of a crank, in [rad/s], or text, as "600rpm".
-        tolerance: on positions, in [m] or text, as "10um"; other quantities scale with it. None takes 1e-8
-            of the workspace, and rounding for the formula that the model's file names.
-        stepped: whether MuJoCo also steps the model, to attribute the error of a run to its sources.
-
-    Raises:
-        InputError: for a model, a function or a table that cannot be used.
-        AssemblyError: if the loops do not close.
-    """
-    crank_speed, limit = comparison_inputs(speed, tolerance)
-    designs = parametric(model, set, drive, duration)
-    return compare_model(designs, against, speed=crank_speed, tolerance=limit, stepped=stepped)
-
-
 def comparison_inputs(speed: float | str, tolerance: float | str | None) -> tuple[float, float | None]:
     """Return a crank speed in [rad/s] and a tolerance in [m], from numbers or text."""
     crank_speed, limit = si(speed, "rad/s", "the speed"), si(tolerance, "m", "the tolerance")
@@ -188,7 +154,21 @@ def compare_model(
     tolerance: float | None = None,
     stepped: bool = True,
 ) -> Agreement:
-    """Compare a parametric model with a formula or a table; arguments as for `compare`."""
+    """Compare a parametric model with a formula or a table, and find the cause of a difference.
+
+    Args:
+        designs: the model; its parameters are suspects of a difference.
+        against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
+            that the model's file names. The function is run.
+        speed: of a crank, in [rad/s].
+        tolerance: on positions, in [m]; other quantities scale with it. None takes 1e-8 of the workspace, and
+            rounding for the formula that the model's file names.
+        stepped: whether MuJoCo also steps the model, to attribute the error of a run to its sources.
+
+    Raises:
+        InputError: for a model, a function or a table that cannot be used.
+        AssemblyError: if the loops do not close.
+    """
     source, evaluation, candidates, ask = _candidates(designs.make({}), against, speed)
     exact = against is None
     result = agreement(
@@ -269,7 +249,7 @@ def parametric(
     drive: Mapping[str, str | State] | None,
     duration: str | float | None,
 ) -> DesignFamily:
-    """Return a model with the dimensions that may change; arguments as for `compare`."""
+    """Return a model with the dimensions that may change; arguments as for `validate`."""
     if not isinstance(model, DesignFamily | KinematicSolver | Mechanism):
         return dimension_family(model, set, drive=drive, duration=duration)
     if set or drive or duration is not None:
