@@ -1,6 +1,5 @@
 """Command `mechsim sensitivity`: exact derivatives by dimensions, and propagation of tolerances."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
@@ -17,6 +16,7 @@ from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
 from mechsim.pictures import plots
+from mechsim.report.sensitivity_plots import sensitivity_plot, tolerance_plot
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import (
@@ -165,7 +165,8 @@ def sensitivity(
     if output is not None:
         files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
     if options.plot is not None:
-        plots.write(options.plot, _drawn(table, study))
+        figure = sensitivity_plot(table) if study is None else tolerance_plot(study)
+        plots.write(options.plot, figure)
     masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
 
     def text() -> None:
@@ -287,27 +288,3 @@ def _print_tolerances(study: ToleranceStudy) -> None:
         error = f"{sampling.expansion_error:.2g} standard deviations"
         note = f"; largest error of {sampling.solved} solved ones {error}"
     print_text(f"{sampled.samples} random mechanisms {how}{note} (seed {sampling.seed})")
-
-
-def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:
-    over, instants = table.moved.over
-    if study is None:
-        curves: Mapping[str, Any] = {quantity: table.derivatives(quantity) for quantity in table.values}
-        dimension_units = {name: dimension.unit for name, dimension in table.dimensions.items()}
-        return plots.sensitivity_plot(over, instants, curves, table.units, dimension_units)
-    bands = {
-        quantity: plots.Band(
-            table.units[quantity],
-            study.worst(quantity),
-            study.squares(quantity),
-            study.random(quantity).get("low"),
-            study.random(quantity).get("high"),
-            study.shares(quantity),
-        )
-        for quantity in table.values
-    }
-    paths = [
-        plots.PathBand(path.point, path.positions, path.worst, path.squares)
-        for path in path_bands(table, study)
-    ]
-    return plots.tolerance_plot(plots.ToleranceSheet(over, instants, bands, paths))

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import needs
 from mechsim.numerics.convergence import Order
 from mechsim.pictures.plots.figure import COLOURS, blank, decades, round_numbers, styled
-from mechsim.pictures.plots.studies import SweepTable, sweep_plot
+from mechsim.pictures.plots.sweeps import SweepTable, sweep_plot
 from mechsim.studies.sweep.table import TEXTS, design_columns, read_sweep
 from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff

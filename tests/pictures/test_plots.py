@@ -215,18 +215,6 @@ def test_a_logarithmic_axis_within_a_decade_has_labels(limits):
     assert not len(ax.xaxis.get_minorticklocs())
 
 
-def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
-    angles = np.linspace(0.0, 6.0, 5)
-    curves = {"torque": {"crank": 3e-5 * np.cos(angles), "gamma": np.full(5, 1e-4)}}
-    figure = plots.sensitivity_plot(
-        "angle", angles, curves, {"torque": "N m"}, {"crank": "m", "gamma": "rad"}
-    )
-    ax = figure.axes[0]
-    assert "[µN m per mm or °]" in ax.get_title(loc="left")
-    largest = max(np.abs(line.get_ydata()).max() for line in ax.get_lines())
-    assert largest == pytest.approx(100.0 * np.pi / 180.0)
-
-
 @pytest.mark.parametrize(
     ("name", "across", "planes"), grid([("stewart_gough", 6, 6), ("jansen", 6, 2)], ("jansen",))
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.pictures.plots.studies import SweepTable, front_of, sweep_plot
+from mechsim.pictures.plots.sweeps import SweepTable, front_of, sweep_plot
 
 
 def test_a_pareto_front_contains_exactly_the_nondominated_designs():

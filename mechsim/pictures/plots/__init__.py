@@ -15,14 +15,10 @@ from mechsim.pictures.plots.paths import (
     space_curve,
     velocity_plan_plot,
 )
-from mechsim.pictures.plots.studies import Band, PathBand, ToleranceSheet, sensitivity_plot, tolerance_plot
 from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, phase_plot, quantity_plot
 
 __all__ = [
     "AssemblyTable",
-    "Band",
-    "PathBand",
-    "ToleranceSheet",
     "assembly_plot",
     "blank",
     "bode_plot",
@@ -39,9 +35,7 @@ __all__ = [
     "quantity_plot",
     "reaction_plot",
     "schematic_plot",
-    "sensitivity_plot",
     "space_curve",
-    "tolerance_plot",
     "torque_plot",
     "transmission_plot",
     "velocity_plan_plot",

@@ -2,6 +2,7 @@
 
 from functools import cache
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from mechsim.errors import InputError
 from mechsim.studies.sensitivity.monte_carlo import DesignSolver, formula_samples
 from mechsim.studies.sensitivity.moved_family import MovedFamily
-from mechsim.studies.sensitivity.sensitivity import derivative_table
+from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import path_bands, tolerance_study
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances, written_tolerances
 from mechsim.subjects.readers import parametric_model
@@ -184,18 +185,30 @@ def test_a_slide_has_no_radial_clearance():
         tolerance_study(result, {"slide.clearance": 1e-5}, samples=0)
 
 
-def test_nonzero_derivatives_are_plotted_per_mm_or_degree():
-    from mechsim.pictures import plots
-
+def drawn_derivatives(by, units, dimensions):
+    """Return the axes of a plot of derivatives: dimension -> quantity -> (n,)."""
     pytest.importorskip("matplotlib")
-    angles, gradient = np.linspace(0.0, 6.0, 5), np.ones(5)
-    curves = {
-        "P.x": {"crank": gradient, "tilt": gradient},
-        "P.z": {"crank": 0.0 * gradient, "tilt": 0.0 * gradient},
-    }
-    units = {"P.x": "m", "P.z": "m"}
-    figure = plots.sensitivity_plot("angle", angles, curves, units, {"crank": "m", "tilt": "rad"})
-    (ax,) = figure.axes
+    from mechsim.report.sensitivity_plots import sensitivity_plot
+
+    named = {name: SimpleNamespace(unit=unit) for name, unit in dimensions.items()}
+    moved = SimpleNamespace(over=("angle", ANGLES), designs=SimpleNamespace(dimensions=named))
+    values = {quantity: np.zeros(len(ANGLES)) for quantity in units}
+    return sensitivity_plot(Sensitivity(moved, values, by, units, {})).axes
+
+
+def test_nonzero_derivatives_are_plotted_per_mm_or_degree():
+    gradient = {"P.x": np.ones(len(ANGLES)), "P.z": np.zeros(len(ANGLES))}
+    (ax,) = drawn_derivatives(
+        {"crank": gradient, "tilt": gradient}, {"P.x": "m", "P.z": "m"}, {"crank": "m", "tilt": "rad"}
+    )
     assert "derivatives of P.x [mm per mm or °]" in (ax.get_title(), ax.get_title("left"))
     drawn = {line.get_label(): line.get_ydata()[0] for line in ax.get_lines()}
     assert drawn == {"crank": pytest.approx(1.0), "tilt": pytest.approx(1e3 * np.pi / 180.0)}
+
+
+def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
+    by = {"crank": {"torque": 3e-5 * np.cos(ANGLES)}, "gamma": {"torque": np.full(len(ANGLES), 1e-4)}}
+    (ax,) = drawn_derivatives(by, {"torque": "N m"}, {"crank": "m", "gamma": "rad"})
+    assert "[µN m per mm or °]" in ax.get_title(loc="left")
+    largest = max(np.abs(line.get_ydata()).max() for line in ax.get_lines())
+    assert largest == pytest.approx(100.0 * np.pi / 180.0)
