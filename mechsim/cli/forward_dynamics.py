@@ -38,7 +38,6 @@ from mechsim.model.progress import Progress
 from mechsim.model.quantities import quantity_names
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
-from mechsim.report.facts import run_facts
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward, crosscheck_free
 from mechsim.studies.release import Release
 from mechsim.subjects.law_text import with_controls
@@ -241,8 +240,12 @@ def _result(
     }
     turns = ""
     if isinstance(result, FreeRun):
-        data["free"] = facts = run_facts(result)
-        turns = f" after {number(facts['turns'])} turns of the crank"
+        revolutions = float(result.angle[-1] - result.angle[0]) / (2.0 * np.pi)
+        end = {"seconds": data["duration"], "turns": revolutions, "speed": float(result.speed[-1])}
+        data["free"] = end | {
+            name: data[name] for name in ("outcome", "reason", "work", "lost", "energy_error")
+        }
+        turns = f" after {number(revolutions)} turns of the crank"
 
     def text() -> None:
         end = f": {result.reason}" if result.reason else ""

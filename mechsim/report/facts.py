@@ -21,7 +21,6 @@ from mechsim.subjects.toml_values import head_comment
 from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
-    from mechsim.analytic.dynamics.free_motion import FreeRun
     from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
     from mechsim.theory.assur import AssurGroup
 
@@ -301,17 +300,3 @@ def _mean(values: Array, angle: Array) -> float:
     if len(angle) < 2 or not (np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0.0).all():
         return float(values.mean())
     return float(np.trapezoid(values, angle) / (angle[-1] - angle[0]))
-
-
-def run_facts(run: "FreeRun") -> dict[str, Any]:
-    """Return the end of a free run."""
-    return {
-        "outcome": run.outcome,
-        "reason": run.reason,
-        "seconds": float(run.time[-1]),
-        "turns": float(run.angle[-1] - run.angle[0]) / (2.0 * np.pi),
-        "speed": float(run.speed[-1]),
-        "work": float(run.work[-1]),
-        "lost": float(run.lost[-1]),
-        "energy_error": run.energy_error,
-    }

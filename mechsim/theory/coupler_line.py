@@ -199,7 +199,6 @@ def synthesize_looper(
     base: Looper,
     *,
     equal_ripple: bool = False,
-    in_space: bool = False,
 ) -> Synthesis:
     """Return the looper whose C follows a straight line best.
 
@@ -211,8 +210,6 @@ def synthesize_looper(
             determine.
         equal_ripple: whether to minimise the deviation of C from the line, instead of (as the paper does)
             that of B from its circle.
-        in_space: whether C of the spatial linkage, seen along Z, follows the line, instead of that of the
-            planar four-bar.
 
     Raises:
         InputError: if C cannot reach the line, no linkage follows it, or it is too short.
@@ -227,7 +224,7 @@ def synthesize_looper(
         docs/explanation/synthesis.md.
     """
     curve = line(through, tilt, length, REFINEMENT * (POINTS - 1) + 1)
-    return _followed(curve, base, equal_ripple, in_space, every=REFINEMENT)
+    return follow_curve(curve, base, equal_ripple, every=REFINEMENT)
 
 
 def line(through: tuple[float, float], tilt: float, length: float, points: int = POINTS) -> Array:
@@ -241,27 +238,18 @@ def line(through: tuple[float, float], tilt: float, length: float, points: int =
     return np.column_stack([through[0] + np.tan(tilt) * y, through[1] + y])
 
 
-def follow_curve(
-    curve: Array, base: Looper, *, equal_ripple: bool = False, in_space: bool = False
-) -> Synthesis:
+def follow_curve(curve: Array, base: Looper, equal_ripple: bool = False, every: int = 1) -> Synthesis:
     """Return the looper whose C follows a curve best, for both directions in which the dyad O1-A-C can bend.
 
     Args:
-        curve: points in order, (n, 2) in [m], n at least 5; the deviation is measured on their normals.
+        curve: points in order, (n, 2) in [m]; the deviation is measured on their normals.
         base: as in `synthesize_looper`.
         equal_ripple: as in `synthesize_looper`.
-        in_space: whether the curve is that of C on its cylinder, seen along Z, not of the planar four-bar's.
+        every: the circle of B is fitted with C on every `every`-th point.
 
     Raises:
         InputError: if C cannot reach the curve, no linkage follows it, or it is too short.
     """
-    curve = np.asarray(curve, dtype=np.float64)
-    if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 5 or not np.isfinite(curve).all():
-        raise InputError(f"a curve of shape {curve.shape} is none; give five points (x, y) or more, finite")
-    return _followed(curve, base, equal_ripple, in_space)
-
-
-def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, every: int = 1) -> Synthesis:
     extent = float(np.hypot(*np.ptp(curve, axis=0)))
     if not extent >= MIN_LENGTH * base.arm:
         raise InputError(
@@ -270,7 +258,7 @@ def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, ev
         )
     solutions: list[Synthesis] = []
     for branch in (1, -1):
-        task = _Task(curve, base, in_space, every, *dyad(curve, base, branch, in_space=in_space))
+        task = _Task(curve, base, every, *dyad(curve, base, branch))
         try:
             solutions.append(task.equal_ripple() if equal_ripple else task.circle_fit().synthesis)
         except AssemblyError:
@@ -297,7 +285,6 @@ class _Task:
 
     curve: Array
     base: Looper
-    in_space: bool
     every: int
     angles: Array
     b: Array
@@ -337,7 +324,7 @@ class _Task:
         best = least_worst(rows, right)
         for _ in range(INITIAL_PROGRAMMES):
             design = self._design(*self._circle(best.x))
-            levers = levers_on(design, self.curve, self.angles, in_space=self.in_space)
+            levers = levers_on(design, self.curve, self.angles)
             best = least_worst(levers[:, None] * rows, levers * right)
         return self._trial(*self._circle(best.x), self.angles, best.active)
 
@@ -370,7 +357,7 @@ class _Task:
 
     def _trial(self, centre: Array, radius: float, angles: Array, alternation: tuple[int, ...]) -> _Trial:
         design = self._design(centre, radius)
-        passed = passage(design, self.curve, angles, in_space=self.in_space)
+        passed = passage(design, self.curve, angles)
         radial = float(np.abs(np.hypot(*(self.b - centre).T) - radius).max())
         deviation = float(np.abs(passed.error).max())
         synthesis = Synthesis(design, deviation, radial, self.curve, passed.angles, passed.error, alternation)

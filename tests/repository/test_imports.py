@@ -40,6 +40,7 @@ ALLOWED_IMPORTS = {
     },
     "codegen": {"numerics", "model", "analytic", "studies", "subjects", "units"},
     "report": {
+        "shapes",
         "numerics",
         "model",
         "analytic",

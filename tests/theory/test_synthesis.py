@@ -76,38 +76,25 @@ def test_the_best_circle_agrees_with_forty_digits():
     assert np.abs(best.error).max() <= level * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize("in_space", [False, True])
-def test_equal_ripple_reduces_the_deviation(in_space):
-    result = synthesize_looper(
-        THROUGH, TILT, LENGTH, catalog.make("looper"), equal_ripple=True, in_space=in_space
-    )
+def test_equal_ripple_reduces_the_deviation():
+    result = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), equal_ripple=True)
     extrema = result.error[list(result.alternation)]
     assert len(extrema) == 4
     assert (np.sign(extrema[1:]) == -np.sign(extrema[:-1])).all()
     assert np.abs(extrema) == pytest.approx(result.deviation, rel=1e-3)
-    plain = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), in_space=in_space)
+    plain = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"))
     assert result.deviation < plain.deviation
 
 
-@pytest.mark.parametrize("in_space", [False, True])
-def test_synthesis_recovers_the_linkage_of_a_curve(in_space):
+def test_synthesis_recovers_the_linkage_of_a_curve():
     made = catalog.make("looper").with_parameters(rocker=0.0297, frame=0.0341, frame_angle=0.71)
     angles = np.linspace(2.3, 3.1, 41)
-    c = made.positions(angles)["C"] if in_space else made.closed_form.planar_point(angles)
-    result = follow_curve(c[:, :2], catalog.make("looper"), in_space=in_space)
+    result = follow_curve(made.closed_form.planar_point(angles)[:, :2], catalog.make("looper"))
     assert result.rocker == pytest.approx(0.0297, rel=1e-8)
     assert result.frame == pytest.approx(0.0341, rel=1e-8)
     assert result.frame_angle == pytest.approx(0.71, rel=1e-8)
     assert result.deviation < 1e-12
     assert np.abs(result.angles - angles).max() < 1e-9
-
-
-def test_spatial_synthesis_follows_the_line_in_space():
-    result = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), in_space=True)
-    angles = np.linspace(*sorted(result.angles[[0, -1]]), 501)
-    space, plane = result.design.positions(angles)["C"], result.design.closed_form.planar_point(angles)
-    assert np.abs(distance_to_line(space, THROUGH, TILT)).max() == pytest.approx(result.deviation, rel=2e-3)
-    assert np.abs(distance_to_line(plane, THROUGH, TILT)).max() > 5.0 * result.deviation
 
 
 def straight_path(frame, frame_angle, rocker):
@@ -237,12 +224,6 @@ def test_the_best_circle_through_points_of_a_circle_is_that_circle():
 def test_an_invalid_line_is_rejected(through, tilt, length, message):
     with pytest.raises(InputError, match=message):
         synthesize_looper(through, tilt, length, catalog.make("looper"))
-
-
-@pytest.mark.parametrize("curve", [np.zeros((3, 2)), np.zeros((9, 3)), np.full((9, 2), np.nan)])
-def test_an_invalid_curve_is_rejected(curve):
-    with pytest.raises(InputError, match="give five points"):
-        follow_curve(curve, catalog.make("looper"))
 
 
 def test_the_deviation_from_an_unreachable_curve_is_reported():
