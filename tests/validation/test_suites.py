@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from validation.suites import __main__ as command
-from validation.suites import chrono, modelica, pmks, textbooks
+from validation.suites import chrono, modelica, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, kept
 
 
@@ -127,3 +127,8 @@ def test_the_double_pendulum_in_which_dymola_errs_agrees_with_an_independent_int
     # Dymola's table ends 0.02 rad off
     assert modelica.compared("Elementary/DoublePendulumInitTip", None).outcome == "source wrong"
     assert modelica.compared("Loops/PlanarFourbar", None).outcome == "right"
+
+
+def test_a_coarse_step_misses_the_digits_of_the_squeezer(monkeypatch):
+    monkeypatch.setattr(squeezer, "DIGITS", {1e-6: 9.0, 1e-10: 9.0})
+    assert [case.outcome for case in squeezer.cases(None)] == ["unexplained", "right"]
