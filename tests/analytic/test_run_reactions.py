@@ -65,3 +65,27 @@ def test_a_run_in_which_friction_holds_the_joint_is_rejected():
     run = ms.dynamics.run(pendulum(), brake, duration=0.05, samples=5)
     with pytest.raises(InputError, match="sticks or touches a stop at 0 s"):
         ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(pendulum(), brake), run)
+
+
+def test_friction_by_the_load_acts_in_the_balance_of_the_rocker():
+    """Moments about the rocker's pin: force and friction of B, friction of the pin, weight."""
+    linkage, mu, radius = ms.catalog.make("four_bar"), 0.3, 0.005
+    rubbing = replace(WEIGHT, friction=(ms.Friction("B", coefficient=mu, pin_radius=radius),))
+    model = ms.dynamics.dynamic_model(linkage, rubbing)
+    run = ms.dynamics.run(linkage, rubbing, initial={"crank.v": 30.0}, duration=0.05, samples=20)
+    force = ms.dynamics.joint_reactions(model, run)["B"]
+    assert force.link == "rocker"
+    rocker, pin = run.motion.links["rocker"], model.mechanism.joint("rocker")
+    pivot = np.array(pin.a.point)
+    inertia = next(link.inertia for link in model.mechanism.links if link.name == "rocker")
+    assert pin.b.point == (0.0, 0.0, 0.0)
+    arm = rocker.rotation @ inertia.centre
+    about_pin = inertia.moments[2][2] + inertia.mass * np.sum(np.square(inertia.centre))
+    moment = np.cross(force.point - pivot, force.force)[:, 2] - inertia.mass * GRAVITY * arm[:, 0]
+    # at the start the joint stands still
+    assert abs(run.motion.joints["B"].rate[0]) < 1e-12
+    slide = np.sign(run.motion.joints["B"].rate) * (run.time > 0.0)
+    moment -= mu * radius * np.linalg.norm(force.force, axis=1) * slide
+    exact = about_pin * rocker.angular_acceleration[:, 2]
+    assert np.abs(moment - exact).max() < 1e-9 * np.abs(exact).max()
+    assert mu * radius * np.linalg.norm(force.force, axis=1).max() > 1e-3 * np.abs(exact).max()

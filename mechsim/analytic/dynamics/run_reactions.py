@@ -6,6 +6,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun
+from mechsim.analytic.dynamics.load_friction import with_load_friction
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.unit_motion import as_moved
@@ -42,5 +43,6 @@ def joint_reactions(model: DynamicModel, run: DynamicRun) -> Mapping[str, Reacti
         raise InputError(f"{model.mechanism.name}: {where}; the reactions of such a run are not computed")
     unit = as_moved(model.mechanism, run.motion)
     once = np.ones(len(run))
-    needed = unit.inertial(once, 0.0 * once) - applied(model, unit).total(once)
-    return balance(unit, needed - loads(model, unit, run.time).wrenches).reactions
+    needed = unit.inertial(once, 0.0 * once) - loads(model, unit, run.time).wrenches
+    acting = with_load_friction(unit, forces, applied(model, unit), needed, once)
+    return balance(unit, needed - acting.total(once)).reactions
