@@ -33,7 +33,7 @@ def models_of(name, rows):
     solver = ms.catalog.make(name)
     like = shared_model(solver.mechanism)
     return design_models(
-        like, closed_form_starts(solver, {key: np.array(values) for key, values in rows.items()})
+        like, closed_form_starts(solver.closed_form, {key: np.array(values) for key, values in rows.items()})
     )
 
 
@@ -78,7 +78,9 @@ def test_batched_designs_move_as_single_designs(name):
 def test_closed_form_starts_equal_those_of_descriptions():
     for name, rows in VARIED.items():
         solver = ms.catalog.make(name)
-        by_formula = closed_form_starts(solver, {key: np.array(values) for key, values in rows.items()})
+        by_formula = closed_form_starts(
+            solver.closed_form, {key: np.array(values) for key, values in rows.items()}
+        )
         described = started_designs(solver.mechanism, [item.mechanism for item in forms_of(name, rows)])
         for joint, ends in described.arrays.ends.items():
             for computed, expected in zip(by_formula.arrays.ends[joint], ends, strict=True):

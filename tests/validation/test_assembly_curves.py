@@ -25,7 +25,7 @@ def test_a_curve_of_another_linkage_is_rejected(study):
     solver = study.catalog.make("four_bar")
     curve = study.trace(solver, starts=0).curves[0]
     assert study.curve_error(solver, curve) <= 1e-14
-    longer = study.replace(solver, coupler=solver.coupler * (1.0 + 1e-7))
+    longer = solver.with_parameters(coupler=solver.coupler * (1.0 + 1e-7))
     assert study.curve_error(longer, curve) > 1e-8
 
 
