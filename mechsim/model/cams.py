@@ -28,8 +28,8 @@ Motion = Literal["translating", "swinging"]
 # largest difference of a law's ends relative to its scale, and of its angles from a revolution in [rad];
 # least clearance against undercut
 PERIODIC = 1e-9
-# cam angles at which a cam is checked: every half degree
-CHECKED = 720
+# cam angles at which a cam is checked: every half degree, and those at which its law must repeat
+CHECKED, PERIODS = 720, 8
 
 
 def _cycloidal(u: Jet) -> Jet:
@@ -215,14 +215,17 @@ class Cam:
         )
 
     def _require_periodic(self) -> None:
+        q = np.linspace(0.0, REVOLUTION, PERIODS)
         first, last = (
-            np.array([float(entry) for entry in self.law(np.array(q))[:2]]) for q in (0.0, REVOLUTION)
+            np.array([entry + 0.0 * q for entry in self.law(q + later)[:2]]) for later in (0.0, REVOLUTION)
         )
-        scale = max(self.base_radius if self.motion == "translating" else 1.0, *abs(first))
+        scale = max(self.base_radius if self.motion == "translating" else 1.0, float(np.abs(first).max()))
         if not np.abs(last - first).max() <= PERIODIC * scale:
+            worst = int(np.abs(last - first).max(0).argmax())
             raise InputError(
                 f"cam {self.name!r} has a law that does not repeat after a revolution: lift and slope are "
-                f"{first[0]:.6g} and {first[1]:.6g} at 0, {last[0]:.6g} and {last[1]:.6g} at 2 pi"
+                f"{first[0, worst]:.6g} and {first[1, worst]:.6g} at {q[worst]:.4g} rad, a revolution later "
+                f"{last[0, worst]:.6g} and {last[1, worst]:.6g}"
             )
 
     def _require_no_undercut(self) -> None:

@@ -64,6 +64,7 @@ class Coupling:
         pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; at 0 the tooth force is
             tangential. None for an ideal transmission without teeth.
         function: takes the place of p; the coefficients are then empty.
+        repeats: whether the function repeats after a revolution of the right side, as that of a cam.
         rope: whether it is a rope under tension, the left side its path and the right one empty.
     """
 
@@ -78,6 +79,7 @@ class Coupling:
     pressure_angle: float | None = None
     function: CouplingFunction | None = None
     rope: bool = False
+    repeats: bool = False
 
     def __post_init__(self) -> None:
         counts = (1, MAX_DEGREE + 1) if self.function is None else (0, 0)

@@ -142,7 +142,7 @@ def cam_joints(
     else:
         force_joint = f"{name}.point"
         joints[force_joint] = {"kind": "spherical", **ends}
-    coupling = Coupling(f"{name}.law", lifted, name, (), function=cam.law)
+    coupling = Coupling(f"{name}.law", lifted, name, (), function=cam.law, repeats=True)
     one_sided = entries[cam.name].get("closure", "force") == "force"
     return GuidedJoint(
         (guide, lifted), joints, (coupling,), Contact(side["link"], force_joint, name, guide, cam, one_sided)

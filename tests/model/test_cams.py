@@ -172,6 +172,7 @@ def test_pressure_angles_are_those_of_the_textbook():
         ),
         ({"law": WrittenFunction("0.01*(1 - cos(4*q))"), "radius": 0.02}, "undercut at the cam angle"),
         ({"law": WrittenFunction("0.001*q")}, "does not repeat after a revolution"),
+        ({"law": WrittenFunction("1e-5*q**2*(6.283185307179586 - q)**2")}, "does not repeat"),
         ({"offset": 0.04}, "offset 0.04 m; give less than 0.031 m"),
         ({"motion": "swinging", "arm": 0.02, "centre_distance": 0.07}, "does not reach the base circle"),
         ({"motion": "swinging", "kind": "flat", "radius": 0.0, "centre_distance": 0.02}, "does not reach"),

@@ -1,10 +1,13 @@
 """Joints of kind cam in TOML files: motion against the law, forces against the pressure angle."""
 
+import json
+
 import numpy as np
 import pytest
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
+from mechsim.cli import main
 from mechsim.errors import InputError
 
 MODEL = """name = "cam"
@@ -150,3 +153,23 @@ def test_tables_that_are_no_law_are_rejected(tmp_path, rows, named):
     (tmp_path / "law.csv").write_text(rows)
     with pytest.raises(InputError, match=named):
         ms.load(write(tmp_path, "roller", '"law.csv"'))
+
+
+def test_a_cam_falls_from_its_top_as_in_mujoco_and_returns_after_a_turn(tmp_path, monkeypatch, capsys):
+    path = write(tmp_path, "roller")
+
+    def output(*words):
+        monkeypatch.setattr("sys.argv", ["mechsim", *words, path, "--json"])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 0
+        return json.loads(capsys.readouterr().out)
+
+    # V = m g h (1 - cos q) is largest at q = pi, where a disturbance grows at the rate sqrt(m g h / J)
+    highest = max(
+        output("dynamics", "statics")["equilibria"], key=lambda equilibrium: equilibrium["potential"]
+    )
+    assert abs(abs(highest["q"]["shaft"]) - np.pi) < 1e-9
+    rate = max(mode["eigenvalue"][0] for mode in highest["modes"])
+    assert abs(rate / np.sqrt(0.3 * 9.81 * 0.005 / 1e-4) - 1) < 1e-9
+    assert output("trace")["components"]

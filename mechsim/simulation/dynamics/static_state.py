@@ -26,6 +26,7 @@ from mechsim.simulation.dynamics.forward_run import (
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.stepping import expand_functions
 
 # error of the derivatives by the compliance of MuJoCo's loops, relative to the largest
 LOOPS_ROUNDING = 1e-11
@@ -138,6 +139,7 @@ class _Accelerations:
 
     def along_basis(self, qpos: Array, qvel: Array) -> Array:
         """Return the accelerations at a state, (dof,)."""
+        expand_functions(self.controls.loops, qpos)
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
         with self.controls.installed(data):

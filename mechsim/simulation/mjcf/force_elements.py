@@ -33,6 +33,8 @@ from mechsim.simulation.state import quaternion
 # are compared with it, and of a smaller one MuJoCo's accelerations lose digits: 1e-5 rad/s2 at 1e-12 in a
 # four-bar. In a run from an initial state it changes the motion itself, and MuJoCo keeps the digits
 MASSLESS, MASSLESS_FREE = 1e-6, 1e-12
+# least mass in [kg] and moment in [kg m2] of a massless link: twice MuJoCo's mjMINVAL
+LEAST_ACCEPTED = 2e-15
 # principal moment relative to the largest up to which it is zero: rounding of the eigenvalues
 ZERO_MOMENT = 1e-14
 # limit in place of an infinite one on one side
@@ -52,9 +54,10 @@ def with_accepted_inertia(mechanism: Mechanism, massless: float = MASSLESS) -> M
     length = described.characteristic_length
     inertias = [link.inertia for link in described.links if link.inertia is not None]
     heaviest = max((max(item.mass, np.trace(item.matrix) / length**2) for item in inertias), default=0.0)
-    least = massless * (heaviest or 1.0)
+    least = max(massless * (heaviest or 1.0), LEAST_ACCEPTED)
+    moment = max(least * length**2, LEAST_ACCEPTED)
     links = [
-        replace(link, inertia=_without_zeros(inertia, least, least * length**2))
+        replace(link, inertia=_without_zeros(inertia, least, moment))
         for link, inertia in zip(described.links, inertias, strict=True)
     ]
     return replace(described, links=tuple(links))

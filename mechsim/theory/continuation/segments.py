@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
+from mechsim.analytic.loops.constraints import CoupledRow, TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION
@@ -25,6 +26,12 @@ from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
 # limits for a closed curve: displacement in characteristic lengths, and revolutions of a multi-turn angle
 # (one in a coupling, as a screw's)
 MAX_DISPLACEMENT, MAX_REVOLUTIONS = 1000, 100
+
+
+def _counted(row: CoupledRow) -> NDArray[np.bool_]:
+    """Return of which coordinates a coupling counts revolutions, (count,)."""
+    right = (row.right_weights != 0.0) & (not row.coupling.repeats)
+    return ((row.left_weights != 0.0) | right) & (not row.turns)
 
 
 def require_return(loops: TreeLoops, initial: Coordinates, current: Coordinates) -> None:
@@ -40,7 +47,7 @@ def require_return(loops: TreeLoops, initial: Coordinates, current: Coordinates)
     """
     tree, counted = loops.tree, np.zeros(loops.tree.count, dtype=np.bool_)
     for coupling in loops.couplings:
-        counted |= (not coupling.turns) & ((coupling.left_weights != 0.0) | (coupling.right_weights != 0.0))
+        counted |= _counted(coupling)
     displacement = np.abs(current.values - initial.values)[:, 0] / loops.units
     limit = np.where(tree.slides, MAX_DISPLACEMENT, np.where(counted, MAX_REVOLUTIONS * REVOLUTION, np.inf))
     index = int(np.argmax(displacement / limit)) if len(displacement) else 0
@@ -287,12 +294,9 @@ def _closing_arc(segment: CurveSegment, start: Array, plane: Array, first: bool)
 def _same_revolutions(loops: FreeLoops, segment: CurveSegment, arc: float, initial: Coordinates) -> bool:
     """Whether multi-turn coordinates of couplings, as of a screw, have returned to their initial values."""
     tree = loops.loops.tree
-    weights = [
-        np.abs(coupling.left_weights) + np.abs(coupling.right_weights)
-        for coupling in loops.loops.couplings
-        if not coupling.turns
-    ]
-    counted = np.flatnonzero(np.sum(weights, 0)) if weights else []
+    counted = np.zeros(tree.count, dtype=np.bool_)
+    for coupling in loops.loops.couplings:
+        counted |= _counted(coupling)
     displacement = segment.value_at(arc)[: tree.count] - initial.values[:, 0] / loops.loops.units
     return bool((np.abs(displacement[counted]) < 1e-6).all())
 
