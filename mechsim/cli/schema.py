@@ -4,9 +4,11 @@ The output of a command is a record, or a TypedDict in its module; shared types 
 JSON does not have are null.
 """
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
-from types import UnionType
+from inspect import get_annotations
+from types import SimpleNamespace, UnionType
 from typing import (
     Annotated,
     Any,
@@ -107,8 +109,12 @@ def schema_of(kind: Any) -> Schema:
 
 def _type_of(record: type, name: str) -> Any:
     """Return the type of a field or property of a record."""
-    hints = get_type_hints(record)
-    return hints[name] if name in hints else get_type_hints(getattr(record, name).fget)["return"]
+    owner = next((each for each in record.__mro__ if name in get_annotations(each)), None)
+    if owner is None:
+        return get_type_hints(getattr(record, name).fget)["return"]
+    # this annotation alone: others may name types that are imported for type checkers only
+    stated = SimpleNamespace(__annotations__={name: owner.__annotations__[name]})
+    return get_type_hints(stated, vars(sys.modules[owner.__module__]))[name]
 
 
 def output_types() -> dict[str, Any]:

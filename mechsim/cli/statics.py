@@ -1,21 +1,25 @@
 """Commands `mechsim dynamics statics`, `modes`, `response`: equilibria and small motions about them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import numpy as np
 import typer
 
 from mechsim import files
 from mechsim.analytic.dynamics import (
+    DynamicModel,
     Equilibrium,
+    LoadCurve,
     Mode,
     equilibria,
     holding,
     holding_range,
+    load_curve,
     nearest_equilibrium,
 )
+from mechsim.analytic.dynamics.dynamic_run import Initial
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
 from mechsim.cli.load_options import InitialOptions, LoadOptions
@@ -23,6 +27,7 @@ from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, print_text, without_noise
 from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.verdict_text import print_verdicts
+from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
@@ -32,7 +37,7 @@ from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
 from mechsim.studies.release import frequency_response, mode_motions
 from mechsim.units import option
-from mechsim.verdict.checks import Check
+from mechsim.verdict.checks import Check, Verdict
 
 AtRest = Annotated[ModelOptions, Without("drive", "track", "duration")]
 InitialConfiguration = Annotated[InitialOptions, Without("until")]
@@ -73,8 +78,20 @@ class EquilibriumJson(TypedDict):
     modes: list[ModeJson]
 
 
+class LoadCurveJson(TypedDict):
+    """A load-displacement curve, and its limit points, where a constant load snaps through."""
+
+    load: list[float]
+    displacement: list[float]
+    stable: list[bool]
+    limit_points: list[list[float]]
+
+
 class StaticsJson(TypedDict):
-    """Equilibria, holding forces of the initial configuration, and checks of the equilibria in MuJoCo."""
+    """Equilibria, holding forces of the initial configuration, and checks of the equilibria in MuJoCo.
+
+    `curve` is the load-displacement curve that --curve asks for.
+    """
 
     mechanism: str
     masses: list[LinkMass]
@@ -83,6 +100,7 @@ class StaticsJson(TypedDict):
     holding: dict[str, float]
     # least and largest force under friction; null for a direction in which friction jams the mechanism
     holding_range: dict[str, list[float | None]]
+    curve: NotRequired[LoadCurveJson]
     passed: bool | None
     checks: list[Check]
 
@@ -121,7 +139,12 @@ def statics(
     loads: LoadOptions,
     initial: InitialConfiguration,
     verbose: Verbose = False,
-    output: Annotated[str | None, table_file("Table of the equilibria to write")] = None,
+    output: Annotated[str | None, table_file("Table of the equilibria, or of the curve, to write")] = None,
+    curve: str | None = option(
+        None,
+        "Load-displacement curve of a load on J, P.x or distance:P,Q, within an interval in SI.",
+        metavar="LOAD[=A:B]",
+    ),
     assemblies: int = option(0, "Also search from N random configurations of any assembly.", metavar="N"),
     method: str = option("pose", "Whether MuJoCo checks the equilibria: pose, or none.", metavar="pose|none"),
 ) -> Result[StaticsJson]:
@@ -131,24 +154,17 @@ def statics(
 
     Examples:
     mechsim dynamics statics four_bar --initial crank.q=30deg
-    mechsim dynamics statics four_bar --gravity 0,0,-9.81 --json
+    mechsim dynamics statics four_bar --curve crank=0:3
     """
     require_method(method, "pose", "none")
     model, state = loads.dynamic_model(source.load(still=True)), dict(initial.initial)
     mechanism, solutions = model.mechanism, equilibria(model, initial=state, assemblies=assemblies)
-    verdicts = {
-        f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
-        for index, equilibrium in enumerate(solutions, start=1)
-        # a structure without degrees of freedom has nothing to compare
-        if method != "none" and not equilibrium.singular and len(equilibrium.linear.roots.values)
-    }
-    if output is not None:
-        names = list(solutions[0].q) if solutions else []
-        columns = {f"{name}.q": np.array([item.q[name] for item in solutions]) for name in names}
-        columns["potential"] = np.array([item.potential for item in solutions])
-        files.write_table(output, columns)
+    verdicts = {} if method == "none" else _verdicts(model, solutions)
     torques = holding(model, initial=state) if state else {}
     ranges = holding_range(model, initial=state) if state else {}
+    loaded = None if curve is None else _load_curve(model, curve, state)
+    if output is not None:
+        files.write_table(output, _columns(solutions) if loaded is None else _curve_columns(loaded))
 
     def text() -> None:
         if any(equilibrium.everywhere for equilibrium in solutions):
@@ -167,6 +183,9 @@ def statics(
             unit = mechanism.effort_unit(driver) + locking
             print_text(f"with friction, so do {number(low)} to {number(high)} {unit}")
 
+        if loaded is not None:
+            rows = [tuple(map(number, row)) for row in loaded.limit_points]
+            print_table(f"limit points of {curve}", ("load", "displacement"), rows)
         if verdicts:
             print_verdicts(verdicts, verbose=verbose)
 
@@ -174,14 +193,53 @@ def statics(
     checks = [replace(check, variant=name) for name, verdict in verdicts.items() for check in verdict.checks]
     agreed = all(verdict.passed for verdict in verdicts.values())
     finite = {name: [x if abs(x) < np.inf else None for x in limits] for name, limits in ranges.items()}
-    data = {
+    data: dict[str, Any] = {
         "equilibria": facts,
         "holding": torques,
         "holding_range": finite,
         "passed": agreed if verdicts else None,
         "checks": checks,
     }
+    if loaded is not None:
+        names = ("load", "displacement", "stable", "limit_points")
+        data["curve"] = {name: getattr(loaded, name).tolist() for name in names}
     return with_masses(model, Result(data, text, agreed), verbose)
+
+
+def _verdicts(model: DynamicModel, solutions: Sequence[Equilibrium]) -> dict[str, Verdict]:
+    """Return the checks of equilibria in MuJoCo."""
+    return {
+        f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
+        for index, equilibrium in enumerate(solutions, start=1)
+        # a structure without degrees of freedom has nothing to compare
+        if not equilibrium.singular and len(equilibrium.linear.roots.values)
+    }
+
+
+def _columns(solutions: Sequence[Equilibrium]) -> dict[str, Array]:
+    """Return the columns of a table of equilibria."""
+    names = list(solutions[0].q) if solutions else []
+    columns = {f"{name}.q": np.array([item.q[name] for item in solutions]) for name in names}
+    return {**columns, "potential": np.array([item.potential for item in solutions])}
+
+
+def _curve_columns(curve: LoadCurve) -> dict[str, Array]:
+    """Return the columns of a table of a load-displacement curve."""
+    columns = {f"{name}.q": values for name, values in curve.q.items()}
+    return {"load": curve.load, "displacement": curve.displacement, **columns}
+
+
+def _load_curve(model: DynamicModel, text: str, initial: Mapping[str, Initial]) -> LoadCurve:
+    """Return the curve of a text such as "P.y=-0.1:0.1"."""
+    load, equals, interval = text.partition("=")
+    low, _, high = interval.partition(":")
+    try:
+        ends = sorted((float(low), float(high))) if equals else [-np.inf, np.inf]
+    except ValueError:
+        raise InputError(
+            f"--curve is {text!r}; give LOAD=A:B with two numbers in SI, as in P.y=-0.1:0.1"
+        ) from None
+    return load_curve(model, load, between=(ends[0], ends[1]), initial=initial)
 
 
 def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], assemblies: int) -> None:

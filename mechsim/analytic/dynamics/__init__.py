@@ -3,6 +3,7 @@
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
 from mechsim.analytic.dynamics.free_motion import FreeRun, free_run
 from mechsim.analytic.dynamics.linearization import Mode
+from mechsim.analytic.dynamics.load_balance import LoadCurve, load_curve
 from mechsim.analytic.dynamics.many_runs import run_many
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
@@ -29,6 +30,7 @@ __all__ = [
     "Fluctuation",
     "FreeRun",
     "InverseDynamics",
+    "LoadCurve",
     "Mode",
     "Reaction",
     "Reduced",
@@ -42,6 +44,7 @@ __all__ = [
     "holding",
     "holding_range",
     "joint_reactions",
+    "load_curve",
     "modes",
     "nearest_equilibrium",
     "prescribed",

@@ -44,12 +44,21 @@ class EquilibriumCurve:
         q: configurations at the beginning of n intervals.
         tangents: unit tangents there in the free coordinates in units, (n, free).
         lengths: displacement along the tangent to the end of each interval, (n,).
+        forward: number of the intervals in the first direction; the others lead in the opposite one. None if
+            there are no others.
     """
 
     equations: EquationsOfMotion
     q: Coordinates
     tangents: Array
     lengths: Array
+    forward: int | None = None
+
+    def positions(self, interval: NDArray[np.intp], u: Array) -> Array:
+        """Return the positions along the curve, 0 at its start, (k,)."""
+        count = len(self.lengths) if self.forward is None else self.forward
+        ends = np.concatenate([np.cumsum(self.lengths[:count]), np.cumsum(self.lengths[count:])])
+        return np.where(interval < count, 1.0, -1.0) * ((ends - self.lengths)[interval] + u)
 
     def configurations(self, interval: NDArray[np.intp], u: Array) -> Coordinates:
         """Return the configurations at displacements along tangents, (k,) each."""
@@ -60,7 +69,7 @@ class EquilibriumCurve:
     def forces(self, interval: NDArray[np.intp], u: Array) -> tuple[Array, Array, Array]:
         """Return the force along the curve, its derivative by u, and its rounding, (k,) each."""
         q, tangents = self.configurations(interval, u), self.tangents[interval]
-        basis, _ = _tangents(self.equations, q, tangents)
+        basis, _ = tangents_next_to(self.equations, q, tangents)
         forces = reduced_forces(self.equations, q, basis[..., None])
         derivative = -forces.stiffness[:, 0, 0] / (basis * tangents).sum(1)
         return forces.force[:, 0], derivative, forces.rounding
@@ -80,10 +89,13 @@ def curve_through(equations: EquationsOfMotion, q: Coordinates) -> EquilibriumCu
     """Return the curve of assemblies through a configuration, in both directions unless it is closed."""
     first = independent_rates(equations, q)[:, 0]
     nodes, tangents, lengths, closed = _one_way(equations, q, first)
+    forward = None if closed else len(lengths)
     if not closed:
         backward = _one_way(equations, q, -first)[:3]
         nodes, tangents, lengths = nodes + backward[0], tangents + backward[1], lengths + backward[2]
-    return EquilibriumCurve(equations, joined_configurations(nodes), np.array(tangents), np.array(lengths))
+    return EquilibriumCurve(
+        equations, joined_configurations(nodes), np.array(tangents), np.array(lengths), forward
+    )
 
 
 def _one_way(
@@ -105,7 +117,7 @@ def _one_way(
             equations, q, along[None, :, None], np.array([[step]]), np.zeros((1, 1))
         )
         change = difference(equations, q, moved.q) - step * along
-        new, cosine = _tangents(equations, moved.q, along[None])
+        new, cosine = tangents_next_to(equations, moved.q, along[None])
         if not closed[0] or np.linalg.norm(change) > MAX_DEVIATION * step or cosine[0] < 0.9:
             step *= 0.5
             continue
@@ -114,7 +126,7 @@ def _one_way(
     return nodes[:-1], tangents[:-1], lengths, False
 
 
-def _tangents(equations: EquationsOfMotion, q: Coordinates, reference: Array) -> tuple[Array, Array]:
+def tangents_next_to(equations: EquationsOfMotion, q: Coordinates, reference: Array) -> tuple[Array, Array]:
     """Return the unit tangents nearest to given ones, (n, free), and the cosines of the angles between."""
     dofs, right = null_directions(equations, q)
     inside = np.arange(right.shape[1]) >= right.shape[1] - dofs[:, None]

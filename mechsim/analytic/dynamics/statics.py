@@ -109,7 +109,7 @@ def equilibria(
 
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
     """
-    equations, initial_q = _prepared(source, forces, initial or {})
+    equations, initial_q = prepared_equations(source, forces, initial or {})
     for name, count in (("starts", starts), ("assemblies", assemblies)):
         require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
     solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
@@ -199,7 +199,7 @@ def nearest_equilibrium(
     Raises:
         AssemblyError: if there is no such equilibrium.
     """
-    equations, q = _prepared(source, forces, initial or {})
+    equations, q = prepared_equations(source, forces, initial or {})
     (solution,) = newton_equilibria(equations, q, np.zeros(1, dtype=np.bool_))
     if solution is not None:
         nearest = _described(equations, distinct(equations, [(solution, True)])[0])
@@ -262,7 +262,7 @@ def holding(
 
     For redundant drivers it is the minimum-norm solution.
     """
-    equations, q = _prepared(source, forces, initial or {})
+    equations, q = prepared_equations(source, forces, initial or {})
     tree = equations.loops.tree
     indices = [tree.index_of[name] for name in equations.model.mechanism.drivers]
     state = equations.kinematics(q, np.zeros((tree.count, 1)))
@@ -318,9 +318,10 @@ def holding_range(
     return {driver: (limits[0], limits[1])}
 
 
-def _prepared(
+def prepared_equations(
     source: Any, forces: Forces | None, initial: Mapping[str, Initial]
 ) -> tuple[EquationsOfMotion, Coordinates]:
+    """Return the equations of motion of a mechanism and its initial configuration."""
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial)
     equations = equations_of_motion(model, values.coordinates)
