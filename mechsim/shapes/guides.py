@@ -14,14 +14,17 @@ from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import Canvas, upright_end
 from mechsim.shapes.shape import HOUSING, STEEL
 
+# ends of the names of joints that prescribe the pose of a point or link (`subjects.pose_drivers`)
+CHAIN = (".x", ".y", ".z", ".rx", ".ry", ".rz")
 # chords of a drawn curve
 CHORDS = 90
 
 
 def hidden_links(mechanism: Mechanism) -> set[str]:
-    """Return the massless links of contacts, which are equations and no bodies."""
+    """Return the massless links of contacts and of driven points and links: equations and no bodies."""
     ends = ("", ".guide", ".s")
-    return {f"{VIRTUAL_PREFIX}{name}{end}" for name in mechanism.contacts for end in ends}
+    chains = {f"{VIRTUAL_PREFIX}{joint.name}" for joint in mechanism.joints if joint.name.endswith(CHAIN)}
+    return chains | {f"{VIRTUAL_PREFIX}{name}{end}" for name in mechanism.contacts for end in ends}
 
 
 def draw_contacts(canvas: Canvas) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.errors import InputError, MobilityError
+from mechsim.shapes.joints import link_shapes
 
 PENDULUM = """name = "pendulum"
 [links.bob]
@@ -114,3 +115,13 @@ def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(tmp_path):
     height = solver.solve(t=np.array([0.0, 0.25])).points["P"].position[1, 2]
     # rope a is locked with its ball A: x^2 + (z + 1)^2 = 0.16, and x + z + 1 = 0.5 by the sphere about D
     assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)
+
+
+def test_the_equations_of_a_driven_link_are_not_drawn(tmp_path):
+    path = tmp_path / "rod.toml"
+    path.write_text(ROD_TOML)
+    drawn, driven = (
+        link_shapes(ms.load(str(path), drive=drive, still=True).mechanism)
+        for drive in ({}, {"a.rx": "0.3*sin(2*pi*t)"})
+    )
+    assert [len(shapes) for shapes in driven.values() if shapes] == [len(shapes) for shapes in drawn.values()]

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.link_poses import hinged_normals, with_rods
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
@@ -75,7 +75,8 @@ def without_geoms(solver: Any, bodies: Mapping[str, Sequence[Shape]] | None) -> 
         return []
     if bodies is None:
         return [f"{solver.name}: no moving link has a geom in the file: links are drawn from their joints"]
-    names = ", ".join(link.name for link in solver.source.mechanism.links if not bodies.get(link.name))
+    links = (link.name for link in solver.source.mechanism.links)
+    names = ", ".join(name for name in links if not (bodies.get(name) or name.startswith(VIRTUAL_PREFIX)))
     return [f"{solver.name}: the file has no visible geom on {names}: not drawn"] if names else []
 
 
