@@ -16,7 +16,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [path for path in sorted(DOCS.rglob("*.md")) if not {"_build", "_generated"} & set(path.parts)]
 PYTHON = "".join(path.read_text() for path in sorted((DOCS / "reference" / "python").glob("*.md")))
 MODULES = {"catalog", "closure", "course", "dynamics", "motors", "plots", "render", "rods", "simulation"}
-MODULES |= {"testing", "units"}
+MODULES |= {"formulas", "testing", "units"}
 GENERATED = {"_generated/gallery", "_generated/command_line"}
 # tutorials, how-to and Python pages run their code; reference tables and measurements need not
 WITH_CODE = [path for path in PAGES if path.parent.name in ("tutorials", "howto", "python")]
