@@ -121,7 +121,7 @@ def test_the_equations_of_a_driven_link_are_not_drawn(tmp_path):
     path = tmp_path / "rod.toml"
     path.write_text(ROD_TOML)
     drawn, driven = (
-        link_shapes(ms.load(str(path), drive=drive, still=True).mechanism)
-        for drive in ({}, {"a.rx": "0.3*sin(2*pi*t)"})
+        link_shapes(ms.load(str(path), drive=laws, still=True).mechanism)
+        for laws in ({}, {"a.rx": "0.3*sin(2*pi*t)"})
     )
     assert [len(shapes) for shapes in driven.values() if shapes] == [len(shapes) for shapes in drawn.values()]
