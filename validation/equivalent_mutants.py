@@ -27,7 +27,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if len(self.others) + self.matrix.shape[2] == len(jacobian) and self._idle(jacobian):",
     ): "the matrices are square",
     ("simulation/recording.py", "CHUNK = 2048", "..."): SPEED,
-    (CUTS, "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
     (
         CUTS,
         "own = {branch.joint.name: branch.direction * along(branch.child)} "

@@ -43,7 +43,7 @@ def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
     assert 2.0 * first < other
 
 
-@pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 46)])
+@pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 53)])
 def test_one_revolution_needs_few_evaluations_of_the_loop_equations(name, most, monkeypatch):
     evaluations, evaluate = [], TreeLoops.linearise
     monkeypatch.setattr(
@@ -51,7 +51,8 @@ def test_one_revolution_needs_few_evaluations_of_the_loop_equations(name, most, 
     )
     mechanism = catalog.make(name).mechanism
     loops.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
-    # measured 29 and 44: one at the start, one for all poses at the end, two or three per segment
+    # measured 29 and 51: one at the start, one for all poses at the end, two or three per segment, and those of
+    # the rod's passive rotation, which is displaced by a small and a large angle
     assert len(evaluations) <= most
 
 
