@@ -166,7 +166,7 @@ def validate(
         result = _by_reference(models or (), verbose)
     else:
         with output_folder(chosen.report) as folder:
-            result = _validate(models, chosen, driven, sets, folder, verbose=verbose, as_json=as_json)
+            result = _validate(models, chosen, driven, sets, stated, folder, verbose=verbose, as_json=as_json)
     return result if earlier is None else compared_with(chosen.compare_to or "", earlier, result)
 
 
@@ -175,6 +175,7 @@ def _validate(
     chosen: ValidateOptions,
     driven: DriveOptions,
     sets: list[str] | None,
+    stated: Stated,
     folder: Path | None,
     *,
     verbose: bool,
@@ -186,6 +187,7 @@ def _validate(
         if models is None or len(models) != 1 or chosen.whole_gallery:
             raise InputError("--against compares one model; name exactly one")
         design = load_parametric(models[0], sets, driven, moving=False)
+        _require_crank(stated, [design.make({})])
         return _against(design, chosen, folder, verbose)
     if chosen.plot is not None:
         raise InputError("--plot goes with --against; name what the model is compared with")
@@ -198,9 +200,17 @@ def _validate(
     designs = _by_name({model: load_parametric(solving(model), sets, driven) for model in names})
     if not chosen.formula:
         designs = {name: _without_formula(design) for name, design in designs.items()}
-    report_code([design.make({}) for design in designs.values()])
+    solvers = [design.make({}) for design in designs.values()]
+    _require_crank(stated, solvers)
+    report_code(solvers)
     quick = () if models or chosen.whole_gallery else list(gallery.files())
     return _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
+
+
+def _require_crank(stated: Stated, solvers: Iterable[KinematicSolver]) -> None:
+    """Raise InputError for a stated speed if no mechanism has a crank at constant speed."""
+    if not any(solver.motion_laws.crank and solver.mechanism.has_crank for solver in solvers):
+        stated.exclude(["speed"], "without a crank at constant speed")
 
 
 def _without_formula(design: DesignFamily) -> DesignFamily:

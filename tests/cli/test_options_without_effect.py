@@ -50,6 +50,7 @@ CASES = [
     ],
     (STATICS, "--track B"),
     (STATICS, "--plot a.svg"),
+    ("validate stewart_gough", "--speed 77rpm"),
     ("dynamics inverse four_bar", "--restitution 0.5"),
     ("dynamics inverse four_bar", "--controller crank=-crank.v"),
     ("dynamics inverse four_bar", "--of distance:A,B"),
