@@ -118,13 +118,6 @@ class Centres:
     by_driven: Array
     rate: Array
 
-    @property
-    def arrays(self) -> tuple[Array, ...]:
-        """All arrays, of which a row belongs to a segment."""
-        start, residual = self.start, self.residual
-        configurations = start.values, start.quaternions, residual.mid, residual.rad
-        return *configurations, self.inverse, self.by_driven, self.rate
-
 
 def _centres(
     equations: ClosureEquations, driven: Array, rate: Array, half: Array, guess: CentreConfigurations
@@ -140,17 +133,16 @@ def _centres(
     """
     values = guess.values.copy()
     values[:, equations.driven] = driven
-    centres = _linearised(equations, CentreConfigurations(values, guess.quaternions.copy()), rate)
+    centres = _linearised(equations, CentreConfigurations(values, guess.quaternions), rate)
     for _ in range(CORRECTIONS):
         step = -(centres.inverse @ centres.residual.mid)[..., 0]
         largest = np.abs(step).max(1, initial=0.0)
         limit = CORRECTED + CORRECTED_SHARE * np.abs(centres.rate).max((1, 2), initial=0.0) * half
-        rows = np.flatnonzero(np.isfinite(largest) & (largest > limit))
-        if not len(rows):
+        move = np.isfinite(largest) & (largest > limit)
+        if not move.any():
             break
-        start = _moved(equations, centres.start.select(rows), step[rows])
-        for old, new in zip(centres.arrays, _linearised(equations, start, rate[rows]).arrays, strict=True):
-            old[rows] = new
+        start = _moved(equations, centres.start, np.where(move[:, None], step, 0.0))
+        centres = _linearised(equations, start, rate)
     return centres
 
 
