@@ -32,6 +32,7 @@ DEFINING_MODULES = {
     "mechsim.simulation.mjcf.generator",  # the ends of the links that stand for rods
     "mechsim.simulation.mjcf_reader.equality_constraints",  # a tendon's equality is a rod
     "mechsim.studies.release",  # "distance" is a quantity there
+    "mechsim.subjects.toml_cams",  # the joints that a cam and its follower consist of
     "mechsim.subjects.toml_curves",  # the joints that a point on a curve consists of
     "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
 }
