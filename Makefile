@@ -11,7 +11,7 @@ check:
 test:
 	$(PYTHON) -m pytest -q -n 2 --dist worksteal
 
-# the tests that take 0.8 s and more, half of the time of all
+# the tests that take 0.6 s and more, over half of the time of all
 test-long:
 	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'long and not slow and not browser'
 

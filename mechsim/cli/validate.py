@@ -209,7 +209,11 @@ def _validate(
 
 def _require_crank(stated: Stated, solvers: Iterable[KinematicSolver]) -> None:
     """Raise InputError for a stated speed if no mechanism has a crank at constant speed."""
-    if not any(solver.motion_laws.crank and solver.mechanism.has_crank for solver in solvers):
+    if "speed" in stated.options and not any(
+        # a formula has a crank
+        solver.closed_form is not None or (solver.motion_laws.crank and solver.mechanism.has_crank)
+        for solver in solvers
+    ):
         stated.exclude(["speed"], "without a crank at constant speed")
 
 

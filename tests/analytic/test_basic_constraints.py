@@ -257,6 +257,7 @@ def test_a_tendon_of_a_file_that_keeps_its_length_is_a_rod():
     assert np.abs(np.linalg.norm(ends[0] - ends[1], axis=1) - joint.length).max() < 1e-15
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

@@ -58,6 +58,7 @@ def exact_c(linkage: KinematicSolver, f: float, guess: np.ndarray) -> np.ndarray
         return np.array([[float(value) for value in column] for column in columns]).T * [[1], [1], [2]]
 
 
+@pytest.mark.long
 @settings(max_examples=12)
 @given(loopers())
 def test_links_keep_their_lengths_and_the_follower_its_axis(linkage):

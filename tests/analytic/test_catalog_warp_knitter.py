@@ -107,6 +107,7 @@ def test_motion_agrees_with_the_loop_equations_of_the_description(linkage):
                 assert np.abs(difference).max() <= limit, (kind, name, quantity)
 
 
+@pytest.mark.long
 @settings(max_examples=6)
 @given(seeds)
 def test_the_motion_of_k_agrees_with_fifty_digits(seed):

@@ -40,6 +40,7 @@ CHANGE_POINTS_AND_REVOLUTIONS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "lengths", change_point_lengths(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
 )
@@ -76,6 +77,7 @@ def test_change_points_and_period_are_reported(which):
         assert np.ptp(point, axis=0).max() <= 1e-12 * linkage.mechanism.characteristic_length
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
 def test_loop_equations_and_closed_form_agree_through_change_points(which):
     linkage = CHANGE_POINT_LINKAGES[which]

@@ -171,6 +171,7 @@ def fresh_library(monkeypatch, tmp_path):
     in_c.library_or_error.cache_clear()
 
 
+@pytest.mark.long
 def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
     run = run_of(Forces(crank_torque=table([0.0, 0.1, 0.5], [1e-3, 2e-3, 0.0], over="time")))
     assert run.executed == "numpy"
@@ -236,6 +237,7 @@ def test_without_a_compiler_the_run_is_in_numpy(fresh_library, monkeypatch):
     assert (run.executed, run.note.startswith("CC=no-such-compiler is not found")) == ("numpy", True)
 
 
+@pytest.mark.long
 def test_a_compiler_that_does_not_end_is_given_up_once(fresh_library, monkeypatch):
     compiler = fresh_library / "cc"
     compiler.write_text("#!/bin/sh\nexec sleep 60\n")
@@ -280,6 +282,7 @@ def test_many_runs_are_the_runs_one_by_one():
         np.testing.assert_allclose(runs["kinetic"][i, -1], energy, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_many_runs_with_friction_are_taken_one_by_one():
     friction = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("crank", coulomb=1e-5),))
     runs = ms.dynamics.run_many(

@@ -62,6 +62,7 @@ def test_a_follower_lifts_off_where_its_weight_is_too_small(tmp_path):
     assert "lifts off" in contact.sentence("contact")
 
 
+@pytest.mark.long
 def test_the_preload_that_is_named_keeps_the_contact_closed(tmp_path):
     preload = forces(tmp_path, 0.0).preload
     assert forces(tmp_path, -1.0001 * preload).changes == ()
@@ -81,6 +82,7 @@ def test_a_follower_that_is_pulled_away_has_no_contact_at_all(tmp_path):
     assert contact.preload == pytest.approx(100.0 - MASS * 9.81 + MASS * LIFT * SPEED**2, rel=1e-12)
 
 
+@pytest.mark.long
 def test_inverse_dynamics_states_the_instants(tmp_path, monkeypatch, capsys):
     from mechsim.cli import main
 

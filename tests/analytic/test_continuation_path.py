@@ -51,8 +51,8 @@ def test_one_revolution_needs_few_evaluations_of_the_loop_equations(name, most, 
     )
     mechanism = catalog.make(name).mechanism
     loops.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
-    # measured 29 and 51: one at the start, one for all poses at the end, two or three per segment, and those of
-    # the rod's passive rotation, which is displaced by a small and a large angle
+    # measured 29 and 51: one at the start, one for all poses at the end, two or three per segment, and those
+    # of the rod's passive rotation, which is displaced by a small and a large angle
     assert len(evaluations) <= most
 
 
@@ -324,6 +324,7 @@ def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("deficit", [1e-4, 1e-6, 1e-9])
 def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(deficit):
     linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - deficit)
@@ -362,6 +363,7 @@ def rotation_about(axis, angle):
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", [0.5, 1e-3, -2.0])
 def test_change_points_of_an_overconstrained_linkage_are_reported(start):
     mechanism = sarrus(start)
@@ -376,6 +378,7 @@ def test_change_points_of_an_overconstrained_linkage_are_reported(start):
     np.testing.assert_allclose(flat.points["P"].velocity[:, 2], [0.1, -0.1], atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("offset", [0.013, 0.06, -0.0002])
 def test_a_third_crank_off_the_line_of_pivots_removes_change_points(offset):
     mechanism = three_cranks((0.047, offset))
@@ -405,6 +408,7 @@ def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(height
     assert solver.motion_laws.revolutions < 500.0
 
 
+@pytest.mark.long
 def test_a_pulse_of_the_driver_is_validated():
     law = "0.5 + 0.002*exp(-((t - 0.5)/1e-5)**2)"
     solver = ms.load("slider_crank", drive={"crank": law}, duration=1.0)

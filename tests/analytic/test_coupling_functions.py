@@ -45,6 +45,7 @@ def law(q):
     return 0.3 * np.sin(3 * q) + 0.1 * q, 0.9 * np.cos(3 * q) + 0.1, -2.7 * np.sin(3 * q)
 
 
+@pytest.mark.long
 def test_an_expression_gives_motion_and_torque_of_its_closed_form(tmp_path):
     model, speed = load(tmp_path, WRITTEN), 3.0
     angles = np.linspace(0.1, 9.0, 23)
@@ -65,6 +66,7 @@ def test_an_expression_gives_motion_and_torque_of_its_closed_form(tmp_path):
     assert ms.validate(model).passed
 
 
+@pytest.mark.long
 def test_a_free_run_through_a_function_follows_an_independent_integration(tmp_path):
     model = load(tmp_path, WRITTEN, still=True)
     run = ms.dynamics.run(model, initial={"in.q": 0.4}, duration=1.0, tolerance=1e-13)

@@ -40,6 +40,7 @@ def largest_change(result):
     return max([result.moved, *shifts]), max([result.rotated, *rotations])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
 def test_a_rounded_linkage_moves_after_correction(name):
     whole = catalog.make(name).mechanism
@@ -58,6 +59,7 @@ def test_a_rounded_linkage_moves_after_correction(name):
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
 def test_errors_above_rounding_are_not_corrected(name):
     off = with_random_errors(catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)

@@ -143,6 +143,7 @@ def test_a_ladder_that_friction_jams_ends_with_that_outcome(file, capsys, monkey
     assert json.loads(capsys.readouterr().out)["outcome"] == "jammed"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lead", [6.0, 60.0])
 def test_a_screw_locks_itself_or_runs_down(lead, file):
     run = ms.dynamics.run(file(SCREW.format(lead=lead)), duration=0.5, samples=4)

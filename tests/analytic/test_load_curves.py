@@ -105,6 +105,7 @@ def test_the_command_prints_limit_points(truss, tmp_path, capsys, monkeypatch):
     assert np.abs(columns["load"] - load_at(columns["displacement"])).max() < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("load", "between", "message"),
     [

@@ -43,6 +43,7 @@ def single_design(solver, varied, index):
     return solver.with_parameters(**changed)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VARIED)
 def test_each_design_agrees_with_its_own_closed_form(name):
     solver, varied = designs(name, 0.3)

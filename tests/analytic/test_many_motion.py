@@ -41,6 +41,7 @@ def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
     return motion, np.isin(np.arange(len(mechanisms)), which[valid])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
 def test_designs_solved_together_agree_with_single_designs(name):
     parameter, middle, joints = JOINTS[name]

@@ -67,6 +67,7 @@ def test_a_run_in_which_friction_holds_the_joint_is_rejected():
         ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(pendulum(), brake), run)
 
 
+@pytest.mark.long
 def test_friction_by_the_load_acts_in_the_balance_of_the_rocker():
     """Moments about the rocker's pin: force and friction of B, friction of the pin, weight."""
     linkage, mu, radius = ms.catalog.make("four_bar"), 0.3, 0.005

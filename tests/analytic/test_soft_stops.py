@@ -224,6 +224,7 @@ def test_stops_of_both_coordinates(kind, tmp_path):
     assert crosscheck_forward(run, model, initial_values(model, {})).passed
 
 
+@pytest.mark.long
 def test_rest_on_a_stop(tmp_path):
     """The penetration is the weight over the stiffness, the frequency that of the mass on the stop."""
     solver = slide(tmp_path, '{ lower = "0.2 m", stiffness = "500 N/m", damping = 4 }')

@@ -63,6 +63,7 @@ def test_a_driver_moves_if_the_loops_do_not_close_at_its_start(tmp_path):
     assert "crank = " in solver.facts[-1]
 
 
+@pytest.mark.long
 def test_loops_that_cannot_close_are_rejected_with_a_remedy(tmp_path):
     with pytest.raises(AssemblyError, match=r"a gap of .* remains.* change the dimensions"):
         assembled(read_mjcf(str(_line(tmp_path, 0.25))).mechanism)

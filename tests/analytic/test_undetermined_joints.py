@@ -93,6 +93,7 @@ def test_locking_a_coordinate_removes_one_dof():
     assert np.linalg.matrix_rank(np.vstack([basis, locked]), tol=1e-12) == 5
 
 
+@pytest.mark.long
 def test_undetermined_coordinates_of_many_bodies_are_counted():
     names = [f"b{i}" for i in range(60)]
     joints = [Joint(f"j{name}", "floating", End(GROUND), End(name)) for name in names]

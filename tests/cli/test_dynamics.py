@@ -17,6 +17,7 @@ def run(capsys, monkeypatch, *arguments, analysis="inverse"):
     return ended.value.code, out, err
 
 
+@pytest.mark.long
 def test_a_prescribed_crank_is_reported_as_json_and_table(capsys, monkeypatch, tmp_path):
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     arguments = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))

@@ -40,6 +40,7 @@ def test_a_fit_is_reported_and_written_with_its_uncertainty(fit, table, tmp_path
     assert np.abs(rows["rocker.q.left"]).max() <= 1e-9
 
 
+@pytest.mark.long
 def test_the_crank_speed_comes_from_the_table(fit, tmp_path):
     motion = catalog.make("four_bar", coupler=0.0913).solve(ANGLES, speed=31.0)
     crank, rocker = (motion.joints[name].rate for name in ("crank", "rocker"))

@@ -133,6 +133,7 @@ def test_a_frequency_response_is_tabulated(facts):
     assert len(result["response"]["frequency"]) == len(result["response"]["magnitude"]) == 200
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -200,6 +201,7 @@ def test_a_wrapped_angle_does_not_trigger_an_event(facts):
     assert run["outcome"] == "time over"
 
 
+@pytest.mark.long
 def test_velocity_responses_are_displacements_times_frequency(facts):
     result = [
         facts("response", f"crank:{quantity}", "--initial", "crank.q=-95deg")[1]

@@ -16,6 +16,7 @@ from mechsim.errors import InputError
 MECHSIM = [sys.executable, "-c", "from mechsim.cli import main; main()"]
 
 
+@pytest.mark.long
 def test_a_client_lists_and_calls_the_tools(tmp_path):
     async def session():
         parameters = StdioServerParameters(
@@ -75,6 +76,7 @@ def test_what_is_inside_is_accepted(folder):
     require_confined(["good.xml", "four_bar", "--gravity", "0,0,-9.81/2", "--angles", "0:360:5deg"], folder)
 
 
+@pytest.mark.long
 def test_a_table_that_a_description_names_outside_the_folder_is_not_read(folder):
     (folder.parent / "gear.csv").write_text("q,value\n0,0\n1,1\n")
     (folder / "pair.toml").write_text(

@@ -81,6 +81,7 @@ def test_zero_and_numbers_with_units_are_accepted(mechsim, press):
     assert columns["B.x"] == pytest.approx([0.17], rel=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("units", "length", "angle"),
     [("file", "mm", "deg"), ("cm", "cm", "rad"), ("SI", "m", "rad"), ("deg,in", "in", "deg")],

@@ -32,6 +32,7 @@ def test_a_swinging_crank_is_rendered_within_its_range(mechsim, tmp_path, angle)
     assert not (tmp_path / "b.png").exists()
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize("method", ["closed", "simulated", "both"])
 def test_pictures_are_rendered_from_either_method_or_both(mechsim, tmp_path, method):
@@ -40,6 +41,7 @@ def test_pictures_are_rendered_from_either_method_or_both(mechsim, tmp_path, met
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 @draws
 def test_json_of_render_is_valid_under_its_schema(mechsim):
     for name, frames in (("a.png", None), ("a.gif", 6)):
@@ -171,6 +173,7 @@ def test_an_option_of_another_kind_of_plot_is_rejected(mechsim, tmp_path, option
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_torque_plot_shows_both_methods(mechsim, tmp_path):
     for method in ("closed", "simulated"):
         assert (

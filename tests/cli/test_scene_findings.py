@@ -11,6 +11,7 @@ from mechsim.errors import InputError
 COMPLIANT = changed(('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', ""))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("text", "kinds"), [(SOUND, []), (COMPLIANT, ["soft"])])
 def test_show_lists_the_findings_of_a_scene(mechsim, file, text, kinds):
     code, out, _ = mechsim("show", file(text), "--json")
@@ -22,6 +23,7 @@ def test_show_lists_the_findings_of_a_scene(mechsim, file, text, kinds):
         assert 0 <= item["explains"] <= 1
 
 
+@pytest.mark.long
 def test_show_prints_the_line_of_a_finding(mechsim, file):
     _, out, _ = mechsim("show", file(COMPLIANT))
     output = " ".join(out.split())

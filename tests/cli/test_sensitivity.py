@@ -27,6 +27,7 @@ def test_derivatives_are_written_and_reported(sensitivity, tmp_path):
     assert reported["columns"]["P3.x/crank"] == table["P3.x/crank"].tolist()
 
 
+@pytest.mark.long
 @draws
 def test_tolerances_are_reported_and_their_bands_plotted(sensitivity, tmp_path):
     tolerances = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"

@@ -88,6 +88,7 @@ def every_name(test):
     return settings(max_examples=5, suppress_health_check=suppressed)(given(NAMES)(test))
 
 
+@pytest.mark.long
 @every_name
 def test_names_round_trip_through_tables_and_toml(tmp_path, name):
     mechanism = named(name)
@@ -109,6 +110,7 @@ def test_names_round_trip_through_mjcf(name):
     assert mechanism.points.keys() <= {model.site(i).name for i in range(model.nsite)}
 
 
+@pytest.mark.long
 @settings(max_examples=1, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(NAMES)
 @example(r"$\frac{$")
@@ -133,6 +135,7 @@ def test_a_page_escapes_names():
     assert "<b>" not in text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "line",
     [

@@ -89,6 +89,7 @@ def test_random_designs_are_checked_in_mujoco(mechsim, monkeypatch):
     assert json.loads(answer.out)["checked"]["passed"] == 0
 
 
+@pytest.mark.long
 def test_a_sweep_file_is_plotted(mechsim, tmp_path):
     mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "--measure", "max:C.x", "-o", "out.nc")
     for kind in ("map", "parallel", "pareto"):

@@ -18,6 +18,7 @@ def trace(mechsim):
     return lambda *arguments: mechsim("trace", *arguments)
 
 
+@pytest.mark.long
 def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
     arguments = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A", "--samples", "50")
     code, out, err = trace(*SWINGS, *arguments)
@@ -87,6 +88,7 @@ def test_invalid_input_gives_one_line_and_no_file(trace, tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_user_defined_mechanism_is_traced(trace):
     code, out, err = trace(str(gallery.files()["elliptic_trammel"]), "--starts", "10")
     assert code == 0, err

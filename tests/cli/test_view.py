@@ -46,6 +46,7 @@ def test_invalid_input_is_rejected_without_a_file(folder, arguments):
     assert os.listdir(folder) == []
 
 
+@pytest.mark.long
 def test_links_of_a_file_that_are_not_drawn_are_named(folder, capsys):
     """Only the rocker has a geom, then no link; a geom in the hidden group 3 is not drawn."""
     text = (Path(__file__).parents[2] / "models/four_bar.xml").read_text()

@@ -238,6 +238,7 @@ def test_long_work_reports_its_remaining_time(
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "count"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
 )

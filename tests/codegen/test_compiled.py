@@ -55,12 +55,14 @@ def test_compiled_code_agrees_with_reference_data(compiled, name):
     )
 
 
+@pytest.mark.long
 def test_wrong_dimensions_disagree_with_reference_data(compiled):
     table = reference_data.read(reference_data.folder(), "rssr")
     wrong = ms.compile(table.mechanism, set={"coupler": "46.000001mm"})
     assert errors(wrong, "rssr")["position"] > 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rssr", "jansen", "parallel_gripper", "slider_crank"])
 def test_the_record_agrees_with_the_loop_equations(compiled, name):
     solver = compiled(name)

@@ -91,6 +91,7 @@ def test_the_self_test_rejects_a_changed_solver(compiled, tmp_path):
     assert run(built("gcc", source)).returncode == 1
 
 
+@pytest.mark.long
 def test_the_self_test_rejects_a_missing_range_check(compiled, tmp_path):
     solver = compiled("bricard")
     source = written(solver, tmp_path)

@@ -21,6 +21,7 @@ def integrated(derivatives, state, end, rtol=3e-13):
     return solver, pieces
 
 
+@pytest.mark.long
 def test_an_oscillator_is_accurate_over_a_hundred_periods():
     end, rtol = 200.0 * np.pi, 3e-14
     solver, pieces = integrated(oscillator(1.0), [1.0, 0.0], end, rtol)

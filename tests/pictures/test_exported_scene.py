@@ -29,6 +29,7 @@ def assert_same(item, other):
             np.testing.assert_array_equal(getattr(point, kind), getattr(other.points[name], kind))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rssr", "warp_knitter", "looper"])
 def test_visual_geoms_do_not_change_a_run_by_a_bit(name):
     linkage = full_turn(name)

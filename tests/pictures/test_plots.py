@@ -94,6 +94,7 @@ def test_a_figure_can_be_changed_and_drawn_again(motion):
     assert b"<!-- mine -->" in plots.drawn(figure)
 
 
+@pytest.mark.long
 def test_plots_are_self_contained_and_reproducible(linkage, motion, vectors):
     # one plot per module: names and dates are set in one function for all
     repeated = (
@@ -138,6 +139,7 @@ def test_errors_under_motion_laws_are_drawn_over_time():
     assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.solver.motion_laws.duration)
 
 
+@pytest.mark.long
 def test_invalid_points_and_formats_are_rejected(motion, tmp_path):
     with pytest.raises(InputError, match="no point 'Q'"):
         plots.motion_plot(motion, ["Q"])

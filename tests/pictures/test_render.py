@@ -374,6 +374,7 @@ def test_a_software_driver_is_distinguished_from_hardware():
     assert str(gl_backend.Backend("egl", "NVIDIA H200", "4.6")) == "egl: NVIDIA H200, hardware"
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize("extension", grid(video.VIDEOS, (".mp4",)))
 def test_videos_contain_every_frame_at_the_requested_size(extension, linkage, motion, tmp_path):

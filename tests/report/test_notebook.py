@@ -109,6 +109,7 @@ def test_a_model_is_displayed_as_an_interactive_view():
         ms.show("four_bat")
 
 
+@pytest.mark.long
 def test_results_have_a_short_text_and_a_table():
     solver = ms.catalog.make("four_bar")
     validation = ms.validate("four_bar")

@@ -118,6 +118,7 @@ def test_the_page_is_self_contained(section, tmp_path):
     assert not re.search(r"url\((?!data:)", page)
 
 
+@pytest.mark.long
 def test_no_picture_is_stored_twice(section, tmp_path):
     page = report.write_report(tmp_path, results(rssr=passed_result()), [section]).read_text(encoding="utf-8")
     stored = re.findall(r"base64,([A-Za-z0-9+/=]{40,})", page)

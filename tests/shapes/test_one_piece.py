@@ -68,6 +68,7 @@ def test_every_link_is_drawn_in_one_piece(name):
         assert link == GROUND or len(pieces(shapes, rod_radius(mechanism))) == 1, link
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", [CRANK, SHAFT], ids=["flat", "spatial"])
 @pytest.mark.parametrize("carrier", [GROUND, "crank"])
 @pytest.mark.parametrize("kind", JOINT_KINDS)

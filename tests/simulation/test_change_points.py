@@ -65,6 +65,7 @@ def test_solved_poses_keep_their_assembly_mode_for_two_turns(linkage):
         assert np.abs(motion.joints[name].rate - joint.rate).max() <= 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turns", [2.4, -0.9])
 @pytest.mark.parametrize("linkage", OTHERS, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
 def test_solved_poses_stay_on_the_branch_as_the_closed_form_does(linkage, turns):

@@ -58,6 +58,7 @@ def test_a_slow_motion_under_gravity_gets_stiffer_loops(path):
     assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves a position error of" in run.note
 
 
+@pytest.mark.long
 def test_a_failed_run_with_a_requested_compliance_suggests_a_better_one(path):
     arguments = [word for name, law in DRIVES.items() for word in ("--drive", f"{name}={law}")]
     arguments = ["simulate", path, *arguments, "--duration", "100s", "--tolerance", "2e-11"]

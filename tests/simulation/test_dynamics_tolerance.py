@@ -24,6 +24,7 @@ def dynamic_model_of(name, **forces):
     return dynamics.dynamic_model(catalog.make(name), Forces(gravity=GRAVITY, **forces))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 @pytest.mark.parametrize("name", grid(["rssr", "warp_knitter"]))
 def test_the_torque_estimate_is_the_true_error_within_the_tolerance(name, tolerance):
@@ -51,6 +52,7 @@ def test_a_tolerance_below_rounding_fails_with_a_reason():
     assert 0.0 < poses.tolerance_report.estimates["balance"] <= 1e-8
 
 
+@pytest.mark.long
 def test_a_swinging_crank_satisfies_its_tolerance():
     model = dynamic_model_of("four_bar", friction=(Friction("rocker", 1e-3, 1e-2),))
     profile = swing(model.mechanism.start + 0.3, 0.5, 30.0)

@@ -44,6 +44,7 @@ def forms_of(name, rows):
     return [make({key: values[i] for key, values in rows.items()}) for i in range(2)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VARIED)
 def test_batched_designs_move_as_single_designs(name):
     rows = VARIED[name]

@@ -29,6 +29,7 @@ def chain(study):
     return study.chain(catalog.make("four_bar"), 24)
 
 
+@pytest.mark.long
 def test_a_long_chain_steps_equally_with_sparse_and_dense_matrices(chain) -> None:
     runs = {
         kind: simulate(chain, speed=10.0, turns=0.25, settings=Settings(steps_per_turn=144, jacobian=kind))

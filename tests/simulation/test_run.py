@@ -112,6 +112,7 @@ def test_a_near_dead_centre_is_passed_in_the_same_assembly_mode() -> None:
 # steps
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
     linkage, errors = catalog.make(name), []
@@ -162,6 +163,7 @@ def test_a_guided_coupler_satisfies_its_tolerance() -> None:
     assert worst(run.motion, exact) <= 1e-8
 
 
+@pytest.mark.long
 def test_a_tolerance_below_rounding_fails_with_the_error() -> None:
     run = simulate(catalog.make("slider_crank").mechanism, speed=10.0, turns=0.05, tolerance=1e-19)
     assert run.outcome == "failed"

@@ -111,6 +111,7 @@ def test_all_methods_agree_on_multi_turn_crank_ranges(linkage):
                 np.testing.assert_allclose(route.points[point].position, position, rtol=0, atol=1e-11)
 
 
+@pytest.mark.long
 def test_poses_beyond_a_dead_centre_are_rejected_on_every_revolution():
     high = LOOPER.crank_range().arcs[0][1]
     angles = np.linspace(high - 0.4, high + 0.1, 9)
@@ -147,6 +148,7 @@ def test_a_swing_that_leaves_the_range_is_rejected_on_every_revolution():
             simulate(linkage.mechanism, profile=profile)
 
 
+@pytest.mark.long
 def test_a_geared_crank_outside_its_revolution_is_rejected():
     """With gear ratio 3:2 the second crank is half a turn further after a turn of the first."""
     for seed in range(60):

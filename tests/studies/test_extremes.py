@@ -90,6 +90,7 @@ def test_runs_near_and_through_a_change_point_report_their_outcome(which):
     assert axes.change_point(linkage, which, False).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])
 def test_a_distant_start_reports_its_true_outcome(value):
     assert all(axes.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))

@@ -49,6 +49,7 @@ def test_uncertainties_match_the_scatter_of_repeated_measurements():
     assert 0.7 <= np.mean([fit.spread for fit in fits]) <= 1.3
 
 
+@pytest.mark.long
 def test_residuals_replace_missing_deviations():
     table = measured(2e-5)
     without_deviations = {name: column for name, column in table.items() if "±" not in name}

@@ -171,6 +171,7 @@ def test_the_cases_cover_every_kind_of_joint_and_coupling():
     assert {*record.gears} - meshing == {"crank-skew", "thread.turn-thread.way", "wheel-cam"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("case", "method"), [("linkage 38", "MuJoCo"), ("train 1", "analytic")])
 def test_the_check_detects_every_omitted_force(case, method):
     case_data = CASES[case]()

@@ -22,6 +22,7 @@ def test_the_model_agrees_with_the_loop_equations(ankle):
     assert "100 seeded random configurations" in ankle.verification.markdown()
 
 
+@pytest.mark.long
 def test_servos_hold_the_closed_keyframe_and_follow_their_control(ankle):
     model = mujoco.MjModel.from_xml_string(ankle.text)
     data = mujoco.MjData(model)

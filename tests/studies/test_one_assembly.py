@@ -27,6 +27,7 @@ B = {{ link = "rocker", at = [3, 0, 0] }}
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", [pytest.param("", marks=pytest.mark.slow), "start = 135"])
 def test_a_changed_design_has_the_same_assembly_in_solve_and_sweep(tmp_path, start):
     path = tmp_path / "four_bar.toml"

@@ -85,6 +85,7 @@ def test_an_infeasible_limit_is_reported():
     assert result.outcome == "limits missed"
 
 
+@pytest.mark.long
 def test_a_search_returns_from_infeasible_designs():
     start = ms.moved("four_bar", angles=ANGLES)
     # the largest swing is at the border of a full turn; beyond it the loops do not close

@@ -166,6 +166,7 @@ def test_the_power_of_several_drivers_balances(name, method):
     assert relative_imbalance(mechanism, forces, motion, record) < (3e-3 if method == "step" else 1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("omitted", ["gravity", "friction", "springs", "joint_springs", "loads", "couples"])
 def test_an_omitted_force_breaks_the_balance(omitted):
     solver = load("rsur")

@@ -48,6 +48,7 @@ def model(path, law, forces=WEIGHT):
     return ms.dynamics.dynamic_model(ms.load(path, drive={"hoop": law}), forces)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("drivers", ['["hoop"]', '["bead", "hoop"]'])
 def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(drivers, path):
     file, speed = path.with_name("drivers.toml"), 2.0 * np.pi

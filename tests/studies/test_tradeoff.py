@@ -65,6 +65,7 @@ def test_steps_record_the_same_instants():
     assert all(72 % n == 0 or n % 72 == 0 for n in STEPS)
 
 
+@pytest.mark.long
 def test_all_points_are_measured_and_the_front_is_timed_again(tradeoff):
     assert tradeoff.left_out == 0
     assert {point.settings.steps_per_turn for point in tradeoff.points} == set(SHORT)

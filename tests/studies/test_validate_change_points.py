@@ -16,6 +16,7 @@ FLAT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", FLAT)
 def test_a_mechanism_with_change_points_passes_validation(which):
     name, lengths = FLAT[which]

@@ -38,6 +38,7 @@ ROUTES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_start_outside_a_range_is_rejected_by_every_method(arm, route):
     with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
@@ -103,6 +104,7 @@ SAMPLED_ROUTES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("route", SAMPLED_ROUTES)
 @pytest.mark.parametrize("samples", [3])
 @pytest.mark.parametrize("joint", ["crank", "rocker"])

@@ -38,6 +38,7 @@ def test_both_methods_agree_on_a_loop_of_coupled_joints(coupled_loop: str) -> No
     assert np.ptp(q["A"]) > 0.1
 
 
+@pytest.mark.long
 def test_loops_of_coupled_joints_have_derivatives(coupled_loop: str) -> None:
     table = ms.sensitivity(coupled_loop, quantities="tip.x", to=["left"], angles=[0.2])
     step = 1e-5

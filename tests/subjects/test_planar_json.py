@@ -233,6 +233,7 @@ def with_masses(keys, block):
     return content
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("keys", [("Izz_cg", "cg_local"), ("izz_cg", "ch_local")])
 @pytest.mark.parametrize(
     ("block", "mass"),

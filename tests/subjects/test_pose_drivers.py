@@ -83,6 +83,7 @@ def test_both_methods_agree_on_pose_drivers(model, laws, monkeypatch, capsys):
     assert "PASS" in out
 
 
+@pytest.mark.long
 def test_motors_and_pose_drivers_have_the_same_power():
     weight = ms.Forces(gravity=(0.0, -9.81, 0.0))
     pose_model = ms.dynamics.dynamic_model(ms.load("five_bar", drive=CIRCLE), weight)
@@ -129,6 +130,7 @@ def test_default_classes_of_a_file_do_not_affect_the_chain():
     np.testing.assert_allclose(tip[:, 0], 0.19 + 0.003 * np.sin(2 * np.pi * TIMES), atol=1e-14)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("laws", "message"),
     [

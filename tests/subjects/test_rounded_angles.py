@@ -53,6 +53,7 @@ def least_gap(spec: mujoco.MjSpec, calf: float) -> float:
     return float(np.linalg.norm(least_squares(gap, [-calf, calf], xtol=1e-14, gtol=1e-14).fun))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ROUNDED)
 def test_loops_with_a_rounded_angle_move(name):
     rotation, axis, foot, error = ROUNDED[name]
@@ -69,6 +70,7 @@ def test_loops_with_a_rounded_angle_move(name):
     np.testing.assert_allclose(motion.joints["ankle"].value, -angles, atol=1e-4)
 
 
+@pytest.mark.long
 def test_studies_in_mujoco_move_the_same_loops():
     rotation, axis, foot, _ = ROUNDED["pi/2"]
     spec = leg(rotation, axis, foot)
@@ -170,6 +172,7 @@ def test_the_crank_of_a_toml_file_keeps_its_name(tmp_path):
     assert ms.closed_qpos(str(path), {"calf": 0.3})[0] == pytest.approx([0.3, -0.3, 0.3], abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [1.564, 1.578, np.pi / 2])
 def test_other_angles_remain_as_written(angle):
     """An error of 0.4 deg is no rounding, and exact angles need no correction."""

@@ -155,6 +155,7 @@ def test_tables_that_are_no_law_are_rejected(tmp_path, rows, named):
         ms.load(write(tmp_path, "roller", '"law.csv"'))
 
 
+@pytest.mark.long
 def test_a_cam_falls_from_its_top_as_in_mujoco_and_returns_after_a_turn(tmp_path, monkeypatch, capsys):
     path = write(tmp_path, "roller")
 

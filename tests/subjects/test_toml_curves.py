@@ -125,6 +125,7 @@ def test_a_roller_is_smaller_than_the_least_radius_of_curvature(tmp_path, radius
             ms.load(str(tmp_path / "rail.toml"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", ["outside", "inside"])
 def test_the_centre_of_a_roller_follows_the_offset_curve(tmp_path, side):
     roller = f'kind = "curve"\nroller = "6 mm"\nside = "{side}"'
@@ -203,6 +204,7 @@ b = { link = "arm", at = [0.3, 0, 0] }
 """
 
 
+@pytest.mark.long
 def test_a_structure_finds_where_its_arm_meets_the_curve(tmp_path):
     (tmp_path / "structure.toml").write_text(STRUCTURE)
     _, values = start_poses(ms.load(str(tmp_path / "structure.toml"), still=True).mechanism)
@@ -226,6 +228,7 @@ b = { link = "bead" }
 """
 
 
+@pytest.mark.long
 def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration(tmp_path):
     (tmp_path / "bead.toml").write_text(BEAD)
     model = ms.load(str(tmp_path / "bead.toml"), still=True)

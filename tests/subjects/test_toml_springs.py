@@ -116,6 +116,7 @@ def test_lengths_in_an_expression_are_in_the_unit_of_the_file(tmp_path):
     assert abs(heights[0] - heights[1]) < 1e-12
 
 
+@pytest.mark.long
 def test_a_table_over_the_length_and_one_over_the_rate(tmp_path):
     lengths, rates = np.linspace(0.1, 0.8, 15), np.linspace(-6.0, 6.0, 25)
     forces, damping = 400.0 * (lengths - 0.4) - 9e3 * (0.4 - lengths) ** 3, 8.0 * np.tanh(2.0 * rates) + rates

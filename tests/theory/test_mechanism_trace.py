@@ -111,6 +111,7 @@ def test_swinging_cranks_reverse_at_the_dead_centres(name):
     assert angular_distances(dead, every).max() <= 1e-11
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(name for name in SOLVERS if SOLVERS[name].change_points()))
 def test_branch_points_agree_with_the_closed_form(name):
     result, exact = traced(name), SOLVERS[name].change_points()
@@ -140,6 +141,7 @@ def test_close_curves_without_a_branch_point_are_separated():
         assert max(gap_to_closed_form(linkage, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
 
+@pytest.mark.long
 def test_curves_of_a_geared_mechanism_satisfy_the_gear_equation():
     mechanism = geared(-1.5)
     for curve in trace(mechanism, starts=30).curves:
@@ -159,6 +161,7 @@ def test_a_curve_of_high_curvature_keeps_its_assembly_mode():
     assert set(np.sign(linkage.assembly_sign(poses.points))) == {1.0}
 
 
+@pytest.mark.long
 def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
     kite = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
     result = trace(kite, starts=20)

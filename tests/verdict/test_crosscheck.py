@@ -139,6 +139,7 @@ def test_two_swapped_links_fail(name: str) -> None:
     assert not crosscheck(motion_of(wrong.mechanism), linkage).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("route", ROUTES)
 def test_the_other_assembly_mode_is_reported(name: str, route: str) -> None:

@@ -47,6 +47,7 @@ def model_of(name: str, forces: Forces) -> dynamics.DynamicModel:
     return dynamics.dynamic_model(catalog.make(name), forces)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 def test_torque_reactions_and_energies_agree_under_every_kind_of_force(name, method):
@@ -108,6 +109,7 @@ def without_friction(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
     return model.with_forces(replace(model.forces, friction=()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
 def test_every_wrong_model_fails(name, method):

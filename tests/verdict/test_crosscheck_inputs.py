@@ -48,6 +48,7 @@ def test_every_mechanism_has_a_planted_fault(linkage):
     assert FAULTS[linkage.name]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_the_correct_mechanism_passes(name, method):

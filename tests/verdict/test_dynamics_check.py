@@ -104,6 +104,7 @@ def test_a_reaction_on_the_wrong_link_is_detected():
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
+@pytest.mark.long
 def test_catalogue_mechanisms_satisfy_the_reduced_equation():
     for name in catalog.MECHANISMS:
         linkage = catalog.make(name)
@@ -255,6 +256,7 @@ def test_free_runs_with_redundant_loops_pass():
         assert verdict.passed, verdict
 
 
+@pytest.mark.long
 def test_a_free_run_with_nonlinear_couplings_has_fourth_order():
     model = dynamics.dynamic_model(nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []

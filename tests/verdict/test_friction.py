@@ -38,6 +38,7 @@ def with_changed_friction(model, **coefficients):
     return model.with_forces(replace(model.forces, friction=friction))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("kind", ALL)
 def test_torques_and_reactions_agree_under_friction(kind, method):

@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import pytest
 from counted_calls import calls
 
 from mechsim.simulation.findings import implausible_numbers
@@ -29,6 +30,7 @@ def test_subtree_masses_agree_with_mujoco(tmp_path):
     )
 
 
+@pytest.mark.long
 def test_mass_check_of_nested_bodies_has_linear_cost(tmp_path):
     def weigh(scene):
         assert list(implausible_numbers.impossible(scene)) == []

@@ -43,6 +43,7 @@ def test_a_motor_on_a_locked_joint_is_redundant():
     ] == ["actuator1"]
 
 
+@pytest.mark.long
 def test_the_first_keyframe_defines_the_start():
     qpos = ms.closed_qpos(mujoco.MjSpec.from_string(IN_LINE).compile(), {"crank": -1.0})[0]
     low, high = sorted((0.5 * qpos[2], 1.5 * qpos[2]))

@@ -85,6 +85,7 @@ def test_exit_code_1_needs_an_error(tmp_path, monkeypatch, capsys):
     assert "0 errors, 1 warning" in out.out
 
 
+@pytest.mark.long
 def test_all_formats_report_the_same_findings(tmp_path, monkeypatch, capsys):
     path = written(tmp_path, FAULTS["MS102"])
     expected = [violation.rule for violation in ms.check(path)]
@@ -102,6 +103,7 @@ def test_all_formats_report_the_same_findings(tmp_path, monkeypatch, capsys):
     assert location["region"]["startLine"] == 7
 
 
+@pytest.mark.long
 def test_piped_text_has_one_line_per_finding(tmp_path, monkeypatch, capsys):
     path = written(tmp_path, FAULTS["MS102"])
     _, out = run(monkeypatch, capsys, path, "--select", "MS102", "--explain")

@@ -268,6 +268,7 @@ def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, t
 HIPS = model_text("units_and_damping_hips.xml")
 
 
+@pytest.mark.long
 def test_a_fixed_base_adds_no_contact(tmp_path):
     path = tmp_path / "hips.xml"
     path.write_text(HIPS)

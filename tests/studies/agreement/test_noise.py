@@ -88,6 +88,7 @@ def test_a_single_wrong_row_is_reported(tmp_path):
     assert "row 17 of B" in result.why
 
 
+@pytest.mark.long
 def test_noise_above_the_stated_deviation_fails(tmp_path):
     assert not validated(
         measured(tmp_path / "a.csv", "four_bar", ("B.x", "B.y"), stated_deviation=SIGMA / 2)

@@ -46,6 +46,7 @@ def assert_same(monkeypatch, task):
         np.testing.assert_allclose(batched.values[name], values, atol=tolerance * scale, err_msg=name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SWEPT)
 def test_batched_designs_have_the_measures_of_single_designs(monkeypatch, name):
     vary, measures = SWEPT[name]
