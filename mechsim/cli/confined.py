@@ -6,6 +6,7 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Iterator, Sequence
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ OPERATIONS = {
     **dict.fromkeys(("os.truncate", "os.chmod"), 1),
     **dict.fromkeys(("os.rename", "os.link", "os.symlink"), 2),
 }
+# code, as in formula.py:position
+PYTHON = re.compile(r"\.pyw?(?![\w.])", re.IGNORECASE)
 # names of files in MJCF and URDF, which MuJoCo opens itself
-NAMED_FILE = re.compile(r"""\b(?:file|filename|\w*dir)\s*=\s*["']([^"']*)["']""")
+NAMED_FILE = re.compile(r"""\b(?:file\w*|\w*dir)\s*=\s*["']([^"']*)["']""")
 # what separates a path from the rest of an option, as in crank=law.csv or formula.py:position
 SEPARATORS = re.compile(r"[=,:@\s]")
 
@@ -44,27 +47,34 @@ def _paths_in(argument: str, folder: Path) -> Iterator[Path]:
 def require_confined(arguments: Sequence[str], folder: Path) -> None:
     """Raise InputError for an argument that is code or, directly or in an MJCF file, outside the folder."""
     for argument in arguments:
-        if ".py" in argument:
+        if PYTHON.search(argument):
             raise InputError(
                 f"{argument!r} names Python code, which is not run for others; give a table instead"
             )
         for path in _paths_in(argument, folder):
             if not _is_within(path, [folder]):
                 raise InputError(f"{argument!r} is outside {folder}; name a file in that folder")
-            if path.suffix in (".xml", ".urdf") and path.is_file():
+            if path.suffix.lower() in (".xml", ".urdf") and path.is_file():
                 _require_confined_names(path, folder, set())
+
+
+def _is_xml(path: Path) -> bool:
+    """Return whether a file starts as XML does; an included one can have any name."""
+    with path.open("rb") as file:
+        return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
 
 def _require_confined_names(path: Path, folder: Path, read: set[Path]) -> None:
     read.add(path)
     for name in NAMED_FILE.findall(read_text(path)):
         for start in {folder, path.parent}:
-            named = Path(os.path.realpath(start / name))
+            # MuJoCo reads &#46; as a dot
+            named = Path(os.path.realpath(start / unescape(name)))
             if not _is_within(named, [folder]):
                 raise InputError(
                     f"{path.name} names {name!r}, which is outside {folder}; copy it into that folder"
                 )
-            if named.suffix == ".xml" and named.is_file() and named not in read:
+            if named.is_file() and named not in read and _is_xml(named):
                 _require_confined_names(named, folder, read)
 
 

@@ -223,9 +223,9 @@ class Cam:
         if not np.abs(last - first).max() <= PERIODIC * scale:
             worst = int(np.abs(last - first).max(0).argmax())
             raise InputError(
-                f"cam {self.name!r} has a law that does not repeat after a revolution: lift and slope are "
-                f"{first[0, worst]:.6g} and {first[1, worst]:.6g} at {q[worst]:.4g} rad, a revolution later "
-                f"{last[0, worst]:.6g} and {last[1, worst]:.6g}"
+                f"cam {self.name!r} has a law that does not repeat after a revolution: lift and derivative "
+                f"are {first[0, worst]:.6g}, {first[1, worst]:.6g} at {q[worst]:.4g} rad, a revolution later "
+                f"{last[0, worst]:.6g}, {last[1, worst]:.6g}"
             )
 
     def _require_no_undercut(self) -> None:

@@ -145,5 +145,5 @@ def test_a_motion_beyond_the_table_ends_with_an_outcome(tmp_path):
 
 @pytest.mark.parametrize("function", ["1/q", "sqrt(q)"])
 def test_a_function_without_a_value_at_the_start_is_rejected(tmp_path, function):
-    with pytest.raises(AssemblyError, match="no finite value or slope at the start"):
+    with pytest.raises(AssemblyError, match="no finite value or derivative at the start"):
         load(tmp_path, MODEL + f'function = "{function}"\n')

@@ -47,9 +47,11 @@ def folder(tmp_path):
     inside.mkdir()
     (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
     (inside / "link.toml").symlink_to(tmp_path / "secret.xml")
-    (inside / "includes.xml").write_text('<mujoco><include file="more.xml"/></mujoco>')
-    (inside / "more.xml").write_text('<mujocoinclude><include file="../secret.xml"/></mujocoinclude>')
+    (inside / "includes.xml").write_text('<mujoco><include file="more.txt"/></mujoco>')
+    (inside / "more.txt").write_text('<mujocoinclude><include file="../secret.xml"/></mujocoinclude>')
     (inside / "mesh.xml").write_text('<mujoco><compiler meshdir="/"/></mujoco>')
+    (inside / "escaped.xml").write_text('<mujoco><include file="&#46;&#46;/secret.xml"/></mujoco>')
+    (inside / "sky.xml").write_text('<mujoco><texture type="cube" fileup="../sky.png"/></mujoco>')
     (inside / "good.xml").write_text('<mujoco><include file="good.xml"/><mesh file="part.obj"/></mujoco>')
     return inside
 
@@ -65,6 +67,9 @@ def folder(tmp_path):
         "link.toml",
         "includes.xml",
         "mesh.xml",
+        "escaped.xml",
+        "sky.xml",
+        "f.PY:position",
     ],
 )
 def test_files_outside_the_folder_are_rejected(folder, argument):
@@ -73,7 +78,10 @@ def test_files_outside_the_folder_are_rejected(folder, argument):
 
 
 def test_what_is_inside_is_accepted(folder):
-    require_confined(["good.xml", "four_bar", "--gravity", "0,0,-9.81/2", "--angles", "0:360:5deg"], folder)
+    require_confined(
+        ["good.xml", "bar.pylinkage.json", "four_bar", "--gravity", "0,0,-9.81/2", "--angles", "0:360:5deg"],
+        folder,
+    )
 
 
 @pytest.mark.long

@@ -52,8 +52,8 @@ def generic_poses(
         residual, jacobian, _ = loops.linearise(start)
     if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
         raise AssemblyError(
-            f"{loops.tree.mechanism.name}: the function of a coupling has no finite value or slope at the "
-            "start of its driver; start where it has one"
+            f"{loops.tree.mechanism.name}: the function of a coupling has no finite value or derivative at "
+            "the start of its driver; start where it has one"
         )
     loops = replace(loops, driven=())
     random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)

@@ -28,8 +28,8 @@ typedef struct {
     double value, rate;
 } Timed;
 
-static Timed timed(double value, double slope, Timed x) {
-    Timed result = {value, x.rate != 0.0 ? slope * x.rate : 0.0};
+static Timed timed(double value, double derivative, Timed x) {
+    Timed result = {value, x.rate != 0.0 ? derivative * x.rate : 0.0};
     return result;
 }
 
