@@ -15,16 +15,16 @@ from mechsim.analytic.vector_method.vectors import (
     cross,
     dot,
     norm,
+    rotate,
     rotation,
+    rotation_product,
     sine_of,
-    spun,
     triangle_angle,
-    turned_twice,
     unit_at_angles,
 )
 from mechsim.model.links import EX, EY, EZ, ORIGIN, Vector
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values, cos_sin, revalued, values
+from mechsim.numerics.jets import Values, cos_sin, values, with_value
 
 __all__ = [
     "EX",
@@ -44,12 +44,12 @@ __all__ = [
     "cross",
     "dot",
     "norm",
-    "revalued",
+    "rotate",
     "rotation",
+    "rotation_product",
     "sine_of",
-    "spun",
     "triangle_angle",
-    "turned_twice",
     "unit_at_angles",
     "values",
+    "with_value",
 ]

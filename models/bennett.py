@@ -17,7 +17,7 @@ from mechsim.formulas import (
     column,
     cos_sin,
     cross,
-    spun,
+    rotate,
 )
 
 # largest ratio of the half-angle tangents; beyond it the rocker moves almost in jumps
@@ -90,7 +90,7 @@ class Bennett(ClosedForm):
         s = self.ratio * s
         spread = c * c + s * s
         cosine, sine = (c - s) * (c + s) / spread, 2.0 * s * c / spread  # of the rocker angle
-        radial = spun(ex, ez, angle)
+        radial = rotate(ex, ez, angle)
         crank = LinkFrame(column(ORIGIN), x=radial, z=ez)
         yield "crank", crank
         yield "rocker", LinkFrame(pivot, x=cosine * ex + sine * cross(axis, ex), z=axis)

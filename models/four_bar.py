@@ -21,7 +21,7 @@ from mechsim.formulas import (
     cos_sin,
     cross,
     dot,
-    spun,
+    rotate,
 )
 
 
@@ -32,7 +32,7 @@ class FourBar(TwoBranchForm):
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""
-        tip = self.crank * spun(column(EX), column(EZ), np.asarray(angles))
+        tip = self.crank * rotate(column(EX), column(EZ), np.asarray(angles))
         to_crank = tip - column((self.ground, 0.0, 0.0))
         reach2 = dot(to_crank, to_crank)
         return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
@@ -50,7 +50,7 @@ class FourBar(TwoBranchForm):
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """B lies on the rocker's circle about O4 and on the sphere about A."""
         ez, pivot = column(EZ), column((self.ground, 0.0, 0.0))
-        ahead = spun(column(EX), ez, angle)
+        ahead = rotate(column(EX), ez, angle)
         a = self.crank * ahead
         if np.all(self.ground == self.crank) and np.all(self.coupler == self.rocker):
             swing = self._kite_rocker(angle)
@@ -79,5 +79,5 @@ class FourBar(TwoBranchForm):
         aside = cosine if rhombus else np.sqrt(1.0 - along * along)
         begin = 0.5 * self._start_angle
         side = float(np.sign(np.sin(begin) * (np.cos(begin) if rhombus else 1.0)))
-        across, back = (spun(column(direction), column(EZ), half) for direction in (EY, (-1.0, 0.0, 0.0)))
+        across, back = (rotate(column(direction), column(EZ), half) for direction in (EY, (-1.0, 0.0, 0.0)))
         return along * across - self.branch * side * aside * back

@@ -28,7 +28,7 @@ from mechsim.formulas import (
     cross,
     dot,
     norm,
-    spun,
+    rotate,
     values,
 )
 from mechsim.numerics.angles import REVOLUTION, shifted_into
@@ -98,14 +98,14 @@ class PlanarLoop:
 
     def discriminant(self, angles: Array) -> Array:
         """4 c2 e2 - (e2 + c2 - b2)2 for rocker c, coupler b and e = |O2A|."""
-        to_crank = self.crank * spun(column(EX), column(EZ), angles) - self.pivot
+        to_crank = self.crank * rotate(column(EX), column(EZ), angles) - self.pivot
         reach2 = dot(to_crank, to_crank)
         return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
 
     def directions(self, angle: Values) -> _Planar:
         """Return A and the directions of crank, rocker and coupler at crank angles (n,) in [rad]."""
         ez = column(EZ)
-        crank = spun(column(EX), ez, angle)
+        crank = rotate(column(EX), ez, angle)
         a = self.crank * crank
         swing = circle_sphere(self.pivot, ez, self.rocker, a, self.coupler, self.branch)
         rod = self.pivot + self.rocker * swing - a

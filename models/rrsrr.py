@@ -21,11 +21,11 @@ from mechsim.formulas import (
     cross,
     dot,
     norm,
-    revalued,
+    rotate,
     rotation,
-    spun,
-    turned_twice,
+    rotation_product,
     values,
+    with_value,
 )
 
 # cosine of v2 below which the rocker angle counts as undetermined: its acceleration grows as 1/cos2, and a
@@ -41,7 +41,7 @@ class Rrsrr(TwoBranchForm):
     @cached_property
     def rocker_frame(self) -> Array:
         """Frame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
-        return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
+        return rotation_product(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """A2 + B2 - K2 of the closed form A cos v1 + B sin v1 = K."""
@@ -100,7 +100,7 @@ class Rrsrr(TwoBranchForm):
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """S lies on the coupler's circle about C and on the sphere about P02; link and rocker point at it."""
         origin, ex, pivot = column(ORIGIN), column(EX), column(self.pivot)
-        radial = spun(column(EY), ex, angle)  # er of papers.md
+        radial = rotate(column(EY), ex, angle)  # er of papers.md
         hinge = cross(radial, ex)  # axis at C, about which v1 increases from er to ex
         c = self.crank * radial
         across = self.across(angle)
@@ -113,7 +113,7 @@ class Rrsrr(TwoBranchForm):
         flat = arm - dot(arm, axis) * axis
         reach = norm(flat)
         reach_value = values(reach)
-        ahead = flat / revalued(reach, np.where(reach_value >= POLE * self.link, reach_value, np.nan))
+        ahead = flat / with_value(reach, np.where(reach_value >= POLE * self.link, reach_value, np.nan))
         yield "link", LinkFrame(pivot, x=arm / self.link, z=cross(ahead, axis))
         yield "rocker", LinkFrame(pivot, x=ahead, z=axis)
 
@@ -126,4 +126,4 @@ def _determined(rod: Values, swing: Values, arm: Values, link: float) -> Any:
     gap = (norm(arm) - link) * link / dot(arm, swing)
     # a rotation above 1e-8 means a dead centre, where the error is rounding of another order
     gap_value = values(gap)
-    return rod - revalued(gap, np.where(np.abs(gap_value) < 1e-8, gap_value, 0.0)) * swing
+    return rod - with_value(gap, np.where(np.abs(gap_value) < 1e-8, gap_value, 0.0)) * swing

@@ -20,9 +20,9 @@ from mechsim.formulas import (
     cross,
     dot,
     norm,
+    rotate,
     rotation,
-    spun,
-    turned_twice,
+    rotation_product,
     unit_at_angles,
 )
 from mechsim.model.links import vector
@@ -37,7 +37,7 @@ class Rssr(TwoBranchForm):
     @cached_property
     def rocker_frame(self) -> Array:
         """Frame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
-        return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
+        return rotation_product(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     def variants(self) -> dict[str, Self]:
         return {} if self.guide else {"guided": self.with_parameters(guide=True)}
@@ -72,7 +72,7 @@ class Rssr(TwoBranchForm):
 
     def _radial(self, angle: Values) -> Any:
         """Direction of the crank, (3, n). Paper 000, eqs (4)-(6)."""
-        return spun(column(EY), column(EX), angle)
+        return rotate(column(EY), column(EX), angle)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """P3 lies on the rocker's circle about P4 and on the sphere about P2."""

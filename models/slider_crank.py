@@ -5,7 +5,18 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.formulas import EX, EZ, ORIGIN, Array, LinkFrame, TwoBranchForm, Values, column, sine_of, spun
+from mechsim.formulas import (
+    EX,
+    EZ,
+    ORIGIN,
+    Array,
+    LinkFrame,
+    TwoBranchForm,
+    Values,
+    column,
+    rotate,
+    sine_of,
+)
 
 
 class SliderCrank(TwoBranchForm):
@@ -27,7 +38,7 @@ class SliderCrank(TwoBranchForm):
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """B lies ahead of A by a leg of the right triangle with hypotenuse AB; the height is the other."""
         ez, origin = column(EZ), column(ORIGIN)
-        ahead = spun(column(EX), ez, angle)
+        ahead = rotate(column(EX), ez, angle)
         a = self.crank * ahead
         reach = self.across(angle)
         if reach is None:

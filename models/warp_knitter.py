@@ -11,7 +11,19 @@ from mechsim import InputError, Pose
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
-from mechsim.formulas import EX, EZ, ORIGIN, Arcs, Array, ClosedForm, LinkFrame, Values, column, spun, values
+from mechsim.formulas import (
+    EX,
+    EZ,
+    ORIGIN,
+    Arcs,
+    Array,
+    ClosedForm,
+    LinkFrame,
+    Values,
+    column,
+    rotate,
+    values,
+)
 from mechsim.model.links import GROUND
 from mechsim.numerics.jets import Jet
 
@@ -173,9 +185,9 @@ class WarpKnitter(ClosedForm):
         a, d, e = self.pivots.positions_of(angle)
         b, c, k = (origin + direction * point for point in self.platform)
         ez = column(EZ)
-        yield "crank1", LinkFrame(column(ORIGIN), x=spun(column(EX), ez, angle), z=ez)
+        yield "crank1", LinkFrame(column(ORIGIN), x=rotate(column(EX), ez, angle), z=ez)
         driven = self.gear_ratio * angle + self.phase
-        yield "crank2", LinkFrame(column((*self.pivot2, 0.0)), x=spun(column(EX), ez, driven), z=ez)
+        yield "crank2", LinkFrame(column((*self.pivot2, 0.0)), x=rotate(column(EX), ez, driven), z=ez)
         yield "base", LinkFrame(xyz(b), x=xyz(direction), z=ez)
         yield "rod3", LinkFrame(xyz(a), x=xyz((b - a) / self.rod3), z=ez)
         yield "rod5", LinkFrame(xyz(d), x=xyz((c - d) / self.rod5), z=ez)

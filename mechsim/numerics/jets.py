@@ -206,7 +206,7 @@ def cos_sin(angle: Values) -> tuple[Any, Any]:
     return (composed(angle, c, -s, -c), composed(angle, s, c, -s)) if isinstance(angle, Jet) else (c, s)
 
 
-def revalued(x: Values, value: Array) -> Any:
+def with_value(x: Values, value: Array) -> Any:
     """Return the quantity with another value, such as one without rounding, and the same derivatives."""
     return Jet(value, x.rate, x.second) if isinstance(x, Jet) else value
 
@@ -235,7 +235,7 @@ def jet_root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array)
     jet = constant_jet(solution)
     for _ in range(2):
         jet = jet - residual(jet) / derivative
-    return revalued(jet, solution)
+    return with_value(jet, solution)
 
 
 def composed(x: Jet, value: Array, derivative: Array, second_derivative: Array) -> Jet:

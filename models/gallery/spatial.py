@@ -25,7 +25,7 @@ def spherical_four_bar(angle, p):
 def rsur(angle, p):
     """Return both ends of the coupler and a point off their line; B moves in a circle about the x axis."""
     ex, pivot = vectors.column((1.0, 0.0, 0.0)), vectors.column((p["x"], p["y"], p["z"]))
-    a = p["crank"] * vectors.spun(ex, vectors.column((0.0, 0.0, 1.0)), angle)
+    a = p["crank"] * vectors.rotate(ex, vectors.column((0.0, 0.0, 1.0)), angle)
     b = pivot + p["rocker"] * vectors.circle_sphere(pivot, ex, p["rocker"], a, p["coupler"], 1)
     # the coupler's axis in the cross is square to the coupler and to the rocker's axis
     along = (b - a) / p["coupler"]

@@ -74,7 +74,7 @@ def formula_of_the_spatial_four_bar(sign):
         ex, ey = ms.vectors.column((1.0, 0.0, 0.0)), ms.vectors.column((0.0, 1.0, 0.0))
         pivot = ms.vectors.column((0.043, -0.010, -0.024))
         frame = ms.vectors.rotation("y", np.deg2rad(20.0)) @ ms.vectors.rotation("x", np.deg2rad(30.0))
-        to_crank = 0.013 * ms.vectors.spun(ey, ex, angle) - pivot
+        to_crank = 0.013 * ms.vectors.rotate(ey, ex, angle) - pivot
         between = ms.vectors.triangle_angle(ms.vectors.norm(to_crank), 0.027, 0.046)
         p3 = pivot + 0.027 * ms.vectors.unit_at_angles(to_crank, frame[:, 2:], between, np.pi / 2, sign)
         return {"P3": p3.T}

@@ -95,7 +95,7 @@ def test_a_formula_gives_the_same_positions_on_arrays_and_on_jets():
     centre, axis = vectors.column((0.02, -0.03, 0.01)), vectors.column((0.6, 0.0, 0.8))
 
     def point(angle):
-        pin = 0.013 * vectors.spun(vectors.column((0.0, 1.0, 0.0)), vectors.column((1.0, 0.0, 0.0)), angle)
+        pin = 0.013 * vectors.rotate(vectors.column((0.0, 1.0, 0.0)), vectors.column((1.0, 0.0, 0.0)), angle)
         return vectors.circle_sphere(centre, axis, 0.027, pin, 0.04, 1)
 
     assert np.isfinite(point(angles)).all()

@@ -34,14 +34,14 @@ slot = { kind = "planar", a = { link = "lever" }, b = { link = "block" } }
 python = "inverted.py:Inverted"
 """
 CODE = """
-from mechsim.formulas import EX, EZ, ClosedForm, LinkFrame, column, norm, spun
+from mechsim.formulas import EX, EZ, ClosedForm, LinkFrame, column, norm, rotate
 
 
 class Inverted(ClosedForm):
     def frames(self, angle):
         ex, ez = column(EX), column(EZ)
         x, y = self.pivot
-        ahead = spun(ex, ez, angle)
+        ahead = rotate(ex, ez, angle)
         pin = column((x, y, 0.0)) + self.crank * ahead
         way = pin - column((x + self.ground, y, 0.0))
         along = way / norm(way)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values, cos_sin, jet_product, jet_where, revalued, values
+from mechsim.numerics.jets import Values, cos_sin, jet_product, jet_where, values, with_value
 
 Sign = Literal[1, -1]
 
@@ -63,7 +63,7 @@ def rotation(axis: Literal["x", "y", "z"], angle: Any) -> Array:
     return matrix
 
 
-def turned_twice(first: Array, second: Array) -> Array:
+def rotation_product(first: Array, second: Array) -> Array:
     """Return the product of two rotations, (3, 3) each or (3, 3, n) for many designs."""
     if first.ndim == second.ndim == 2:
         return first @ second
@@ -71,7 +71,7 @@ def turned_twice(first: Array, second: Array) -> Array:
     return (wide[0][:, :, None] * wide[1][None]).sum(1)
 
 
-def spun(reference: Array, axis: Array, angle: Values) -> Any:
+def rotate(reference: Array, axis: Array, angle: Values) -> Any:
     """Return a unit vector rotated about an axis perpendicular to it, (3, n).
 
     Args:
@@ -191,7 +191,7 @@ def sine_of(cosine: Values) -> Any:
 def _possible(square: Values) -> Any:
     """Return a squared sine without negative rounding; NaN if it is negative by more."""
     number = values(square)
-    return revalued(square, np.where(number >= -ROUNDING, np.maximum(number, 0.0), np.nan))
+    return with_value(square, np.where(number >= -ROUNDING, np.maximum(number, 0.0), np.nan))
 
 
 def array_dot(a: Array, b: Array) -> Array:
