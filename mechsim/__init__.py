@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from mechsim.studies.closed_configurations import closed_qpos as closed_qpos
     from mechsim.studies.closed_configurations import sample as sample
     from mechsim.studies.export import export as export
-    from mechsim.studies.optimise.search import optimise as optimise
     from mechsim.studies.reduction.reduce_model import reduce as reduce
     from mechsim.studies.robots.joint_map import joint_map as joint_map
     from mechsim.studies.scene.tune_model import tune as tune
@@ -116,7 +115,6 @@ _NAMES = {
     "studies.check": "check",
     "studies.closed_configurations": "closed_qpos sample",
     "studies.export": "export",
-    "studies.optimise.search": "optimise",
     "studies.reduction.reduce_model": "reduce",
     "studies.robots.joint_map": "joint_map",
     "studies.scene.tune_model": "tune",

@@ -1,7 +1,7 @@
 """Names of quantities, such as P.x, rocker.v, torque:J or distance:P,Q: one grammar for all studies.
 
 A quantity is a function of columns of motions and forces. A name has the same meaning in the formulas and
-tables of `validate`, in the measures of `sweep` and `optimise`, in `sensitivity` and `fit`. A new kind of
+tables of `validate`, in the measures of `sweep`, in `sensitivity` and `fit`. A new kind of
 quantity is a row of `KINDS`; a field of `ForceRecord` with a unit is a quantity by its name.
 """
 
@@ -393,7 +393,7 @@ def _expression(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Func
     return columns, lambda values: np.asarray(evaluate(values).value), unit
 
 
-# validate, sweep, sensitivity, fit and optimise read these rows
+# validate, sweep, sensitivity and fit read these rows
 KINDS = {
     row.name: row
     for row in (

@@ -128,7 +128,7 @@ PUBLIC = """
     InputError Joint JointSpring Link Load Look Mechanism MechsimError Motion MotionLaws Pose Run Scene
     Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
     compile crosscheck dynamics export fit formulas joint_map list load load_profile loops masses motors moved
-    optimise plot plots reduce render sample sensitivity show simulate simulation sweep testing
+    plot plots reduce render sample sensitivity show simulate simulation sweep testing
     tolerance_study trace tune units validate vectors view
 """
 NAMES = PUBLIC.split()

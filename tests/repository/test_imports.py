@@ -104,15 +104,13 @@ REACHED = {
 }
 # studies that are features: they import the core and what is shared, and of each other only this
 FEATURES = (
-    *("agreement", "calibration", "certify", "extremes", "optimise", "reduction", "robots", "scene"),
+    *("agreement", "calibration", "certify", "extremes", "reduction", "robots", "scene"),
     *("sensitivity", "sweep", "tradeoff"),
 )
 BETWEEN_FEATURES = {
     ("agreement", "scene"),  # a difference is attributed to the settings of a scene
     ("calibration", "sensitivity"),  # a fit uses the derivatives of a motion
     ("certify", "sensitivity"),  # tolerances are written alike
-    ("optimise", "sensitivity"),  # a search uses the derivatives of a motion
-    ("optimise", "sweep"),  # goals are measures of a sweep
     ("reduction", "scene"),  # a reduced scene is a scene
 }
 
