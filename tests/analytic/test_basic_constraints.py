@@ -4,6 +4,7 @@ import mpmath
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -242,13 +243,7 @@ def test_axes_keep_their_angles_and_a_point_its_plane(tmp_path):
 
 
 def test_a_tendon_of_a_file_that_keeps_its_length_is_a_rod():
-    text = """<mujoco><option gravity="0 -9.81 0"/><worldbody>
-      <body name="crank"><joint name="crank" type="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass="1"
-        diaginertia=".01 .01 .01"/><site name="P" pos=".03 0 0"/></body>
-      <body name="rocker" pos=".1 0 0"><joint name="rocker" type="hinge" axis="0 0 1"/><inertial pos="0 0 0"
-        mass="1" diaginertia=".01 .01 .01"/><site name="Q" pos="0 .06 0"/></body></worldbody>
-      <tendon><spatial name="rope"><site site="P"/><site site="Q"/></spatial></tendon>
-      <equality><tendon name="rod" tendon1="rope" polycoef="0.001 0 0 0 0"/></equality></mujoco>"""
+    text = model_text("basic_constraints_text.xml")
     model = ms.load(mujoco.MjSpec.from_string(text))
     (joint,) = (joint for joint in model.mechanism.joints if joint.name == "rod")
     assert (joint.kind, joint.length) == ("distance", pytest.approx(np.hypot(0.07, 0.06) + 0.001, abs=1e-15))

@@ -4,47 +4,18 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.contact_forces import contact_forces
 from mechsim.studies.motions import profile_of
 
-CAM = """name = "cam"
-[cams.lift]
-follower = {{ kind = "roller", radius = "6 mm" }}
-base_radius = "25 mm"
-closure = "{closure}"
-law = "0.005*(1 - cos(q))"
-[links.cam]
-inertia = {{ mass = 0.2, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[links.ram]
-inertia = {{ mass = 0.3, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "cam"
-[joints.guide]
-kind = "prismatic"
-a = {{ link = "ground", axis = [0, 1, 0] }}
-b = {{ link = "ram", axis = [0, 1, 0] }}
-[joints.contact]
-kind = "cam"
-a = {{ link = "cam", cam = "lift" }}
-b = {{ link = "ram" }}
-[points]
-P = {{ link = "ram" }}
-[forces]
-gravity = [0, -9.81, 0]
-[forces.loads.spring]
-at = "P"
-force = [0, {load}, 0]
-"""
 SPEED, LIFT, MASS = 20 * np.pi, 0.005, 0.3
 
 
 def forces(folder, load, closure="force"):
-    (folder / "cam.toml").write_text(CAM.format(load=load, closure=closure))
+    (folder / "cam.toml").write_text(model_text("contact_forces_cam.toml", load=load, closure=closure))
     model = dynamic_model(ms.load(str(folder / "cam.toml")))
     profile = profile_of(model.solver, SPEED, 1.0)
     return contact_forces(model, profile.state, np.linspace(0.0, profile.duration, 61))["contact"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -11,27 +12,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # about the pins: 2e-4 + 0.2 * 0.01 and 2e-4 + 0.3 * 0.0025 kg m2
 FIRST, SECOND, ARM, GRAVITY = 2e-4 + 0.2 * 0.1**2, 2e-4 + 0.3 * 0.05**2, (0.2 * 0.1, 0.3 * 0.05), 9.81
-MODEL = """name = "coupled"
-drivers = ["in"]
-parameters.k = 0.1
-[links.a]
-inertia = { mass = 0.2, centre = [0.1, 0, 0], moments = [1e-4, 1e-4, 2e-4] }
-[links.b]
-inertia = { mass = 0.3, centre = [0.05, 0, 0], moments = [1e-4, 1e-4, 2e-4] }
-[joints.in]
-kind = "revolute"
-a.link = "ground"
-b.link = "a"
-[joints.out]
-kind = "revolute"
-a = { link = "ground", at = [0.3, 0, 0] }
-b.link = "b"
-[points]
-P = { link = "b", at = [0.1, 0, 0] }
-[couplings.law]
-driver = "in"
-driven = "out"
-"""
+MODEL = model_text("coupling_functions_model.toml")
 WRITTEN = MODEL + 'function = "0.3*sin(3*q) + k*q"\n'
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -17,96 +18,16 @@ from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 G = 9.81
-INCLINE = """
-name = "incline"
-[joints.slide]
-kind = "prismatic"
-a = {{ link = "ground", axis = [0.8, 0.6, 0], reference = [-0.6, 0.8, 0] }}
-b = {{ link = "block", axis = [0.8, 0.6, 0], reference = [-0.6, 0.8, 0] }}
-friction = {{ coefficient = {mu} }}
-[links.block]
-inertia = {{ mass = 2.0, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
-"""
-LADDER = """
-name = "ladder"
-[joints.floor]
-kind = "prismatic"
-a = {{ link = "ground", axis = [1, 0, 0], reference = [0, 1, 0] }}
-b = {{ link = "foot", axis = [1, 0, 0], reference = [0, 1, 0] }}
-friction = {{ coefficient = 0.4 }}
-[joints.foot]
-kind = "revolute"
-a = {{ link = "foot" }}
-b = {{ link = "ladder" }}
-[joints.top]
-kind = "revolute"
-a = {{ link = "ladder", at = [2, 0, 0] }}
-b = {{ link = "head" }}
-[joints.wall]
-kind = "prismatic"
-a = {{ link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }}
-b = {{ link = "head", axis = [0, 1, 0], reference = [1, 0, 0] }}
-friction = {{ coefficient = 0.3 }}
-[links.ladder]
-inertia = {{ mass = 10.0, centre = [1, 0, 0], moments = [0.1, 3.0, 3.0] }}
-[links.foot]
-inertia = {{ mass = 1e-9, centre = [0, 0, 0], moments = [1e-9, 1e-9, 1e-9] }}
-[links.head]
-inertia = {{ mass = 1e-9, centre = [0, 0, 0], moments = [1e-9, 1e-9, 1e-9] }}
-[guess]
-foot = {{ at = [{x}, 0, 0] }}
-ladder = {{ at = [{x}, 0, 0], turn = {{ axis = [0, 0, 1], angle = "{angle} deg" }} }}
-head = {{ at = [0, {y}, 0] }}
-"""
-SCREW = """
-name = "jack"
-[joints.thread]
-kind = "screw"
-lead = "{lead} mm"
-a = {{ link = "ground" }}
-b = {{ link = "load" }}
-friction = {{ coefficient = 0.12, pin_radius = "9 mm" }}
-[links.load]
-inertia = {{ mass = 100.0, centre = [0, 0, 0], moments = [1.0, 1.0, 0.02] }}
-[forces]
-gravity = [0, 0, -9.81]
-"""
-PRESS = """
-name = "press"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "crank" }
-friction = { coefficient = 0.15, pin_radius = "8 mm" }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = ["60 mm", 0, 0] }
-b = { link = "rod" }
-friction = { coefficient = 0.2, pin_radius = "6 mm", coulomb = "0.01 N m" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = ["200 mm", 0, 0] }
-b = { link = "slider" }
-friction = { coefficient = 0.25, pin_radius = "5 mm", viscous = 1e-3 }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0], reference = [0, 1, 0] }
-b = { link = "slider", axis = [1, 0, 0], reference = [0, 1, 0] }
-friction = { coefficient = 0.1 }
-[links.crank]
-inertia = { mass = 0.4, centre = ["20 mm", 0, 0], moments = [2e-4, 2e-4, 3e-4] }
-[links.rod]
-inertia = { mass = 0.5, centre = ["90 mm", 0, 0], moments = [1e-4, 2e-3, 2e-3] }
-[links.slider]
-inertia = { mass = 0.8, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }
-[guess]
-rod = { at = ["60 mm", 0, 0] }
-slider = { at = ["260 mm", 0, 0] }
-"""
+PRESS = model_text("friction_in_motion_press.toml")
 
 
 def test_a_block_on_an_incline_slides_up_and_down_again(file):
-    run = ms.dynamics.run(file(INCLINE.format(mu=0.3)), initial={"slide.v": 2.0}, duration=1.0, samples=10)
+    run = ms.dynamics.run(
+        file(model_text("friction_in_motion_incline.toml", friction="coefficient = 0.3")),
+        initial={"slide.v": 2.0},
+        duration=1.0,
+        samples=10,
+    )
     up, down = G * (0.6 + 0.3 * 0.8), G * (0.6 - 0.3 * 0.8)
     reversal = 2.0 / up
     expected = 2.0 * reversal - up * reversal**2 / 2.0 - down * (1.0 - reversal) ** 2 / 2.0
@@ -117,7 +38,12 @@ def test_a_block_on_an_incline_slides_up_and_down_again(file):
 
 @pytest.mark.parametrize(("mu", "outcome"), [(0.7501, "stopped"), (0.7499, "done")])
 def test_a_block_holds_above_the_angle_of_friction(mu, outcome, file):
-    run = ms.dynamics.run(file(INCLINE.format(mu=mu)), initial={"slide.v": 2.0}, duration=1.0, samples=4)
+    run = ms.dynamics.run(
+        file(model_text("friction_in_motion_incline.toml", friction=f"coefficient = {mu}")),
+        initial={"slide.v": 2.0},
+        duration=1.0,
+        samples=4,
+    )
     assert run.outcome == outcome
 
 
@@ -127,13 +53,13 @@ def test_friction_holds_a_ladder(beyond, outcome, file):
     angle = np.rad2deg(np.arctan((1.0 - 0.4 * 0.3) / 0.8)) + beyond
     # the ladder points from its foot to the wall on the left
     x, y = 2.0 * np.cos(np.deg2rad(angle)), 2.0 * np.sin(np.deg2rad(angle))
-    text = LADDER.format(x=x, y=y, angle=180.0 - angle)
+    text = model_text("friction_in_motion_ladder.toml", x=x, y=y, angle=180.0 - angle)
     run = ms.dynamics.run(file(text), duration=0.1, samples=4)
     assert run.outcome == outcome, run.reason
 
 
 def test_a_ladder_that_friction_jams_ends_with_that_outcome(file, capsys, monkeypatch):
-    text = LADDER.format(x=1.2, y=1.6, angle=np.rad2deg(np.arctan2(1.6, -1.2)))
+    text = model_text("friction_in_motion_ladder.toml", x=1.2, y=1.6, angle=np.rad2deg(np.arctan2(1.6, -1.2)))
     path = file(text.replace("0.4 }", "1.5 }").replace("0.3 }", "1.5 }"))
     arguments = ["--initial", "floor.v=-0.5", "--duration", "0.1s", "--json"]
     monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "forward", path, *arguments])
@@ -146,7 +72,9 @@ def test_a_ladder_that_friction_jams_ends_with_that_outcome(file, capsys, monkey
 @pytest.mark.long
 @pytest.mark.parametrize("lead", [6.0, 60.0])
 def test_a_screw_locks_itself_or_runs_down(lead, file):
-    run = ms.dynamics.run(file(SCREW.format(lead=lead)), duration=0.5, samples=4)
+    run = ms.dynamics.run(
+        file(model_text("friction_in_motion_screw.toml", lead=lead)), duration=0.5, samples=4
+    )
     r, mu, mass, inertia = 9e-3, 0.12, 100.0, 0.02
     tangent = lead * 1e-3 / (2 * np.pi * r)
     if tangent <= mu:
@@ -166,7 +94,7 @@ def stribeck_by_hand(rate):
 
 
 def test_a_block_slides_under_friction_by_the_curve_of_stribeck(file):
-    path = file(INCLINE.replace("coefficient = {mu}", STRIBECK).format())
+    path = file(model_text("friction_in_motion_incline.toml", friction=STRIBECK))
     run = ms.dynamics.run(path, initial={"slide.v": 2.0}, duration=1.0, samples=4)
 
     def stops(_, state):
@@ -195,13 +123,13 @@ def test_a_block_slides_under_friction_by_the_curve_of_stribeck(file):
 
 @pytest.mark.parametrize(("static", "outcome"), [(0.751, "stopped"), (0.749, "done")])
 def test_static_friction_holds_what_slides_with_less(static, outcome, file):
-    text = INCLINE.replace("{mu}", f"0.3, static = {static}").format()
+    text = model_text("friction_in_motion_incline.toml", friction=f"coefficient = 0.3, static = {static}")
     run = ms.dynamics.run(file(text), initial={"slide.v": 2.0}, duration=1.0, samples=4)
     assert run.outcome == outcome
 
 
 def test_mujoco_has_the_same_friction_by_rate(file):
-    path = file(INCLINE.replace("coefficient = {mu}", STRIBECK).format())
+    path = file(model_text("friction_in_motion_incline.toml", friction=STRIBECK))
     model = dynamics.dynamic_model(ms.load(path))
     initial = {"slide.v": 2.0}
     run = ms.dynamics.run(path, initial=initial, duration=0.2, samples=4)
@@ -214,7 +142,9 @@ def test_mujoco_has_the_same_friction_by_rate(file):
 
 @pytest.mark.parametrize("lead", [6.0, 60.0])
 def test_a_screw_holds_between_the_torques_that_lower_and_raise_the_load(lead, file):
-    text = SCREW.replace("[joints", 'drivers = ["thread.turn"]\n[joints', 1).format(lead=lead)
+    text = model_text("friction_in_motion_screw.toml", lead=lead).replace(
+        "[joints", 'drivers = ["thread.turn"]\n[joints', 1
+    )
     (limits,) = dynamics.holding_range(ms.load(file(text))).values()
     r, mu, load = 9e-3, 0.12, 981.0
     tangent = lead * 1e-3 / (2 * np.pi * r)
@@ -224,10 +154,10 @@ def test_a_screw_holds_between_the_torques_that_lower_and_raise_the_load(lead, f
 
 
 def test_static_friction_widens_the_range_of_forces_that_hold(file):
-    text = INCLINE.replace("{mu}", '0.3, static = 0.5, stribeck = "1 m/s"').replace(
-        "[joints", 'drivers = ["slide"]\n[joints', 1
-    )
-    (limits,) = dynamics.holding_range(ms.load(file(text.format()))).values()
+    text = model_text(
+        "friction_in_motion_incline.toml", friction='coefficient = 0.3, static = 0.5, stribeck = "1 m/s"'
+    ).replace("[joints", 'drivers = ["slide"]\n[joints', 1)
+    (limits,) = dynamics.holding_range(ms.load(file(text))).values()
     assert limits == pytest.approx((2.0 * G * (0.6 - 0.5 * 0.8), 2.0 * G * (0.6 + 0.5 * 0.8)), rel=1e-12)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
@@ -16,12 +17,7 @@ import joint_stops
 
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 # two hinges with end stops and damping: centre and length of the links, masses, ranges, damping
-TWO_HINGES = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody><body>
-<inertial pos="{0} 0 0" mass="{2}" diaginertia="0.02 0.02 0.02"/>
-<joint name="j1" range="{4}" damping="{6}"/><body pos="{1} 0 0">
-<inertial pos="{3[0]} 0 0" mass="{3[1]}" diaginertia="0.03 0.03 0.03"/>
-<joint name="j2" range="{5}" damping="{7}"/><site name="tip" pos="{3[2]} 0 0"/></body></body></worldbody>
-</mujoco>"""
+TWO_HINGES = model_text("joint_stops_two_hinges.xml")
 TOUCHING = TWO_HINGES.format(
     0.2771436570381801,
     0.5542873140763602,

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics.model import dynamic_model
@@ -11,29 +12,7 @@ from mechsim.cli import main
 from mechsim.errors import InputError
 
 STIFFNESS, REST = 1000.0, 1.05
-TRUSS = """name = "truss"
-[joints.height]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }
-b = { link = "node", axis = [0, 1, 0], reference = [1, 0, 0] }
-[links.node]
-inertia = { mass = "0.1 kg", centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }
-[points.P]
-link = "node"
-[start]
-height = 0.3
-[forces]
-gravity = [0, 0, 0]
-[forces.springs.left]
-a = { link = "ground", at = [-1, 0, 0] }
-b = "P"
-stiffness = 1000
-rest = 1.05
-[forces.springs.right]
-a = { link = "ground", at = [1, 0, 0] }
-b = "P"
-force = "1000 N*(l - 1.05)"
-"""
+TRUSS = model_text("load_curves_truss.toml")
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.optimize import root
 
 import mechsim as ms
@@ -15,38 +16,7 @@ from mechsim.model.joint_friction import Friction
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
-SLIDER_CRANK = """
-name = "press"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "crank" }
-friction = { coefficient = 0.15, pin_radius = "8 mm" }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = ["60 mm", 0, 0] }
-b = { link = "rod" }
-friction = { coefficient = 0.2, pin_radius = "6 mm", coulomb = "0.01 N m" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = ["200 mm", 0, 0] }
-b = { link = "slider" }
-friction = { coefficient = 0.25, pin_radius = "5 mm" }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", at = [0, "10 mm", 0], axis = [1, 0, 0], reference = [0, 1, 0] }
-b = { link = "slider", axis = [1, 0, 0], reference = [0, 1, 0] }
-friction = { coefficient = 0.1 }
-[links.crank]
-inertia = { mass = 0.4, centre = ["20 mm", 0, 0], moments = [2e-4, 2e-4, 3e-4] }
-[links.rod]
-inertia = { mass = 0.5, centre = ["90 mm", 0, 0], moments = [1e-4, 2e-3, 2e-3] }
-[links.slider]
-inertia = { mass = 0.8, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }
-[guess]
-rod = { at = ["60 mm", 0, 0] }
-slider = { at = ["250 mm", "10 mm", 0] }
-"""
+SLIDER_CRANK = model_text("load_friction_slider_crank.toml")
 LOADED = "\n[forces.loads.press]\nat = { link = 'slider' }\nforce = ['-300 N', 0, 0]\n"
 
 
@@ -128,28 +98,12 @@ def test_mujoco_finds_the_same_friction_by_its_own_reactions(method, tmp_path):
     assert crosscheck_driven(run, wrong).outcome == "failed"
 
 
-SCREW = """
-name = "jack"
-drivers = ["thread.turn"]
-[joints.thread]
-kind = "screw"
-lead = "{lead} mm"
-a = {{ link = "ground" }}
-b = {{ link = "load" }}
-friction = {{ coefficient = 0.12, pin_radius = "9 mm", collar_radius = "15 mm" }}
-[links.load]
-inertia = {{ mass = 100.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }}
-[motion_laws]
-thread.turn = "{sign}*3*t"
-[forces]
-gravity = [0, 0, -9.81]
-"""
-
-
 @pytest.mark.parametrize("lead", [6.0, 40.0, -6.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_screw_raises_and_lowers_a_load_by_the_formula_of_shigley(lead, sign, tmp_path):
-    model = dynamics.dynamic_model(loaded(SCREW.format(lead=lead, sign=sign), tmp_path))
+    model = dynamics.dynamic_model(
+        loaded(model_text("load_friction_screw.toml", lead=lead, sign=sign), tmp_path)
+    )
     study = dynamics.prescribed(model, t=[0.1, 0.2])
     load, mu, r = 981.0, 0.12, 9e-3
     tangent = lead * 1e-3 / (2 * np.pi * r)
@@ -160,37 +114,8 @@ def test_a_screw_raises_and_lowers_a_load_by_the_formula_of_shigley(lead, sign, 
     assert study.forces.drives["thread.turn"] == pytest.approx(expected, rel=1e-12)
 
 
-WEDGE = """
-name = "wedge"
-drivers = ["floor"]
-[joints.floor]
-kind = "prismatic"
-a = {{ link = "ground", axis = [1, 0, 0], reference = [0, 1, 0] }}
-b = {{ link = "wedge", axis = [1, 0, 0], reference = [0, 1, 0] }}
-friction = {{ coefficient = {mu} }}
-[joints.face]
-kind = "prismatic"
-a = {{ link = "wedge", axis = [-{c}, {s}, 0], reference = [{s}, {c}, 0] }}
-b = {{ link = "block", axis = [-{c}, {s}, 0], reference = [{s}, {c}, 0] }}
-friction = {{ coefficient = {mu} }}
-[joints.wall]
-kind = "prismatic"
-a = {{ link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }}
-b = {{ link = "block", axis = [0, 1, 0], reference = [1, 0, 0] }}
-friction = {{ coefficient = {mu} }}
-[links.wedge]
-inertia = {{ mass = 1e-3, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
-[links.block]
-inertia = {{ mass = 20.0, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
-[motion_laws]
-floor = "{speed}*t"
-[forces]
-gravity = [0, -9.81, 0]
-"""
-
-
 def wedge(angle, mu, speed, tmp_path):
-    text = WEDGE.format(mu=mu, c=np.cos(angle), s=np.sin(angle), speed=speed)
+    text = model_text("load_friction_wedge.toml", mu=mu, c=np.cos(angle), s=np.sin(angle), speed=speed)
     return dynamics.dynamic_model(loaded(text, tmp_path))
 
 
@@ -218,7 +143,9 @@ def test_a_steep_wedge_jams(tmp_path):
 def test_a_jam_is_the_outcome_of_the_command(tmp_path, capsys, monkeypatch):
     path = tmp_path / "wedge.toml"
     angle = np.deg2rad(60.0)
-    path.write_text(WEDGE.format(mu=0.3, c=np.cos(angle), s=np.sin(angle), speed=0.1))
+    path.write_text(
+        model_text("load_friction_wedge.toml", mu=0.3, c=np.cos(angle), s=np.sin(angle), speed=0.1)
+    )
     monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "inverse", str(path), "--json"])
     with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
         main()
@@ -229,15 +156,9 @@ def test_a_jam_is_the_outcome_of_the_command(tmp_path, capsys, monkeypatch):
 
 
 def test_two_slides_that_share_a_load_leave_friction_undetermined(tmp_path):
-    second = (
-        WEDGE.format(mu=0.1, c=np.cos(0.3), s=np.sin(0.3), speed=0.1)
-        + """
-[joints.rail]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0], reference = [0, 1, 0], at = [0, 1, 0] }
-b = { link = "wedge", axis = [1, 0, 0], reference = [0, 1, 0], at = [0, 1, 0] }
-"""
-    )
+    second = model_text(
+        "load_friction_wedge.toml", mu=0.1, c=np.cos(0.3), s=np.sin(0.3), speed=0.1
+    ) + model_text("load_friction_two_slides_that_share_a_load_l.toml")
     with pytest.raises(FrictionError, match="redundant") as caught:
         dynamics.prescribed(dynamics.dynamic_model(loaded(second, tmp_path)), t=[0.1])
     assert caught.value.outcome == "undetermined"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model
@@ -9,36 +10,9 @@ from mechsim.analytic.dynamics.contact_forces import contact_forces
 from mechsim.errors import InputError
 from mechsim.studies.motions import profile_of
 
-HOIST = """name = "hoist"
-drivers = ["drum"]
-motion_laws.drum = "2*pi*t + {swing}*sin(2*pi*t)"
-duration = 1
-{start}
-[joints.drum]
-kind = "revolute"
-a.link = "ground"
-b.link = "drum"
-[joints.hook]
-kind = "prismatic"
-a = {{ link = "ground", at = [0.05, -1, 0], axis = [0, 1, 0] }}
-b = {{ link = "hook", axis = [0, 1, 0] }}
-[couplings.rope]
-rope = {{ drum = 0.05, hook = -2 }}   # two falls below the block
-length = "3 m"
-path = "{path}"
-[links.drum]
-inertia = {{ mass = 1, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
-[links.hook]
-inertia = {{ mass = 10, centre = [0, 0, 0], moments = [1e-2, 1e-2, 1e-2] }}
-[points]
-H = {{ link = "hook" }}
-[forces]
-gravity = [0, -9.81, 0]
-"""
-
 
 def hoist(folder, swing=1.5, path="3 m", start=""):
-    (folder / "hoist.toml").write_text(HOIST.format(swing=swing, path=path, start=start))
+    (folder / "hoist.toml").write_text(model_text("ropes_hoist.toml", swing=swing, path=path, start=start))
     return ms.load(str(folder / "hoist.toml"))
 
 

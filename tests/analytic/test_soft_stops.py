@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -15,38 +16,6 @@ from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_fo
 from mechsim.subjects.toml_writer import to_toml
 
 G = 9.81
-BODY = """name = "body"
-drivers = {drivers}
-[joints.J]
-kind = "{kind}"
-a = {{ link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }}
-b = {{ link = "body", axis = [0, 1, 0], reference = [1, 0, 0] }}
-{lead}
-limits = {limits}
-[links.body]
-inertia = {{ mass = "2 kg", centre = [0, 0, 0], moments = [0.02, 0.03, 0.02] }}
-[points.P]
-link = "body"
-at = [0.1, 0, 0]
-[initial]
-{initial}
-"""
-PENDULUM = """name = "pendulum"
-drivers = ["hip"]
-[joints.hip]
-kind = "revolute"
-a = {{ link = "ground" }}
-b = {{ link = "rod" }}
-limits = {limits}
-[links.rod]
-inertia = {{ mass = "1 kg", centre = ["0.3 m", 0, 0], moments = [0.01, 0.01, 0.01] }}
-[points.P]
-link = "rod"
-at = [0.3, 0, 0]
-[initial]
-hip.q = "-30 deg"
-hip.v = "1 rad/s"
-"""
 
 
 def loaded(tmp_path, text, name="model.toml"):
@@ -55,7 +24,9 @@ def loaded(tmp_path, text, name="model.toml"):
 
 
 def slide(tmp_path, limits, initial='J.q = "1 m"'):
-    text = BODY.format(kind="prismatic", drivers='["J"]', lead="", limits=limits, initial=initial)
+    text = model_text(
+        "soft_stops_body.toml", kind="prismatic", drivers='["J"]', lead="", limits=limits, initial=initial
+    )
     return loaded(tmp_path, text)
 
 
@@ -139,8 +110,9 @@ def test_a_stop_without_damping_returns_all_energy(tmp_path):
 def test_a_pendulum_between_two_stops(tmp_path):
     """Against scipy with events; MuJoCo, stepped through all contacts, converges with the step."""
     k, d, low, high = 40.0, 0.3, np.radians(-100.0), np.radians(-60.0)
-    text = PENDULUM.format(
-        limits='{ lower = "-100 deg", upper = "-60 deg", stiffness = 40, damping = "0.3 N m s/rad" }'
+    text = model_text(
+        "soft_stops_pendulum.toml",
+        limits='{ lower = "-100 deg", upper = "-60 deg", stiffness = 40, damping = "0.3 N m s/rad" }',
     )
     solver = loaded(tmp_path, text.replace('"-30 deg"', '"-80 deg"').replace('"1 rad/s"', '"4 rad/s"'))
     inertia, tau = 0.01 + 0.09, d / k
@@ -189,8 +161,13 @@ def test_stops_of_both_coordinates(kind, tmp_path):
     rates = 'J.turn.v = "9 rad/s"' if not screw else 'J.turn.v = "-4 rad/s"'
     solver = loaded(
         tmp_path,
-        BODY.format(
-            kind=kind, drivers="[]", limits=limits, lead=f"lead = {lead}" if screw else "", initial=rates
+        model_text(
+            "soft_stops_body.toml",
+            kind=kind,
+            drivers="[]",
+            limits=limits,
+            lead=f"lead = {lead}" if screw else "",
+            initial=rates,
         ),
     )
     pitch = lead / (2.0 * np.pi)
@@ -238,7 +215,10 @@ def test_rest_on_a_stop(tmp_path):
 
 def test_a_stop_distinguishes_angles_that_differ_by_revolutions(tmp_path):
     """The arm rests on its stop, hangs a revolution above it, or balances upright."""
-    solver = loaded(tmp_path, PENDULUM.format(limits='{ lower = "-30 deg", stiffness = "300 N m/rad" }'))
+    solver = loaded(
+        tmp_path,
+        model_text("soft_stops_pendulum.toml", limits='{ lower = "-30 deg", stiffness = "300 N m/rad" }'),
+    )
     rest = brentq(lambda q: 300.0 * (-np.pi / 6.0 - q) - G * 0.3 * np.cos(q), -1.0, 0.0, xtol=1e-15)
     reached = sorted((each.q["hip"], each.stable) for each in ms.dynamics.equilibria(solver))
     assert [stable for _, stable in reached] == [True, True, False]
@@ -247,7 +227,10 @@ def test_a_stop_distinguishes_angles_that_differ_by_revolutions(tmp_path):
 
 def test_drive_force_of_a_prescribed_motion(tmp_path):
     """Both methods have the force of the stop: it presses on the way in and does not pull on the way out."""
-    solver = loaded(tmp_path, PENDULUM.format(limits='{ upper = "30 deg", stiffness = 40, damping = 3 }'))
+    solver = loaded(
+        tmp_path,
+        model_text("soft_stops_pendulum.toml", limits='{ upper = "30 deg", stiffness = 40, damping = 3 }'),
+    )
     law = "40 deg*sin(2*pi*t)"
     driven = ms.load(str(tmp_path / "model.toml"), drive={"hip": law}, duration="1s")
     t = np.linspace(0.0, 1.0, 73)
@@ -290,7 +273,9 @@ def test_invalid_stops_are_rejected(limits, message, tmp_path):
 
 
 def test_a_ball_has_no_coordinate_to_limit(tmp_path):
-    text = BODY.format(kind="spherical", drivers="[]", lead="", limits="{ lower = 0 }", initial="")
+    text = model_text(
+        "soft_stops_body.toml", kind="spherical", drivers="[]", lead="", limits="{ lower = 0 }", initial=""
+    )
     with pytest.raises(InputError, match="spherical joint, which has no coordinate to limit; leave it out"):
         loaded(tmp_path, text)
 

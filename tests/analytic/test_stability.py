@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.optimize import brentq
 
 import mechsim as ms
@@ -10,24 +11,6 @@ from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.quadratic_roots import quadratic_roots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
 
-ARM = """
-name = "arm"
-drivers = ["h"]
-start = {start}
-[links.arm]
-inertia = {{ mass = 1.0, centre = [0.5, 0, 0], moments = [0.1, 0.1, 0.1] }}
-{links}
-[joints.h]
-kind = "revolute"
-a = {{ link = "ground" }}
-b = {{ link = "arm" }}
-{joints}
-[points]
-tip = {{ link = "arm", at = [1.0, 0, 0] }}
-{points}
-[forces]
-{forces}
-"""
 WEIGHT = "gravity = [0, -9.81, 0]\n"
 # moment of inertia of the arm about its hinge, and the moment of its weight, in [kg m2] and [N m]
 J, MOMENT = 0.35, 4.905
@@ -37,7 +20,11 @@ J, MOMENT = 0.35, 4.905
 def equilibria(tmp_path):
     def search(forces, start=0.0, links="", joints="", points=""):
         path = tmp_path / "arm.toml"
-        path.write_text(ARM.format(forces=forces, start=start, links=links, joints=joints, points=points))
+        path.write_text(
+            model_text(
+                "stability_arm.toml", forces=forces, start=start, links=links, joints=joints, points=points
+            )
+        )
         model = ms.dynamics.dynamic_model(ms.load(path, still=True))
         return model, ms.dynamics.equilibria(model)
 

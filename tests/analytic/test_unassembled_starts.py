@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.mobility import driver_determinacy
@@ -13,19 +14,7 @@ from mechsim.simulation.mjcf_reader import read_model
 from mechsim.subjects.mjcf_source import read_mjcf
 
 # collinear joints, as in hand-written files: the residual acts along the line and rotates nothing
-IN_A_LINE = """<mujoco>
-  <default><geom contype="0" conaffinity="0"/></default>
-  <worldbody>
-    <body><joint name="crank" axis="0 0 1"/><geom type="capsule" fromto="0 0 0 .05 0 0" size=".004"/>
-      <body pos=".05 0 0"><joint name="rod" axis="0 0 1"/>
-        <geom type="capsule" fromto="0 0 0 {rod} 0 0" size=".004"/>
-        <site name="a" pos="{rod} 0 0"/></body></body>
-    <body pos=".09 0 0"><joint name="rocker" axis="0 0 1"/>
-      <geom type="capsule" fromto="0 0 0 -.08 0 0" size=".004"/><site name="b" pos="-.08 0 0"/></body>
-  </worldbody>
-  <equality><connect name="loop" site1="a" site2="b"/></equality>
-  <actuator><motor joint="crank"/></actuator>{more}
-</mujoco>"""
+IN_A_LINE = model_text("unassembled_starts_in_a_line.xml")
 
 
 def _line(folder, rod, more=""):
@@ -88,23 +77,7 @@ def test_an_out_of_plane_pin_is_reported_with_its_offset(tmp_path):
 
 # two rods between double arms: immobile with arms of unequal length; with
 # a difference of 0.2 % the loop-closure error is at most 1e-7 of the characteristic length
-TWO_RODS = """<mujoco>
-  <worldbody>
-    <body><joint name="crank" axis="0 0 1"/><geom type="capsule" fromto="-.01 -.02 0 .01 .02 0" size=".003"/>
-      <body pos=".01 .02 0"><joint name="one" axis="0 0 1"/>
-        <geom type="capsule" fromto="0 0 0 .1 0 0" size=".003"/>
-        <site name="a" pos=".100017996 .000041002 0"/></body>
-      <body pos="-.01 -.02 0"><joint name="two" axis="0 0 1"/>
-        <geom type="capsule" fromto="0 0 0 .1 0 0" size=".003"/>
-        <site name="b" pos=".099982004 -.000041002 0"/></body></body>
-    <body pos=".1 0 0"><joint name="arm" axis="0 0 1"/>
-      <geom type="capsule" fromto="-.01 -.02 0 .01 .02 0" size=".003"/>
-      <site name="c" pos=".010017996 .020041002 0"/><site name="d" pos="-.010017996 -.020041002 0"/></body>
-  </worldbody>
-  <equality><connect name="upper" site1="a" site2="c"/>
-    <connect name="lower" site1="b" site2="d" active="{active}"/></equality>
-  <actuator><motor joint="crank"/></actuator>
-</mujoco>"""
+TWO_RODS = model_text("unassembled_starts_two_rods.xml")
 
 
 def test_loops_that_lock_a_driver_are_reported_by_name(tmp_path):

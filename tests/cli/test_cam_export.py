@@ -4,25 +4,9 @@ import csv
 import json
 
 import numpy as np
+from model_files import model_text
 
-CAM = """name = "cam"
-[cams.lift]
-follower = { kind = "flat" }
-base_radius = "25 mm"
-law = "0.005*(1 - cos(q))"
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "cam"
-[joints.guide]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0] }
-b = { link = "follower", axis = [0, 1, 0] }
-[joints.contact]
-kind = "cam"
-a = { link = "cam", cam = "lift" }
-b = { link = "follower" }
-"""
+CAM = model_text("cam_export_cam.toml")
 
 
 def test_a_profile_is_written_as_table_and_drawings(mechsim, tmp_path):

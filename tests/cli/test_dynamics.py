@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import cli, files
 
@@ -218,20 +219,7 @@ def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
     assert reported["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
 
 
-FIVE_BAR = """
-name = "five_bar"
-drivers = ["left", "right"]
-start = { left = 2.0, right = 1.0 }
-joints.left = { kind = "revolute", a = { link = "ground" }, b = { link = "a" } }
-joints.right = { kind = "revolute", a = { link = "ground", at = [0.1, 0, 0] }, b = { link = "d" } }
-joints.A = { kind = "revolute", a = { link = "a", at = [0.05, 0, 0] }, b = { link = "b" } }
-joints.D = { kind = "revolute", a = { link = "d", at = [0.05, 0, 0] }, b = { link = "c" } }
-joints.P = { kind = "revolute", a = { link = "b", at = [0.09, 0, 0] }, b = { link = "c", at = [0.09, 0, 0] } }
-points.P = { link = "b", at = [0.09, 0, 0] }
-guess.b = { at = [-0.02, 0.05, 0], turn = { axis = [0, 0, 1], angle = 0.6 } }
-[forces]
-gravity = [0, 0, -9.81]
-"""
+FIVE_BAR = model_text("dynamics_five_bar.toml")
 MOVED = ("--drive", "left=2+0.3*sin(6*t)", "--drive", "right=1+0.4*sin(9*t)", "--samples", "20")
 
 
@@ -272,19 +260,7 @@ def test_turns_are_of_a_free_crank(capsys, monkeypatch, arguments, message):
 
 
 def test_a_motor_of_a_file_is_replaced_by_the_prescribed_motion(mechsim, tmp_path):
-    (tmp_path / "wheel.toml").write_text(
-        """name = "wheel"
-drivers = ["axle"]
-[links.wheel]
-inertia = { mass = 1, centre = [0, 0, 0], moments = [0.5, 0.5, 0.5] }
-[joints.axle]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "wheel" }
-[forces]
-motor = { kind = "constant", torque = 2.0 }
-"""
-    )
+    (tmp_path / "wheel.toml").write_text(model_text("dynamics_wheel.toml"))
     answer = mechsim("dynamics", "inverse", "wheel.toml", "--method", "none", "--json")
     assert answer.code == 0
     # a balanced wheel at a constant speed needs no torque

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import cli, files
 
@@ -249,18 +250,7 @@ def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys)
 
 
 def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):
-    (tmp_path / "fall.toml").write_text(
-        """name = "fall"
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0] }
-b = { link = "weight", axis = [0, 1, 0] }
-[points]
-bottom = { link = "weight", at = [0, -1, 0] }
-[links.weight]
-inertia = { mass = 1, centre = [0, 0, 0], moments = [1, 1, 1] }
-"""
-    )
+    (tmp_path / "fall.toml").write_text(model_text("forward_dynamics_command_fall.toml"))
     code, out, _ = mechsim("dynamics", "statics", str(tmp_path / "fall.toml"))
     assert code == 0
     assert "fall: no equilibrium found along the motion; --assemblies N" in " ".join(out.split())

@@ -7,24 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import cli
 
-TREE = """<robot name="four_bar">
-  <link name="base"/><link name="crank"/><link name="rod"/><link name="follower"/><link name="end"/>
-  <joint name="motor" type="continuous">
-    <parent link="base"/><child link="crank"/><axis xyz="0 0 1"/>
-  </joint>
-  <joint name="knee" type="continuous">
-    <parent link="crank"/><child link="rod"/><origin xyz="0 0.3 0"/><axis xyz="0 0 {axis}"/>
-  </joint>
-  <joint name="hip" type="continuous">
-    <parent link="base"/><child link="follower"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>{mimic}
-  </joint>
-  <joint name="tip" type="fixed"><parent link="rod"/><child link="end"/><origin xyz="1 0 0"/></joint>
-  <link name="follower_end"/><joint name="follower_tip" type="fixed"><parent link="follower"/>
-    <child link="follower_end"/><origin xyz="0 0.7 0"/></joint>
-</robot>"""
+TREE = model_text("hostile_files_tree.urdf")
 LOOPS = "closed_loop: [[end, follower_tip]]\ntype: [3d]\nname_mot: [motor]\njoint_name: []\njoint_type: []\n"
 MAP = ["map", "tree.urdf", "--loops", "loops.yaml", "--from", "motor=0:0.5", "--to", "hip", "-o", "out.npz"]
 SAMPLE = ["sample", "tree.urdf", "--loops", "loops.yaml", "-n", "3", "-o", "out.npz"]

@@ -13,13 +13,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 # crank of 0.1 m and arm in file; the rod, 0.3 m, has no inertia
 SLIDER = model_text("masses_slider.toml")
 # a massless link next to one with mass
-SCENE = """
-<mujoco model="pair"><compiler boundmass="0"/><worldbody>
-  <body name="arm"><joint name="crank" axis="0 0 1"/><inertial pos=".1 0 0" mass="2" diaginertia="1 1 1"/>
-    <body name="tip" pos=".2 0 0"><joint name="tip" axis="0 0 1" armature="1"/><site name="end"/></body>
-  </body>
-</worldbody></mujoco>
-"""
+SCENE = model_text("masses_scene.xml")
 
 
 @pytest.fixture

@@ -4,18 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 from typed_call import Call
 
 from mechsim.cli.command import Stated
 from mechsim.errors import InputError
 
-LOOP = """<mujoco model="loop"><compiler angle="radian"/><worldbody>
-<body name="crank"><joint name="crank" axis="0 1 0"/><geom size="0.004" mass="0.05"/>
-<body name="coupler" pos="0.04 0 0"><joint name="knee" axis="0 1 0"/><geom size="0.003" mass="0.05"/></body>
-</body>
-<body name="rocker" pos="0.1 0 0"><joint name="rocker" axis="0 1 0"/><geom size="0.004" mass="0.05"/></body>
-</worldbody><equality><connect body1="coupler" body2="rocker" anchor="0.0917 0 -0.0608"/></equality>
-<actuator><motor name="m" joint="crank"/></actuator></mujoco>"""
+LOOP = model_text("options_without_effect_loop.xml")
 
 RUN = "dynamics forward four_bar --initial crank.q=30deg --duration 10ms"
 STATICS, MODES = "dynamics statics four_bar", "dynamics modes four_bar"

@@ -18,15 +18,7 @@ def test_rounding_is_printed_as_zero_and_negative_terms_with_minus(mechsim, tmp_
 
 def test_a_start_at_a_change_point_has_no_range(mechsim, tmp_path):
     """A four-bar that starts collinear: it leaves its start in two assembly modes."""
-    collinear = """name = "collinear"
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-A = { kind = "revolute", a = { link = "crank", at = [3, 0, 0] }, b = { link = "coupler" } }
-B = { kind = "revolute", a = { link = "coupler", at = [9, 0, 0] }, b = { link = "rocker", at = [2, 0, 0] } }
-rocker = { kind = "revolute", a = { link = "ground", at = [10, 0, 0] }, b = { link = "rocker" } }
-[guess]
-coupler = { at = [3, 0, 0] }
-"""
+    collinear = model_text("show_collinear.toml")
     (tmp_path / "collinear.toml").write_text(collinear)
     code, out, _ = mechsim("show", "collinear.toml")
     assert code == 0

@@ -11,12 +11,6 @@ from mechsim.report.facts import study_facts
 
 # a door of 20 kg that turns about the vertical axis at 1 rad/s, its centre 0.4 m from the axis and 1 m high
 DOOR = model_text("undetermined_reactions_door.toml")
-HINGE = """
-[joints.hinge{i}]
-kind = "revolute"
-a = {{ link = "ground", at = [0, 0, {z}] }}
-b = {{ link = "door", at = [0, 0, {z}] }}
-"""
 # a crank shaft with a bearing on either side, without weight, and a force on the slider
 CRANK, ROD, FORCE = 0.1, 0.4, 50.0
 SHAFT = model_text("undetermined_reactions_shaft.toml")
@@ -36,7 +30,9 @@ def facts_of(tmp_path):
 
 @pytest.mark.parametrize("heights", [(0.0, 2.0), (0.0, 1.0, 2.0)])
 def test_hinges_share_the_weight_of_a_door(facts_of, heights):
-    text = DOOR + "".join(HINGE.format(i=i, z=z) for i, z in enumerate(heights))
+    text = DOOR + "".join(
+        model_text("undetermined_reactions_hinge.toml", i=i, z=z) for i, z in enumerate(heights)
+    )
     study, facts = facts_of(text)
     weight, inertial = 20.0 * 9.81, 20.0 * 0.4
     names = [f"hinge{i}" for i in range(len(heights))]
@@ -78,7 +74,7 @@ def test_bearings_of_a_shaft_share_the_force_of_the_rod(facts_of):
 
 
 def test_determined_reactions_have_no_mark_and_no_sum(facts_of):
-    text = DOOR + HINGE.format(i=0, z=0)
+    text = DOOR + model_text("undetermined_reactions_hinge.toml", i=0, z=0)
     _, facts = facts_of(text)
     assert facts["sums"] == {}
     own = facts["reactions"]["hinge0"]
@@ -88,7 +84,11 @@ def test_determined_reactions_have_no_mark_and_no_sum(facts_of):
 
 def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, tmp_path):
     path = tmp_path / "door.toml"
-    path.write_text(DOOR + HINGE.format(i=0, z=0) + HINGE.format(i=1, z=2))
+    path.write_text(
+        DOOR
+        + model_text("undetermined_reactions_hinge.toml", i=0, z=0)
+        + model_text("undetermined_reactions_hinge.toml", i=1, z=2)
+    )
     out = mechsim("dynamics", "inverse", str(path), "--method", "none").out
     (row,) = (line for line in out.splitlines() if line.strip().startswith("force sum of"))
     assert "196.4" in row
@@ -112,7 +112,11 @@ def test_the_table_has_the_torques_of_actuators(mechsim, tmp_path):
 
 def test_a_sweep_prints_the_forces_of_dynamics(mechsim, tmp_path):
     path = tmp_path / "door.toml"
-    text = (DOOR + HINGE.format(i=0, z=0) + HINGE.format(i=1, z=2)).replace("mass = 20.0", 'mass = "m"')
+    text = (
+        DOOR
+        + model_text("undetermined_reactions_hinge.toml", i=0, z=0)
+        + model_text("undetermined_reactions_hinge.toml", i=1, z=2)
+    ).replace("mass = 20.0", 'mass = "m"')
     path.write_text(text.replace("[links.door]", '[parameters]\nm = "20kg"\n[links.door]'))
     reported = json.loads(mechsim("dynamics", "inverse", str(path), "--method", "none", "--json").out)
     table = tmp_path / "sweep.csv"

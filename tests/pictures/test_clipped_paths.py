@@ -2,20 +2,14 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.pictures.render import Look
 from mechsim.pictures.render.drawing import Source, legend, named
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.subjects.readers import load
 
-ARM = """
-<mujoco model="arm">
-  <worldbody>
-    <body name="a"><joint name="crank" axis="0 0 1"/>
-      <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.1"/>
-      <site name="far" pos="FAR 0 0"/><site name="near" pos="0.1 0 0"/></body>
-  </worldbody>
-</mujoco>"""
+ARM = model_text("clipped_paths_arm.xml")
 
 
 @pytest.mark.parametrize("radius", [100.0, 0.3])

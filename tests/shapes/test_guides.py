@@ -1,38 +1,12 @@
 """Curves and cams are drawn where they are."""
 
 import numpy as np
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.shapes.joints import link_shapes
 
-MODEL = """name = "drawn"
-drivers = ["crank"]
-[cams.lift]
-follower = { kind = "roller", radius = "6 mm" }
-base_radius = "25 mm"
-law = "0.005*(1 - cos(q))"
-[curves.rail]
-x = "0.1 + 0.01*cos(s)"
-y = "0.02*sin(s)"
-closed = true
-[links.bead]
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "cam"
-[joints.guide]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0] }
-b = { link = "ram", axis = [0, 1, 0] }
-[joints.contact]
-kind = "cam"
-a = { link = "cam", cam = "lift" }
-b = { link = "ram" }
-[joints.bead]
-kind = "curve"
-a = { link = "ground", curve = "rail" }
-b = { link = "bead" }
-"""
+MODEL = model_text("guides_model.toml")
 
 
 def test_profiles_curves_and_rollers_are_drawn_without_the_links_of_their_equations(tmp_path):

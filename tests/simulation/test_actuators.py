@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
@@ -10,15 +11,7 @@ from mechsim.errors import InputError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.law_text import with_controls
 
-ARM = """<mujoco><option gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody>
-<body name="a"><joint name="j1" axis="0 1 0" armature="0.01" damping="0.05"/>
-<geom type="capsule" size=".02" fromto="0 0 0 0.3 0 0" mass="1"/>
-<body name="b" pos=".3 0 0"><joint name="j2" axis="0 1 0"/>
-<geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass="1"/>
-<body name="c" pos=".4 0 0"><joint name="j3" type="slide" axis="1 0 0"/><geom size=".02" mass=".3"/>
-</body></body></body></worldbody>
-<tendon><fixed name="t"><joint joint="j1" coef="1"/><joint joint="j2" coef="-0.5"/></fixed></tendon>
-<actuator>{}</actuator></mujoco>"""
+ARM = model_text("actuators_arm.xml")
 # actuator, its control, and the order with which RK4 converges: limits and filterexact reduce it
 CASES = {
     "motor": ('<motor joint="j1" gear="2"/>', "3*sin(5*t)", 4),

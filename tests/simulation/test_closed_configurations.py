@@ -5,18 +5,12 @@ import json
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
 
-FOUR_BAR = """<mujoco><worldbody>
-<body pos="0 0 2"><freejoint/><geom size=".1"/></body>
-<body><joint name="crank" axis="0 0 1" range="-40 40" limited="true"/><geom size=".01" pos=".1 0 0"/>
- <body pos=".03 0 0"><joint name="coupler" axis="0 0 1"/><geom size=".01"/><site name="a" pos=".06 .02 0"/>
- </body></body>
-<body pos=".07 -.04 0"><joint name="rocker" axis="0 0 1"/><geom size=".01"/><site name="b" pos=".02 .06 0"/>
-</body></worldbody><equality><connect site1="a" site2="b"/></equality>
-<actuator><motor joint="crank"/></actuator></mujoco>"""
+FOUR_BAR = model_text("closed_configurations_four_bar.xml")
 
 
 @pytest.fixture
@@ -237,11 +231,7 @@ def test_a_keyframe_selects_the_assembly_of_samples_maps_and_configurations() ->
         ms.sample(model, 5, key="nosuch")
 
 
-FREE_LINKS = """<mujoco><worldbody>
-<body name="a" pos="0 0 1"><freejoint/><geom type="capsule" fromto="0 0 0 .2 0 0" size=".01"/></body>
-<body name="b" pos=".2 0 1"><freejoint/><geom type="capsule" fromto="0 0 0 .2 0 0" size=".01"/></body>
-</worldbody><equality><connect body1="a" body2="world" anchor="0 0 0"/>
-<connect body1="b" body2="a" anchor="0 0 0"/></equality></mujoco>"""
+FREE_LINKS = model_text("closed_configurations_free_links.xml")
 
 
 def test_free_joints_of_loops_are_drawn_unless_they_are_fixed() -> None:

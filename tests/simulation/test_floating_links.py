@@ -2,23 +2,14 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.simulation import simulate
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.subjects.readers import load
 
-LINKS = """
-<mujoco model="four-bar">
-  <default><geom type="capsule" size="0.004" mass="0.1"/></default>
-  <worldbody>{rod}
-    <body name="crank"><joint name="crank" axis="0 1 0"/><geom fromto="0 0 0 0.03 0 0"/>{hinged}</body>
-    <body name="rocker" pos="0.09 0 0"><joint name="rocker" axis="0 1 0"/>
-      <geom fromto="0 0 0 0.02 0 0.06"/></body>
-    {extra}
-  </worldbody>
-  <equality>{loops}<connect body1="rocker" body2="rod" anchor="0.02 0 0.06"/></equality>
-</mujoco>"""
+LINKS = model_text("floating_links_links.xml")
 ROD = '<body name="rod" pos="{x} 0 0">{joint}<geom fromto="0 0 0 0.08 0 0.06" mass="0.3"/></body>'
 HINGED = {"rod": "", "hinged": ROD.format(x=0.03, joint='<joint axis="0 1 0"/>'), "loops": ""}
 # two points of its pin constrain it as a hinge does

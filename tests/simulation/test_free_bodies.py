@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.errors import AssemblyError
 from mechsim.simulation import loop_jacobian
@@ -10,23 +11,7 @@ from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses.follow import point_positions
 from mechsim.simulation.state import hinge_entries, quaternion_addresses, quaternion_entries
 
-MODEL = """
-<mujoco model="flying">
-  <worldbody>
-    <body name="crank" pos="{crank} .02 0"><joint name="crank" axis="0 .1 1"/><geom size=".01"/>
-      <site pos=".1 0 .01"/></body>
-    <body name="first" pos="{far} 0 .03" euler="10 20 30"><freejoint/><geom size=".01"/>
-      <site pos=".1 .2 .3"/></body>
-    <body name="ball" pos=".2 .1 0"><joint type="ball"/><geom size=".01"/></body>
-    <body name="slide" pos=".3 .1 0"><joint type="slide" axis="1 2 3"/><geom size=".01"/></body>
-  </worldbody>
-  <equality>
-    <connect body1="first" body2="crank" anchor="0 0 0"/>
-    <connect body1="ball" body2="first" anchor=".03 .2 .1"/>
-    <connect body1="slide" body2="ball" anchor=".05 .1 .05"/>
-  </equality>
-</mujoco>
-"""
+MODEL = model_text("free_bodies_model.xml")
 DISTANCE = 0.1
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import catalog
 from mechsim.errors import InputError
@@ -92,13 +93,7 @@ def test_an_unknown_matrix_kind_is_rejected() -> None:
 
 
 def test_unused_storage_is_excluded_from_the_dense_jacobian():
-    model = mujoco.MjModel.from_xml_string(
-        """<mujoco><option jacobian="dense"/><worldbody>
-        <body name="a"><joint axis="0 0 1"/><geom size=".01" pos=".1 0 0"/></body>
-        <body name="b"><joint axis="0 1 1"/><geom size=".01" pos="0 .1 0"/></body></worldbody>
-        <equality><connect body1="a" body2="b" anchor="0 0 0"/>
-        <connect body1="a" body2="b" anchor=".1 .2 .3"/></equality></mujoco>"""
-    )
+    model = mujoco.MjModel.from_xml_string(model_text("matrices_unused_storage_is_excluded_fro.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_fwdPosition(model, data)
     assert data.efc_J.size > data.nefc * model.nv

@@ -4,6 +4,7 @@ import mechanisms
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import catalog
 from mechsim.errors import AssemblyError, InputError
@@ -160,16 +161,7 @@ def test_displacements_agree_with_mujoco() -> None:
         assert np.abs(moved - expected).max() < 1e-15
 
 
-USER = """
-<mujoco>
-  <worldbody>
-    <body name="a"><joint name="{crank}" axis="0 0 1"/><geom size=".01"/>
-      <body name="b" pos=".1 0 0"><joint name="j" axis="0 0 1"/><geom size=".01"/></body></body>
-    <body name="c" pos=".3 0 0"><joint name="k" axis="0 0 1"/><geom size=".01"/></body>
-  </worldbody>
-  <equality>{equality}</equality>
-</mujoco>
-"""
+USER = model_text("model_loops_user.xml")
 
 
 def user(equality: str, crank: str = "crank") -> mujoco.MjModel:

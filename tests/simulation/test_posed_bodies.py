@@ -5,18 +5,12 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.simulation.state import PosedBodies, rotated
 
 # an arm that turns about z, with a slider that moves sideways and up
-MODEL = """
-<mujoco>
-  <worldbody>
-    <body pos=".1 .2 .3"><joint name="turn" axis="0 0 1"/><geom size=".01"/>
-      <body pos=".3 0 .1"><joint name="way" type="slide" axis="0 .6 .8"/><geom size=".01"/></body></body>
-  </worldbody>
-</mujoco>
-"""
+MODEL = model_text("posed_bodies_model.xml")
 PIVOT, OFFSET, DIRECTION = np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.0, 0.1]), np.array([0.0, 0.6, 0.8])
 POINT = np.array([0.02, -0.05, 0.07])
 STATES = np.array([[0.4, 0.11], [-1.3, 0.02], [2.2, -0.07]])

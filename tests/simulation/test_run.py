@@ -5,6 +5,7 @@ import mechanisms
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import catalog, loops, simulation
 from mechsim.errors import AssemblyError, InputError
@@ -268,22 +269,7 @@ def test_a_long_run_needs_memory_only_for_its_records() -> None:
 
 # user-defined models
 
-FOUR_BAR = """
-<mujoco>
-  <compiler angle="radian"/>
-  <option gravity="0 0 0"/>
-  <worldbody>
-    <body name="crank"><joint name="crank" axis="0 0 1" ref="{f}"/><geom type="sphere" size=".01"/>
-      <body name="coupler" pos=".04 0 0"><joint name="A" axis="0 0 1"/><geom type="sphere" size=".01"/>
-        <site name="C" pos=".05 .02 0"/></body></body>
-    <body name="rocker" pos=".1 0 0"><joint name="rocker" axis="0 0 1"/><geom type="sphere" size=".01"/>
-      <site name="B" pos="0 .08 0"/></body>
-  </worldbody>
-  <contact><exclude body1="crank" body2="coupler"/><exclude body1="crank" body2="rocker"/>
-    <exclude body1="coupler" body2="rocker"/></contact>
-  <equality>{closing}</equality>
-</mujoco>
-"""
+FOUR_BAR = model_text("run_four_bar.xml")
 
 
 def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:

@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import catalog, simulate
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.simulation.mobility import residual_mobility
 from mechsim.simulation.source import from_source
 
-FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 0"/><worldbody>
-<body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
- <body name="b" pos=".03 0 0"><joint name="A" axis="0 0 1"/><geom size=".01" pos=".01 .03 0"/>
-  <site name="P" pos=".03 .06 0"/></body></body>
-<body name="d" pos=".1 0 0"><joint name="D" axis="0 0 1"/><geom size=".01"/>
- <body name="c" pos="0 .05 0"><joint name="C" axis="0 0 1"/><geom size=".01" pos="-.02 0 0"/></body></body>
-</worldbody><equality><connect body1="b" body2="c" anchor=".03 .06 0"/></equality></mujoco>"""
+FIVE_BAR = model_text("undetermined_dofs_five_bar.xml")
 SECOND = '<joint joint1="D" joint2="crank" polycoef="0 1 0 0 0"/></equality>'
 TREE = """<mujoco model="tree"><worldbody><body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
 <site name="P" pos=".03 0 0"/><body name="b" pos=".03 0 0"><joint name="loose" axis="0 0 1"/>

@@ -106,13 +106,7 @@ def test_jacobian_derivatives_are_exact_near_a_dead_centre():
 
 def test_an_immobile_input_is_rejected():
     # a slider-crank that starts at its dead centre, driven by the slide
-    model = mujoco.MjSpec.from_string(
-        """<mujoco><worldbody><body><joint name="crank" axis="0 0 1"/><geom size=".01"/>
-        <body pos=".05 0 0"><joint name="rod" axis="0 0 1"/><geom size=".01"/><site name="end" pos=".2 0 0"/>
-        </body></body><body pos=".25 0 0"><joint name="slide" type="slide" axis="1 0 0" range="-.3 0"/>
-        <geom size=".01"/><site name="pin"/></body></worldbody>
-        <equality><connect site1="end" site2="pin"/></equality></mujoco>"""
-    )
+    model = mujoco.MjSpec.from_string(model_text("joint_map_an_immobile_input_is_rejected.xml"))
     with pytest.raises(ms.MechsimError, match="cannot move independently where the model starts"):
         ms.joint_map(model, ["slide"], ["crank"], points=3)
 

@@ -85,14 +85,7 @@ def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
 @pytest.mark.slow
 def test_incomparable_torques_are_reported():
     # a rod between ball joints without rotational symmetry of its inertia
-    text = """
-    <mujoco><compiler angle="radian"/><worldbody>
-      <body><joint name="motor" axis="0 1 0"/><geom size=".01"/><body pos=".03 0 0"><joint type="ball"/>
-        <geom type="box" size=".04 .01 .002" pos=".04 0 0"/><site name="end" pos=".08 0 .06"/></body></body>
-      <body pos=".1 0 0"><joint name="hip" axis="0 1 0"/><geom size=".01"/><site name="tip" pos=".01 0 .06"/>
-      </body></worldbody>
-    <equality><connect site1="end" site2="tip"/></equality>
-    <actuator><motor joint="motor"/></actuator></mujoco>"""
+    text = model_text("menagerie_text.xml")
     verification = ms.export(mujoco.MjSpec.from_string(text), style="menagerie").verification
     assert verification.position < 1e-12
     assert verification.gravity_torque is None

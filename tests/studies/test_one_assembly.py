@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
@@ -10,28 +11,12 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
 
-FOUR_BAR = """name = "four_bar"
-units = {{ length = "cm", angle = "deg" }}
-drivers = ["crank"]
-{start}
-[parameters]
-base = 5
-rod = 4
-[joints]
-crank = {{ kind = "revolute", a = {{ link = "ground" }}, b = {{ link = "crank" }} }}
-A = {{ kind = "revolute", a = {{ link = "crank", at = [1, 0, 0] }}, b = {{ link = "rod" }} }}
-B = {{ kind = "revolute", a = {{ link = "rod", at = ["rod",0,0] }}, b = {{ link = "rocker", at = [3,0,0] }} }}
-pivot = {{ kind = "revolute", a = {{ link = "ground", at = ["base", 0, 0] }}, b = {{ link = "rocker" }} }}
-[points]
-B = {{ link = "rocker", at = [3, 0, 0] }}
-"""
-
 
 @pytest.mark.long
 @pytest.mark.parametrize("start", [pytest.param("", marks=pytest.mark.slow), "start = 135"])
 def test_a_changed_design_has_the_same_assembly_in_solve_and_sweep(tmp_path, start):
     path = tmp_path / "four_bar.toml"
-    path.write_text(FOUR_BAR.format(start=start))
+    path.write_text(model_text("one_assembly_four_bar.toml", start=start))
     table = ms.sweep(str(path), vary={"base": np.array([0.052, 0.058, 0.062])}, measure=["at:30deg:B.y"])
     for base, swept in zip((0.052, 0.058, 0.062), table["at:30deg:B.y"].values.ravel(), strict=True):
         solved = ms.load(path, {"base": base}).positions([np.pi / 6])["B"][0]
@@ -76,7 +61,7 @@ def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
         'O = { kind = "revolute", a = { link = "ground", at = [9, 0, 0] }, b = { link = "arm" } }\n[points]\n'
         'D = { link = "tie", at = [4, 0, 0] }\n'
     )
-    path.write_text(FOUR_BAR.format(start="").replace("[points]\n", more))
+    path.write_text(model_text("one_assembly_four_bar.toml", start="").replace("[points]\n", more))
     listed = [points for _, points in ms.load(path).all_assembly_points(np.pi / 6)]
     assert len(listed) == 4
 
@@ -101,7 +86,7 @@ def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
 
 def test_a_requested_start_selects_the_assembly(tmp_path):
     path = tmp_path / "four_bar.toml"
-    path.write_text(FOUR_BAR.format(start="start = 30"))
+    path.write_text(model_text("one_assembly_four_bar.toml", start="start = 30"))
     heights = [
         ms.load(path, start={"A": angle}).positions([np.pi / 6])["B"][0, 1] for angle in ("40deg", "-80deg")
     ]

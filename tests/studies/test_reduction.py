@@ -1,6 +1,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 from scene_texts import FINGER
 
 from mechsim.errors import InputError
@@ -262,14 +263,7 @@ def test_a_scene_that_diverges_is_rejected(tmp_path):
         reduce_scene(user, spec, 1e-5)
 
 
-SPRING_AND_COUPLING = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
-<inertial mass="0.1" pos="0.05 0 0" diaginertia="1e-4 1e-4 1e-4"/>
-<joint name="j" axis="0 0 1" armature="0.01" damping="0.1"/>
-<body name="pad" pos="0.1 0 0"><inertial mass="0.02" pos="0.02 0 0" diaginertia="1e-5 1e-5 1e-5"/>
-<joint name="k" axis="0 0 1" stiffness="0.05" springref="150" damping="1e-3"/></body></body></worldbody>
-<equality><joint name="tie" joint1="k" joint2="j" solref="0.005 1" solimp="0.95 0.99 0.001"/></equality>
-<actuator><general name="servo" joint="j" gainprm="100" biastype="affine" biasprm="0 -100 -10"/></actuator>
-</mujoco>"""
+SPRING_AND_COUPLING = model_text("reduction_spring_and_coupling.xml")
 
 
 @pytest.mark.slow

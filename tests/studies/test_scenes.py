@@ -3,6 +3,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
@@ -194,16 +195,7 @@ def test_an_unreachable_start_of_motion_laws_is_rejected(tmp_path):
 
 
 def test_ball_joints_and_free_bodies_close_in_their_own_coordinates(tmp_path):
-    text = """<mujoco><option gravity="0 0 -1"/><worldbody>
-      <body name="crank"><joint name="crank" axis="1 0 0"/>
-        <geom type="capsule" fromto="0 0 0 0 .02 0" size=".002"/>
-        <body name="rod" pos="0 .02 0"><joint name="ball" type="ball"/>
-          <geom type="capsule" fromto="0 0 0 .05 .01 .03" size=".002"/></body></body>
-      <body name="slider" pos=".05 .03 .03"><joint name="slide" type="slide" axis="1 .2 0"/>
-        <geom size=".004"/></body>
-      <body name="loose" pos="0 1 0"><freejoint name="free"/><geom size=".01"/></body>
-      </worldbody><equality><connect name="end" body1="rod" body2="slider" anchor=".05 .01 .03"/></equality>
-      <contact><exclude body1="rod" body2="slider"/></contact></mujoco>"""
+    text = model_text("scenes_text.xml")
     item = scene(tmp_path, text=text, drive={"crank": "0.5 + 3*t"}, duration=0.1)
     run = run_scene(item, hardened(item.model, 1e-4, "RK4"), records=100)
     assert SceneEvaluator().errors(run).closure < 1e-8

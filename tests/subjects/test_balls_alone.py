@@ -2,27 +2,17 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.errors import InputError, MobilityError
 from mechsim.shapes.joints import link_shapes
 
-PENDULUM = """name = "pendulum"
-[links.bob]
-inertia = {{ mass = 1.0, centre = [1, 0, 0], moments = [0.04, 0.1, 0.1] }}
-[joints.ball]
-kind = "{kind}"
-a = {{ link = "ground" }}
-b = {{ link = "bob"{axis} }}
-[points]
-C = {{ link = "bob", at = [1, 0, 0] }}
-"""
-
 
 @pytest.mark.parametrize(("kind", "axis"), [("spherical", ""), ("universal", ", axis = [0, 1, 0]")])
 def test_the_first_joint_turns_about_one_axis(tmp_path, kind, axis):
     path = tmp_path / "pendulum.toml"
-    path.write_text(PENDULUM.format(kind=kind, axis=axis))
+    path.write_text(model_text("balls_alone_pendulum.toml", kind=kind, axis=axis))
     solver = ms.load(str(path))
     assert any("turns once about one oblique axis" in fact for fact in solver.facts)
     motion = solver.solve(t=np.linspace(0.0, 1.0, 9))
@@ -45,23 +35,11 @@ def test_the_first_joint_turns_about_one_axis(tmp_path, kind, axis):
 
 def test_a_run_from_an_initial_state_keeps_the_ball(tmp_path):
     path = tmp_path / "pendulum.toml"
-    path.write_text(PENDULUM.format(kind="spherical", axis=""))
+    path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))
     assert ms.load(str(path), still=True).mechanism.joints[0].kind == "spherical"
 
 
-ROD_TOML = """name = "rod"
-[links.a]
-[joints.A]
-kind = "spherical"
-a = { link = "ground" }
-b = { link = "a" }
-[joints.B]
-kind = "spherical"
-a = { link = "ground", at = [1, 0, 0] }
-b = { link = "a", at = [1, 0, 0] }
-[points]
-P = { link = "a", at = [0.5, 0.1, 0] }
-"""
+ROD_TOML = model_text("balls_alone_rod.toml")
 ROD_XML = """<mujoco><worldbody><body name="a"><joint name="A" type="ball"/>
 <geom size=".1" pos=".5 .1 0"/><site name="P" pos=".5 .1 0"/></body></worldbody>
 <equality><connect body1="a" body2="world" anchor="1 0 0"/></equality></mujoco>"""
@@ -80,29 +58,7 @@ def test_a_loop_of_balls_is_driven_by_the_rotation_of_a_link(tmp_path, name, tex
 
 
 # a bar hanging on two equal ropes: at rest its midpoint is at the lowest point of every path
-BAR = """name = "bar"
-[links.a]
-[links.b]
-[links.c]
-[joints.A]
-kind = "spherical"
-a = { link = "ground" }
-b = { link = "a" }
-[joints.B]
-kind = "spherical"
-a = { link = "a", at = [0, 0, -1] }
-b = { link = "b" }
-[joints.C]
-kind = "spherical"
-a = { link = "b", at = [1, 0, 0] }
-b = { link = "c", at = [0, 0, -1] }
-[joints.D]
-kind = "spherical"
-a = { link = "ground", at = [1, 0, 0] }
-b = { link = "c" }
-[points]
-P = { link = "b", at = [0.5, 0, 0] }
-"""
+BAR = model_text("balls_alone_bar.toml")
 
 
 def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(tmp_path):

@@ -2,37 +2,14 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import load, validate
 from mechsim.errors import InputError
 from mechsim.studies.validate import case_of
 from mechsim.testing.assertion import assert_file_agrees
 
-FILE = """# Inverted slider-crank. Its lever slides through a block on the crank.
-name = "inverted"
-[parameters]
-ground = { value = 0.08, kind = "length", about = "distance of the pivots" }
-crank = { value = "30 mm", kind = "length", about = "length of the crank" }
-pivot = { value = [0.01, -0.02], kind = "position", about = "pivot of the crank" }
-loose = { value = false, choices = [false, true], about = "whether the block also slides across" }
-[joints]
-crank = { kind = "revolute", a = { link = "ground", at = ["pivot_x", "pivot_y", 0] }, b = { link = "crank" } }
-pin = { kind = "revolute", a = { link = "crank", at = ["crank", 0, 0] }, b = { link = "block" } }
-[joints.lever]
-kind = "revolute"
-a = { link = "ground", at = ["pivot_x+ground", "pivot_y", 0] }
-b = { link = "lever" }
-[joints.slot]
-kind = "prismatic"
-a = { link = "lever", axis = [1, 0, 0] }
-b = { link = "block", axis = [1, 0, 0] }
-[points]
-A = { link = "crank", at = ["crank", 0, 0] }
-[when.loose.joints]
-slot = { kind = "planar", a = { link = "lever" }, b = { link = "block" } }
-[formula]
-python = "inverted.py:Inverted"
-"""
+FILE = model_text("formula_file_file.toml")
 CODE = """
 from mechsim.formulas import EX, EZ, ClosedForm, LinkFrame, column, norm, rotate
 

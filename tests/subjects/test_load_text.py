@@ -16,13 +16,7 @@ from mechsim.subjects.toml_keys import schema
 from mechsim.subjects.toml_writer import to_toml
 
 SLIDER = model_text("load_text_slider.toml")
-VARYING = """
-[forces]
-loads.push = { at = "B", force = ["5 N*sin(2*pi*t + 30deg)*swell", 1, 0] }
-loads.table = { at = "B", force = ["press.csv", "press.csv", "0.5 N"] }
-couples.rod = [0, 0, "3 N*mm*t + 0.01"]
-crank_torque = "0.02*cos(3*angle) + 20 N*5mm*sin(angle)"
-"""
+VARYING = model_text("load_text_varying.toml")
 
 
 @pytest.fixture

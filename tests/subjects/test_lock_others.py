@@ -54,22 +54,13 @@ def test_nothing_is_locked_if_the_drivers_determine_the_motion():
     assert not load("five_bar", lock_others=True).mechanism.locked
 
 
-CHAIN = """
-name = "chain"
-drivers = ["J0"]
-{joints}
-[points]
-P = {{ link = "L3", at = [0.1, 0, 0] }}
-"""
-
-
 def test_undriven_joints_of_a_toml_file_are_locked(file):
     links = ["ground", "L0", "L1", "L2", "L3"]
     joints = "\n".join(
         f'[joints.J{i}]\nkind = "revolute"\na = {{ link = "{a}", at = [0.1, 0, 0] }}\nb = {{ link = "{b}" }}'
         for i, (a, b) in enumerate(pairwise(links))
     )
-    path = file(CHAIN.format(joints=joints + "\n[links.L3]"))
+    path = file(model_text("lock_others_chain.toml", joints=joints + "\n[links.L3]"))
     assert set(load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
 
 

@@ -3,31 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.analytic import dynamics
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.subjects.mjcf_source import read_mjcf
 
-ARM = """
-<mujoco model="arm">
-  <option gravity="0.5 -9.81 0.3"/>
-  <worldbody>
-    <body name="upper" pos="0.1 0 0.2">
-      <joint name="shoulder" axis="0.1 0.2 1" damping="0.3" stiffness="2" springref="20"
-        frictionloss="{dry}"/>
-      <joint name="yaw" axis="0 1 0.1" damping="0.1"/>
-      <geom type="capsule" fromto="0 0 0 .3 0 .05" size=".02"/>
-      <body name="tool" pos="0.3 0 0.05" euler="20 30 10">
-        <geom type="box" size=".05 .02 .01" pos="0.02 0.01 0"/>
-        <body name="lower" pos="0.05 0 0">
-          <joint name="rail" type="slide" axis="1 0 0.3" damping="1.5" stiffness="40"/>
-          <inertial pos="0.01 0.02 0" mass="0.4" diaginertia="1e-3 2e-3 2.5e-3" euler="10 0 40"/>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+ARM = model_text("mjcf_inverse_dynamics_arm.xml")
 NAMES = ("shoulder", "yaw", "rail")
 MIDDLES, REACHES, RATES = (0.2, -0.3, 0.02), (0.4, 0.3, 0.05), (3.0, 2.0, 5.0)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
@@ -18,18 +19,7 @@ from mechsim.subjects.readers import load, parametric_model
 FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
 # a double pendulum whose second joint follows the first
-URDF = """<robot name="arm">
-  <link name="base"/>
-  <link name="upper"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
-    <inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="lower"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
-    <inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="crank" type="continuous"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 0 1"/></joint>
-  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
-    <origin xyz="0.2 0 0"/><axis xyz="0 0 1"/>{mimic}</joint>
-</robot>
-"""
+URDF = model_text("model_sources_urdf.urdf")
 MIMIC = '<mimic joint="crank" multiplier="-2" offset="0.1"/>'
 
 

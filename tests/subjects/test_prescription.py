@@ -118,24 +118,7 @@ def test_only_tracked_points_are_reported(file):
 
 
 def test_floating_bases_are_fixed_at_their_initial_pose(file):
-    text = """
-name = "arm"
-drivers = ["shoulder"]
-[links.arm]
-[joints.float]
-kind = "floating"
-a = { link = "ground" }
-b = { link = "trunk" }
-[joints.shoulder]
-kind = "revolute"
-a = { link = "trunk", at = [0, 0.2, 0] }
-b = { link = "arm" }
-[points]
-hand = { link = "arm", at = [0.3, 0, 0] }
-[guess.trunk]
-at = [1, 2, 3]
-turn = { axis = [1, 0, 0], angle = 0.5 }
-"""
+    text = model_text("prescription_text.toml")
     solver = load(file(text), fix_base=True)
     position = solver.positions([0.0, np.pi / 2])["hand"]
     across = np.array([0.0, np.cos(0.5), np.sin(0.5)])

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.optimize import least_squares
 
 import mechsim as ms
@@ -94,33 +95,12 @@ def test_a_small_error_is_a_note():
 
 
 # the same parallelogram, its second axis tilted by pi/2 - 1.57
-TOML = """name = "leg"
-drivers = ["calf"]
-[joints.calf]
-kind = "revolute"
-a = {{ link = "ground" }}
-b = {{ link = "calf" }}
-[joints.ankle]
-kind = "revolute"
-a = {{ link = "calf", at = [0.2, 0, 0], axis = [0, {tilt}, 1] }}
-b = {{ link = "foot" }}
-[joints.shin]
-kind = "revolute"
-a = {{ link = "foot", at = [0, 0.1, 0] }}
-b = {{ link = "shin" }}
-[joints.knee]
-kind = "spherical"
-a = {{ link = "shin", at = [-0.2, 0, 0] }}
-b = {{ link = "ground", at = [0, 0.1, 0] }}
-[points]
-S = {{ link = "shin" }}
-"""
 
 
 @pytest.mark.long
 def test_a_toml_file_moves_in_every_study(tmp_path):
     path = tmp_path / "leg.toml"
-    path.write_text(TOML.format(tilt=-0.00079633))
+    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=-0.00079633))
     solver = ms.load(str(path))
     assert any("0.0456 deg off parallel; least gap" in fact for fact in solver.facts)
     angles = np.linspace(-0.5, 0.5, 5)
@@ -132,23 +112,15 @@ def test_a_toml_file_moves_in_every_study(tmp_path):
     assert "0.0456 deg" in next(
         finding.message for finding in ms.check(str(path)) if finding.severity == "warning"
     )
-    path.write_text(TOML.format(tilt=0.0))
+    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=0.0))
     assert ms.load(str(path)).facts == ()
-    path.write_text(TOML.format(tilt=0.01))
+    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=0.01))
     with pytest.raises(ms.MechsimError):
         ms.load(str(path)).solve(angles)
 
 
 # a planar four-bar whose frames are turned by 1.57 and 3.14; its loop closes with a hinge
-URDF = """<robot name="four"><link name="base"/>{links}
-<joint name="m" type="continuous"><parent link="base"/><child link="a"/>
-<origin rpy="1.57 0 0"/><axis xyz="0 0 1"/></joint>
-<joint name="k" type="continuous"><parent link="a"/><child link="b"/>
-<origin xyz="0.1 0.05 0" rpy="3.14 0 0"/><axis xyz="0 0 -1"/></joint>
-<joint name="r" type="continuous"><parent link="base"/><child link="c"/>
-<origin xyz="0.3 0 0" rpy="-1.57 0 3.14"/><axis xyz="0 0 1"/></joint>
-<loop_joint name="l" type="revolute"><link1 link="b" xyz="0.2 0 0" rpy="3.14 0 0"/>
-<link1 link="c" xyz="0 0.2 0" rpy="0 0 0"/></loop_joint></robot>"""
+URDF = model_text("rounded_angles_urdf.urdf")
 LINK = '<link name="{}"><inertial><mass value="1"/>{}</inertial></link>'
 INERTIA = '<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>'
 
@@ -168,7 +140,7 @@ def test_a_urdf_file_moves_in_both_methods(tmp_path):
 
 def test_the_crank_of_a_toml_file_keeps_its_name(tmp_path):
     path = tmp_path / "leg.toml"
-    path.write_text(TOML.format(tilt=0.0))
+    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=0.0))
     assert ms.closed_qpos(str(path), {"calf": 0.3})[0] == pytest.approx([0.3, -0.3, 0.3], abs=1e-9)
 
 

@@ -4,37 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
 from mechsim.cli import main
 from mechsim.errors import InputError
 
-MODEL = """name = "cam"
-drivers = ["shaft"]
-[cams.lift]
-follower = {{ {follower} }}
-base_radius = "25 mm"
-law = {law}
-[links.cam]
-inertia = {{ mass = 0.2, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[links.follower]
-inertia = {{ mass = 0.3, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[joints.shaft]
-kind = "revolute"
-a.link = "ground"
-b.link = "cam"
-[joints.guide]
-{guide}
-[joints.contact]
-kind = "cam"
-a = {{ link = "cam", cam = "lift" }}
-b = {{ link = "follower", at = {at} }}
-[points]
-P = {{ link = "follower" }}
-[forces]
-gravity = [0, -9.81, 0]
-"""
 SEGMENTS = """[
   { over = "120 deg", to = "10 mm", kind = "cycloidal" }, { over = "60 deg" },
   { over = "120 deg", to = 0.0, kind = "polynomial_345" }, { over = "60 deg" } ]"""
@@ -82,7 +58,7 @@ def write(folder, kind, law=None):
     follower, guide, centre = FOLLOWERS[kind]
     law = law or ('"0.1*(1 - cos(q))"' if "swinging" in kind else '"0.005*(1 - cos(q))"')
     path = folder / "cam.toml"
-    path.write_text(MODEL.format(follower=follower, guide=guide, at=centre, law=law))
+    path.write_text(model_text("toml_cams_model.toml", follower=follower, guide=guide, at=centre, law=law))
     return str(path)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -12,37 +13,11 @@ from mechsim.errors import InputError
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 # a slider block on the ellipse (0.3 + 0.05 cos s, 0.2 sin s), whose rod is driven by a crank or by s
-MODEL = """name = "rail"
-drivers = ["rail"]
-start = {{ rail = 0.5 }}
-motion_laws.rail = "0.5 + 0.3*sin(2*pi*t)"
-[links.crank]
-inertia = {{ mass = 0.2, centre = [0.05, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[links.rod]
-inertia = {{ mass = 0.3, centre = [0.15, 0, 0], moments = [1e-5, 1e-3, 1e-3] }}
-[curves.ellipse]
-x = "0.3 + 0.05*cos(s)"
-y = "0.2*sin(s)"
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "crank"
-[joints.pin]
-kind = "revolute"
-a = {{ link = "crank", at = [0.1, 0, 0] }}
-b.link = "rod"
-[joints.rail]
-kind = "curve"
-a = {{ link = "ground", curve = "{curve}" }}
-b = {{ link = "rod", at = [0.3, 0, 0] }}
-[points]
-P = {{ link = "rod", at = [0.3, 0, 0] }}
-"""
 
 
 def load(folder, curve="ellipse"):
     path = folder / "rail.toml"
-    path.write_text(MODEL.format(curve=curve))
+    path.write_text(model_text("toml_curves_model.toml", curve=curve))
     return ms.load(str(path))
 
 
@@ -101,7 +76,7 @@ def test_an_unknown_curve_is_rejected(tmp_path):
 )
 def test_what_no_roller_can_follow_is_rejected(tmp_path, old, new, named):
     path = tmp_path / "rail.toml"
-    text = MODEL.format(curve="ellipse")
+    text = model_text("toml_curves_model.toml", curve="ellipse")
     if "spatial" in named:
         text = text.replace('kind = "curve"', 'kind = "curve"\nroller = "1 mm"')
     assert old in text
@@ -114,7 +89,7 @@ def test_what_no_roller_can_follow_is_rejected(tmp_path, old, new, named):
 def test_a_roller_is_smaller_than_the_least_radius_of_curvature(tmp_path, radius, accepted):
     # of an ellipse with the half axes 50 and 200 mm: 50**2 / 200 mm = 12.5 mm
     roller = 'closed = true\nx = "0.3 + 0.05*cos(s)"'
-    text = MODEL.format(curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"', roller)
+    text = model_text("toml_curves_model.toml", curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"', roller)
     (tmp_path / "rail.toml").write_text(
         text.replace('kind = "curve"', f'kind = "curve"\nroller = "{radius} mm"\nside = "inside"')
     )
@@ -130,7 +105,7 @@ def test_a_roller_is_smaller_than_the_least_radius_of_curvature(tmp_path, radius
 def test_the_centre_of_a_roller_follows_the_offset_curve(tmp_path, side):
     roller = f'kind = "curve"\nroller = "6 mm"\nside = "{side}"'
     text = (
-        MODEL.format(curve="ellipse")
+        model_text("toml_curves_model.toml", curve="ellipse")
         .replace('kind = "curve"', roller)
         .replace('y = "', 'closed = true\ny = "')
     )
@@ -158,7 +133,9 @@ def test_a_point_follows_a_periodic_spline_through_a_table(tmp_path):
     points[-1] = points[0]
     table = "\n".join(",".join(f"{entry:.17g}" for entry in row) for row in np.column_stack([s, points]))
     (tmp_path / "rail.csv").write_text(f"s,x,y\n{table}\n")
-    text = MODEL.format(curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE)
+    text = model_text("toml_curves_model.toml", curve="ellipse").replace(
+        'x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE
+    )
     (tmp_path / "rail.toml").write_text(text)
     model, times = ms.load(str(tmp_path / "rail.toml")), np.linspace(0.0, 1.0, 41)
     spline = CubicSpline(s, points, bc_type="periodic")
@@ -183,25 +160,15 @@ CLOSED_TABLE = 'table = "rail.csv"\nclosed = true'
 )
 def test_a_table_that_is_no_closed_curve_is_rejected(tmp_path, rows, named):
     (tmp_path / "rail.csv").write_text(rows)
-    text = MODEL.format(curve="ellipse").replace('x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE)
+    text = model_text("toml_curves_model.toml", curve="ellipse").replace(
+        'x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE
+    )
     (tmp_path / "rail.toml").write_text(text)
     with pytest.raises(InputError, match=named):
         ms.load(str(tmp_path / "rail.toml"))
 
 
-STRUCTURE = """name = "structure"
-[curves.ellipse]
-x = "0.3 + 0.05*cos(s)"
-y = "0.2*sin(s)"
-[joints.arm]
-kind = "revolute"
-a.link = "ground"
-b.link = "arm"
-[joints.rail]
-kind = "curve"
-a = { link = "ground", curve = "ellipse" }
-b = { link = "arm", at = [0.3, 0, 0] }
-"""
+STRUCTURE = model_text("toml_curves_structure.toml")
 
 
 @pytest.mark.long
@@ -214,18 +181,7 @@ def test_a_structure_finds_where_its_arm_meets_the_curve(tmp_path):
     assert pytest.approx((0.3 + 0.05 * np.cos(s)) ** 2 + 0.04 * np.sin(s) ** 2, rel=1e-12) == 0.09
 
 
-BEAD = """name = "bead"
-[links.bead]
-inertia = { mass = 0.5, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }
-[curves.wire]
-x = "0.2*cos(s)"
-y = "0.1*sin(s)"
-z = "0.02*sin(2*s)"
-[joints.rail]
-kind = "curve"
-a = { link = "ground", curve = "wire" }
-b = { link = "bead" }
-"""
+BEAD = model_text("toml_curves_bead.toml")
 
 
 @pytest.mark.long

@@ -271,18 +271,7 @@ def test_a_file_that_is_too_large_is_rejected(file):
 
 
 def test_joints_of_an_open_chain_are_the_default_drivers(file):
-    arm = """name = "arm"
-[links.upper]
-[links.lower]
-[joints.shoulder]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "upper" }
-[joints.elbow]
-kind = "revolute"
-a = { link = "upper", at = [1, 0, 0] }
-b = { link = "lower" }
-"""
+    arm = model_text("toml_reader_arm.toml")
     assert load(file(arm)).mechanism.drivers == ("shoulder", "elbow")
     pendulum = arm[: arm.index("[joints.elbow]")].replace("[links.lower]", "")
     assert load(file(pendulum)).mechanism.driver == "shoulder"

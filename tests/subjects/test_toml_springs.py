@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -36,38 +37,7 @@ b = "P"
 SPRING
 """
 # a double pendulum with a torsion spring in its elbow and a spring from its tip to the ground
-ARM = """name = "arm"
-drivers = ["hip", "elbow"]
-[joints.hip]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "upper" }
-[joints.elbow]
-kind = "revolute"
-a = { link = "upper", at = [0.5, 0, 0] }
-b = { link = "lower" }
-[links.upper]
-inertia = { mass = "1 kg", centre = [0.25, 0, 0], moments = [0.01, 0.02, 0.02] }
-[links.lower]
-inertia = { mass = "0.6 kg", centre = [0.2, 0, 0], moments = [0.01, 0.008, 0.008] }
-[points.tip]
-link = "lower"
-at = [0.4, 0, 0]
-[initial]
-hip.q = "-60 deg"
-elbow.v = "2 rad/s"
-[forces.springs.elbow]
-joint = "elbow"
-stiffness = "3 N m/rad"
-rest = "20 deg"
-damping = "0.2 N m s/rad"
-preload = "0.5 N m"
-force = "0.4 N m*sin(2*l)"
-[forces.springs.band]
-a = "tip"
-b = { link = "ground", at = [0.3, 0.4, 0] }
-force = "30 N*max(l/0.6 - 1, 0)**2 + 0.5*v"
-"""
+ARM = model_text("toml_springs_arm.toml")
 
 
 def loaded(tmp_path, text, name="model.toml", **options):
@@ -206,34 +176,7 @@ def test_a_double_pendulum_with_two_springs(tmp_path):
 
 def test_inverse_dynamics_of_a_loop_with_springs(tmp_path):
     """Both methods agree with springs between two links, in a joint of the tree and in one that is cut."""
-    four_bar = """name = "four-bar"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "c" }
-[joints.A]
-kind = "revolute"
-a = { link = "c", at = [0.1, 0, 0] }
-b = { link = "k" }
-[joints.B]
-kind = "revolute"
-a = { link = "k", at = [0.3, 0, 0] }
-b = { link = "r", at = [0.2, 0, 0] }
-[joints.C]
-kind = "revolute"
-a = { link = "ground", at = [0.3, 0, 0] }
-b = { link = "r" }
-[links.c]
-[links.k]
-[links.r]
-[points.P]
-link = "k"
-at = [0.1, 0.1, 0]
-[forces.springs.line]
-a = "P"
-b = { link = "r", at = [0.1, 0.05, 0] }
-force = "40 N*(l/0.1 - 1)**3 + 3*v"
-"""
+    four_bar = model_text("toml_springs_four_bar.toml")
     joints = "".join(
         f'[forces.springs.{name}]\njoint = "{name}"\nstiffness = {k}\nforce = "0.3*v*abs(v)"\n'
         for name, k in (("A", 2.0), ("B", 3.0), ("C", 4.0))

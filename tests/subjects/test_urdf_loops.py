@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
@@ -230,17 +231,12 @@ def test_functions_accept_a_sidecar_file(written):
 
 
 # of scikit-robot: points and axes in the root frame with all joints at zero
-SCIKIT_ROBOT = """
-closures: [{{link_a: rod, link_b: follower, point: [{x}, {y}, 0], axis: [0, 0, 2]}}]
-independent: [motor]
-dependent: [knee, hip]
-"""
 
 
 def test_a_scikit_robot_sidecar_file_closes_a_loop(written):
     # at zero the rod lies along x at height CRANK: a follower from GROUND to its end
     text = robot().replace(f'xyz="{GROUND} 0 0"', f'xyz="{GROUND} 0 0" rpy="0 0 0.7"')
-    sidecar = written(SCIKIT_ROBOT.format(x=ROD, y=CRANK), "loop_closures.yaml")
+    sidecar = written(model_text("urdf_loops_scikit_robot.yaml", x=ROD, y=CRANK), "loop_closures.yaml")
     model = ms.load(written(text), drive={"motor": "1rad/s"}, duration=0.5, loops=sidecar)
     motion = model.solve(t=np.linspace(0.0, 0.5, 5))
     rod, follower = motion.links["rod"], motion.links["follower"]
@@ -254,12 +250,29 @@ def test_a_scikit_robot_sidecar_file_closes_a_loop(written):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (SCIKIT_ROBOT.format(x="nan", y=0), "3 finite numbers belong"),
-        (SCIKIT_ROBOT.format(x="{a: 1}", y=0), "line 2: .* dict where a name or a number belongs"),
-        (SCIKIT_ROBOT.format(x=1, y=0).replace("axis: [0, 0, 2]", "axis: [0, 0, 0]"), "axis .* has length 0"),
-        (SCIKIT_ROBOT.format(x=1, y=0).replace("link_b: follower, ", ""), "needs link_a, link_b"),
-        (SCIKIT_ROBOT.format(x=1, y=0).replace("follower", "folower"), "did you mean 'follower'"),
-        (SCIKIT_ROBOT.format(x=1, y=0).replace("[motor]", "[moter]"), "has joint 'moter'"),
+        (model_text("urdf_loops_scikit_robot.yaml", x="nan", y=0), "3 finite numbers belong"),
+        (
+            model_text("urdf_loops_scikit_robot.yaml", x="{a: 1}", y=0),
+            "line 1: .* dict where a name or a number belongs",
+        ),
+        (
+            model_text("urdf_loops_scikit_robot.yaml", x=1, y=0).replace(
+                "axis: [0, 0, 2]", "axis: [0, 0, 0]"
+            ),
+            "axis .* has length 0",
+        ),
+        (
+            model_text("urdf_loops_scikit_robot.yaml", x=1, y=0).replace("link_b: follower, ", ""),
+            "needs link_a, link_b",
+        ),
+        (
+            model_text("urdf_loops_scikit_robot.yaml", x=1, y=0).replace("follower", "folower"),
+            "did you mean 'follower'",
+        ),
+        (
+            model_text("urdf_loops_scikit_robot.yaml", x=1, y=0).replace("[motor]", "[moter]"),
+            "has joint 'moter'",
+        ),
         ("closures: [1]", "needs link_a, link_b"),
     ],
 )

@@ -19,11 +19,7 @@ from mechsim.subjects.toml_writer import to_toml
 
 # a crank about the vertical z axis with an arm that stays outside the plane of its tip
 ARM = model_text("vertical_arm.toml")
-SCENE = """
-<mujoco model="arm"><option gravity="{}"/><worldbody>
-  <body name="base" pos="0 0 .3"><joint name="crank" axis="0 0 1"/><geom size=".01"/></body>
-</worldbody></mujoco>
-"""
+SCENE = model_text("vertical_scene.xml")
 
 
 def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
@@ -12,26 +13,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.theory.group_assemblies import group_assemblies
 
 # the published triad of Gosselin and Merlet: six poses (x, y, angle), printed with six decimals
-TRIAD = """
-name = "triad"
-[links.crank]
-[joints]
-crank = { kind = "revolute", a = { link = "ground", at = [-20, 0, 0] }, b = { link = "crank" } }
-leg_1 = { kind = "revolute", a = { link = "ground" }, b = { link = "one" } }
-leg_2 = { kind = "revolute", a = { link = "ground", at = [52, 0, 0] }, b = { link = "two" } }
-leg_3 = { kind = "revolute", a = { link = "ground", at = [49, 42, 0] }, b = { link = "three" } }
-pin_1 = { kind = "revolute", a = { link = "one", at = [16, 0, 0] }, b = { link = "plate" } }
-pin_2 = { kind = "revolute", a = { link = "two", at = [21, 0, 0] }, b = { link = "plate", at = [58, 0, 0] } }
-[joints.pin_3]
-kind = "revolute"
-a = { link = "three", at = [12, 0, 0] }
-b = { link = "plate", at = [38, 49, 0] }
-[points]
-P = { link = "plate" }
-[guess]
-plate = { at = [15.137333, 5.182774, 0], turn = { axis = [0, 0, 1], angle = -0.073656 } }
-one = { turn = { axis = [0, 0, 1], angle = 0.33 } }
-"""
+TRIAD = model_text("group_assemblies_triad.toml")
 PUBLISHED = [
     (-15.150496, 5.144167),
     (-3.623487, 15.584298),
@@ -42,32 +24,8 @@ PUBLISHED = [
 ]
 # dyads with a slide: circle and line (RRP), turning slide (RPR), two lines (PRP), and a guided slide (RPP)
 DYADS = {
-    "RRP": """
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-pin = { kind = "revolute", a = { link = "crank", at = [1, 0, 0] }, b = { link = "rod" } }
-end = { kind = "revolute", a = { link = "rod", at = [3, 0, 0] }, b = { link = "slider" } }
-[joints.way]
-kind = "prismatic"
-a = { link = "ground", at = [0, 0.2, 0], axis = [1, 0, 0] }
-b = { link = "slider", axis = [1, 0, 0] }
-[points]
-B = { link = "slider" }
-[guess]
-slider = { at = [4, 0.2, 0] }
-""",
-    "RPR": """
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-pin = { kind = "revolute", a = { link = "crank", at = [1, 0, 0] }, b = { link = "block" } }
-arm = { kind = "revolute", a = { link = "ground", at = [-3, 0, 0] }, b = { link = "arm" } }
-[joints.way]
-kind = "prismatic"
-a = { link = "arm", at = [0, 0.3, 0], axis = [1, 0, 0] }
-b = { link = "block", axis = [1, 0, 0] }
-[points]
-B = { link = "arm", at = [1, 0, 0] }
-""",
+    "RRP": model_text("group_assemblies_text_2.toml"),
+    "RPR": model_text("group_assemblies_text.toml"),
 }
 
 

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from browser import Browser, in_browser
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
@@ -208,12 +209,7 @@ def test_the_horizon_stays_level_during_rotation(window, tmp_path):
 
 @in_browser
 def test_the_message_without_webgl_persists(window, tmp_path):
-    without_webgl = """<script>
-      const known = HTMLCanvasElement.prototype.getContext;
-      HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
-        return /webgl/.test(kind) ? null : known.call(this, kind, ...more);
-      };
-    </script>"""
+    without_webgl = model_text("page_without_webgl.xml")
     path = tmp_path / "blind.html"
     path.write_text(
         text().replace('<script type="application/json"', f'{without_webgl}<script type="application/json"'),

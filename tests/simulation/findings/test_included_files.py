@@ -1,32 +1,14 @@
 """Findings in included files are reported with the name of that file and its line."""
 
+from model_files import model_text
+
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader import read_model
 
-MAIN = """<mujoco model="m">
-  <worldbody>
-    <include file="parts/arm.xml"/>
-  </worldbody>
-  <include file="loops.xml"/>
-  <actuator><motor name="turn" joint="crank"/></actuator>
-</mujoco>"""
-ARM = """<mujocoinclude>
-  <body name="crank"><joint name="crank" axis="0 0 1"/><geom size="0.01" pos="0.02 0 0"/>
-    <body name="coupler" pos="0.04 0 0"><joint name="A" axis="0 0 1"/><geom size="0.01" pos="0.05 0 0"/>
-      <site name="B1" pos="0.1 0 0"/></body></body>
-  <include file="rocker.xml"/>
-</mujocoinclude>"""
-ROCKER = """<mujocoinclude>
-  <body name="rocker" pos="0.12 0 0">
-    <joint name="C" axis="0 0 1" range="60 80" limited="true"/><geom size="0.01" pos="0 0.04 0"/>
-    <site name="B2" pos="0.02 0.08 0"/></body>
-</mujocoinclude>"""
-LOOPS = """<mujoco>
-  <equality>
-
-    <connect site1="B1" site2="B2"/>
-  </equality>
-</mujoco>"""
+MAIN = model_text("included_files_main.xml")
+ARM = model_text("included_files_arm.xml")
+ROCKER = model_text("included_files_rocker.xml")
+LOOPS = model_text("included_files_loops.xml")
 
 
 def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
@@ -45,9 +27,8 @@ def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
 
 
 def test_a_finding_in_the_main_file_names_only_the_line(tmp_path):
-    arm, rocker = (text.split("\n", 1)[1].rsplit("\n", 1)[0] for text in (ARM, ROCKER))
+    arm, rocker, loops = ("\n".join(text.splitlines()[1:-1]) for text in (ARM, ROCKER, LOOPS))
     body = arm.replace('  <include file="rocker.xml"/>', rocker)
-    loops = LOOPS.split("\n", 1)[1].rsplit("\n", 1)[0]
     whole = MAIN.replace('    <include file="parts/arm.xml"/>', body).replace(
         '  <include file="loops.xml"/>', loops
     )

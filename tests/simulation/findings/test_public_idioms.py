@@ -3,25 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.simulation.mjcf_reader import read_model
 
 # a four-bar whose crank lies in line with its coupler, and a rocker with a motor
-IN_LINE = """<mujoco><compiler angle="radian" autolimits="true"/><option gravity="0 0 0"/><worldbody>
-<body><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".03 0 0"/>
- <body pos=".06 0 0"><joint name="coupler" axis="0 0 1"/><geom size=".01" pos=".05 0 0"/>
-  <site name="a" pos=".1 0 0"/></body></body>
-<body pos=".16 -.08 0"><joint name="rocker" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
- <site name="b" pos="0 .08 0"/></body></worldbody>
-<equality><connect name="loop" site1="a" site2="b"/></equality>
-<actuator><motor name="drive" joint="rocker"/></actuator></mujoco>"""
-SLIDES = """<mujoco><option gravity="{gravity}"/><worldbody>
-<body name="palm"><geom size=".1" pos="1 0 0"/>
- <body name="left" pos="1 0 .3"><joint name="left" type="slide" axis="0 1 0"/><geom size=".02"/></body>
- <body name="right" pos="1 0 -.3"><joint name="right" type="slide" axis="0 1 0"/><geom size=".02"/></body>
-</body></worldbody><equality><joint name="fingers" joint1="right" joint2="left" polycoef="0 -1 0 0 0"
-solref="0.1 1"/></equality></mujoco>"""
+IN_LINE = model_text("public_idioms_in_line.xml")
+SLIDES = model_text("public_idioms_slides.xml")
 
 
 def violations_of(text, rule):

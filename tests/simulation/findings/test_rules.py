@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
@@ -12,14 +13,7 @@ from mechsim.simulation.findings.rule_table import RULES
 from mechsim.studies.check import explain
 
 ROOT = Path(__file__).parents[3]
-SOUND = """<mujoco><compiler angle="radian"/><option timestep="0.001" gravity="0 0 0"/><worldbody>
-<body><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".03 0 0"/>
- <body pos=".06 0 0"><joint name="coupler" axis="0 0 1"/><geom size=".01" pos=".05 0 0"/>
-  <site name="a" pos=".1 0 0"/></body></body>
-<body pos=".16 -.08 0"><joint name="rocker" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
- <site name="b" pos="0 .08 0"/></body></worldbody>
-<equality><connect name="loop" site1="a" site2="b"/></equality>
-<actuator><motor name="drive" joint="crank"/></actuator></mujoco>"""
+SOUND = model_text("rules_sound.xml")
 SOFT = SOUND.replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').replace(
     'site2="b"', 'site2="b" solref="0.1 1"'
 )

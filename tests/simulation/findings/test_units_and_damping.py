@@ -48,16 +48,7 @@ def four_bar(**changes):
     return FOUR_BAR.format(**values, **{n: repr(float(a)) for n, a in zip(names, angles, strict=True)})
 
 
-SLIDER_CRANK = """<mujoco><compiler angle="radian"/><option timestep="0.0005"/><worldbody>
-<body name="crank"><inertial pos=".015 0 0" mass="{0}" diaginertia="{1} {1} {1}"/><joint name="crank"
- axis="0 0 1"/>
- <body name="rod" pos=".03 0 0"><inertial pos=".05 0 0" mass="{0}" diaginertia="{2} {2} {2}"/>
-  <joint name="A" axis="0 0 1"/></body></body>
-<body name="piston" pos=".13 0 0"><inertial pos="0 0 0" mass="{0}" diaginertia="{1} {1} {1}"/>
- <joint name="slide" type="slide" axis="1 0 0" range="{3}" limited="true"/></body></worldbody>
-<equality><connect name="loop" body1="rod" body2="piston" anchor=".1 0 0" solref=".001 1"
- solimp=".9999 .9999 .001 .5 2"/></equality>
-<actuator><position joint="crank" kp="3"/></actuator></mujoco>"""
+SLIDER_CRANK = model_text("units_and_damping_slider_crank.xml")
 
 
 def slider_crank(mass=0.05, moments=(4e-6, 4e-5), stroke="-.05 .05"):
@@ -245,13 +236,7 @@ def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, monkeypatch,
     assert run(paths[1])[0] == 2
 
 
-WELD = """<mujoco><compiler angle="radian"/><worldbody>
-<body name="left"><joint name="l" axis="0 0 1"/><geom size=".005" pos=".025 0 0"/>
- <body name="left2" pos=".05 0 0" axisangle="0 0 1 1.2"><joint name="pl" axis="0 0 1"/>
-  <geom size=".005" pos=".045 0 0"/></body></body>
-<body name="right" pos=".15 0 0"><joint name="r" axis="0 0 1"/><geom size=".005"/></body></worldbody>
-<equality><weld name="loop" body1="left2" body2="right" relpose="{} 1 0 0 0"
- torquescale="{}"/></equality></mujoco>"""
+WELD = model_text("units_and_damping_weld.xml")
 
 
 @pytest.mark.long
@@ -286,14 +271,7 @@ def test_a_fixed_base_adds_no_contact(tmp_path):
         assert ("collision" in kinds) == (not fix_base)
 
 
-SAG = """<mujoco><option timestep=".001"/><worldbody><body name="weight"><joint name="slide" type="slide"
- axis="0 0 1"/>
-<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body><body name="arm" pos="1 0 0"><joint name="j"
- axis="0 1 0"/>
-<inertial pos=".2 0 0" mass=".1" diaginertia=".01 .01 .01"/><body name="tip" pos=".4 0 0"><joint name="k"/>
-<inertial pos="0 0 0" mass=".1" diaginertia=".01 .01 .01"/></body></body></worldbody>
-<equality><connect name="hold" body1="weight" anchor="0 0 0" solref="{} 1" solimp=".5 .5 .001 .5
- 2"/></equality></mujoco>"""
+SAG = model_text("units_and_damping_sag.xml")
 
 
 @pytest.mark.parametrize(("time_constant", "large"), [(0.02, False), (1.0, True)])
@@ -313,15 +291,7 @@ def test_a_gap_beyond_the_linear_range_is_called_large(time_constant, large, tmp
         assert violation.value == pytest.approx(sag, rel=0.1)
 
 
-URDF = """<robot name="knee"><link name="base"/>{}
-<joint name="crank" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-<joint name="pin" type="continuous"><parent link="arm"/><child link="rod"/><origin xyz=".03 0 0"/><axis
- xyz="0 0 1"/></joint>
-<joint name="rocker" type="continuous"><parent link="base"/><child link="lever"/><origin xyz=".1 0
- 0"/><axis xyz="0 0 1"/></joint>
-<joint name="a" type="fixed"><parent link="rod"/><child link="pin_a"/><origin xyz=".09 0 0"/></joint>
-<joint name="b" type="fixed"><parent link="lever"/><child link="pin_b"/><origin xyz=".03 0
- 0"/></joint></robot>"""
+URDF = model_text("units_and_damping_urdf.urdf")
 
 
 @pytest.mark.long
