@@ -60,8 +60,7 @@ def check_files(
     mechsim check gripper.xml ankle.xml --ignore MS111
     mechsim check gripper.xml --fix repaired.xml --explain
     """
-    if "as_json" in stated.options:
-        stated.exclude(["output_format"], "with --json")
+    stated.exclude(["output_format"], "with --json", "as_json" in stated.options)
     if output_format not in FORMATS:
         raise InputError(f"there is no output format {output_format!r}; choose from {', '.join(FORMATS)}")
     if fix is not None and len(models) != 1:

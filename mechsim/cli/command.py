@@ -58,10 +58,10 @@ class Stated:
 
     options: Mapping[str, str]
 
-    def exclude(self, parameters: Collection[str], where: str) -> None:
+    def exclude(self, parameters: Collection[str], where: str, when: object = True) -> None:
         """Raise InputError for a stated option that has no effect where the text says, as in a free run."""
         for parameter, name in self.options.items():
-            if parameter in parameters:
+            if when and parameter in parameters:
                 raise InputError(f"{name} has no effect {where}; leave it out")
 
 

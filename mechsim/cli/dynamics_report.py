@@ -273,8 +273,11 @@ def print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:
         (what, peak, peak["unit"]) for what, peak in drives.items()
     ]
     notes: list[str] = []
-    for joint, reaction in facts["reactions"].items():
-        peaks += _reaction_peaks(f"of joint {joint}", reaction)
+    peaks += [
+        peak
+        for joint, reaction in facts["reactions"].items()
+        for peak in _reaction_peaks(f"of joint {joint}", reaction)
+    ]
     for joints, reaction in facts["sums"].items():
         peaks += _reaction_peaks(f"sum of {joints}", reaction)
         undetermined = reaction["not_determined"]

@@ -154,16 +154,15 @@ def forward(
     mechsim dynamics forward four_bar --motor line:1,600rpm --turns 3
     """
     options.check()
-    if not (options.output or options.quantities or options.until):
-        stated.exclude(["track"], "without -o, --of or --until")
+    listed = options.output or options.quantities or options.until
+    stated.exclude(["track"], "without -o, --of or --until", not listed)
     model = released_model(source, loads)
     model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
     if kept := model.mechanism.one_sided:
         notes.append(f"{', '.join(kept)}: kept in contact, or taut, even where the force changes its sign")
-    if options.turns is not None:
-        stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank")
-    if not model.solver.ranges:
-        stated.exclude(["restitution"], "without limits of joints")
+    turning = options.turns is not None
+    stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank", turning)
+    stated.exclude(["restitution"], "without limits of joints", not model.solver.ranges)
     ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}
     if options.turns is None:
         ends["restitution"] = options.restitution

@@ -142,8 +142,7 @@ def inverse(
     options.check()
     model = loads.dynamic_model(source.load_moving(by_motors=True))
     shown = output_units(units, model.solver) or SI_UNITS
-    if not model.solver.motion_laws.crank:
-        stated.exclude(CRANK_ONLY, "under motion laws")
+    stated.exclude(CRANK_ONLY, "under motion laws", not model.solver.motion_laws.crank)
     if replaced := model.forces.replaced_by_motion:
         notes.append(
             f"{model.mechanism.name}: the prescribed motion replaces {', '.join(replaced)} of the file"

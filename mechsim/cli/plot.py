@@ -74,18 +74,16 @@ def plot(
             raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
         row = PLOTS[kind]
         require_taken(kind, row.takes, options)
-        if kind in WITHOUT_POINTS:
-            stated.exclude(["track"], f"on plot {kind!r}")
+        stated.exclude(["track"], f"on plot {kind!r}", kind in WITHOUT_POINTS)
         if row.released == "always" or (row.released == "either" and initial.requested):
-            if kind in VIBRATIONS:
-                stated.exclude(["until", "duration", "drive", "track"], f"on plot {kind!r}")
+            unused = ["until", "duration", "drive", "track"]
+            stated.exclude(unused, f"on plot {kind!r}", kind in VIBRATIONS)
             stated.exclude(["speed"], "on drivers that are free; give --initial J.v")
             release = initial.release(released_model(source), source)
             plotted = PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
         else:
             plotted = _driven(source, initial, options, speed, kind)
-            if not plotted.solver.motion_laws.crank:
-                stated.exclude(["speed"], "under motion laws")
+            stated.exclude(["speed"], "under motion laws", not plotted.solver.motion_laws.crank)
         figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(output, figure)
     data: Any = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}

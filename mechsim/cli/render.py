@@ -149,9 +149,8 @@ def render(
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank
-    if timed:
-        stated.exclude(["speed"], "under motion laws")
-    elif animation.slow is None:
+    stated.exclude(["speed"], "under motion laws", timed)
+    if animation.slow is None and not timed:
         unshown = ["speed"] if animation.method == "closed" and not look.arrows else []
         stated.exclude(unshown + ([] if path.suffix else ["fps"]), "without --slow")
     profile = profile_of(solver, animation.speed, animation.turns, angle)
@@ -296,8 +295,8 @@ def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look)
         stated.exclude(["angle", "overlay"], "on an animation, only on a .png file")
     if animation.trace:
         _exclude(stated, look, NOT_TRACED, "with --trace, which follows the curve of assemblies")
-    if animation.method != "both":
-        stated.exclude(["magnify"], "without --from both, whose difference it magnifies")
+    without = "without --from both, whose difference it magnifies"
+    stated.exclude(["magnify"], without, animation.method != "both")
     width, height = look.size
     if output.endswith((".mp4", ".webm")) and (width % 2 or height % 2):
         raise InputError(

@@ -136,12 +136,10 @@ def sensitivity(
     mechsim sensitivity slider_crank --of B.x --tolerances crank=0.02mm,rod=0.05mm
     """
     options.check()
-    if options.tolerances is None:
-        stated.exclude(["distribution", "samples", "seed"], "without --tolerances")
+    stated.exclude(["distribution", "samples", "seed"], "without --tolerances", options.tolerances is None)
     parametric = source.load_parametric()
     solver = parametric.make({})
-    if not solver.motion_laws.crank:
-        stated.exclude(["angles", "speed"], "under motion laws")
+    stated.exclude(["angles", "speed"], "under motion laws", not solver.motion_laws.crank)
     if options.angles is None:
         instants = spread_instants(solver)
     else:

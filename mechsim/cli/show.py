@@ -137,8 +137,8 @@ def show(
     radians = None if angle is None else parse_angle(angle, "the crank angle")
     warn_about_angle("--angle", angle or "", solver.written.angle)
     data = facts(solver, radians, driver)
-    if "crank_range" not in data:
-        stated.exclude(["angle", "driver", "units"], "without a crank that alone determines the motion")
+    without = "without a crank that alone determines the motion"
+    stated.exclude(["angle", "driver", "units"], without, "crank_range" not in data)
     findings = scene_findings(solver)
 
     def text() -> None:

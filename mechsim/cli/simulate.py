@@ -122,9 +122,8 @@ def simulate(
         controlled = user_scene(source.model, source, controls)
         plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, output)
-    if options.method == "pose":
-        stated.exclude(OF_STEPS, "with --method pose, which takes no steps")
-    stated.exclude(["units"] if output is None else [], "without -o")
+    stated.exclude(OF_STEPS, "with --method pose, which takes no steps", options.method == "pose")
+    stated.exclude(["units"], "without -o", output is None)
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
     motion = _motion(solver, options, stated)
@@ -133,7 +132,7 @@ def simulate(
     else:
         run = _run(solver, motion, options, settings, model_scene)
         laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
-    stated.exclude(["scene"] if run.method == "pose" else [], "on solved poses")
+    stated.exclude(["scene"], "on solved poses", run.method == "pose")
     findings = scene_findings(solver, laws)
     few = None if motion is None or run.motion.broken else loss_of_significance(solver, run.motion)
     # the file is written last, so that invalid input writes nothing

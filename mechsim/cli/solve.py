@@ -73,12 +73,10 @@ class SolveOptions:
 
     def check(self, solver: KinematicSolver, stated: Stated) -> None:
         """Raise InputError for options that exclude each other."""
-        if self.poses:
-            stated.exclude(["angles", "speed", "samples"], "with --at, which determines the rows")
-        if not solver.motion_laws.crank:
-            stated.exclude(["angles", "speed"], "under motion laws")
-        if self.angles:
-            stated.exclude(["samples"], "with --angles, which determine the rows")
+        by_poses = "with --at, which determines the rows"
+        stated.exclude(["angles", "speed", "samples"], by_poses, self.poses)
+        stated.exclude(["angles", "speed"], "under motion laws", not solver.motion_laws.crank)
+        stated.exclude(["samples"], "with --angles, which determine the rows", self.angles)
         if self.samples is not None and not 2 <= self.samples <= MAX_SAMPLES:
             raise InputError(f"--samples is {self.samples}; give 2 to {MAX_SAMPLES}")
 
@@ -132,8 +130,7 @@ def solve(
     mechsim solve four_bar --angles 0:360:5deg --speed 300rpm -o motion.csv
     mechsim solve arm.xml --drive 'left=30deg*sin(2*pi*t)' --samples 101
     """
-    if as_json and output is None:
-        stated.exclude(["units"], "with --json, which is in SI, without -o")
+    stated.exclude(["units"], "with --json, which is in SI, without -o", as_json and output is None)
     solver = with_policy(source.load(), change_point)
     if options.poses is not None:
         options.check(solver, stated)

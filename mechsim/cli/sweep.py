@@ -168,8 +168,7 @@ def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
     if not any(measure.turns for measure in measures):
         stated.exclude(["speed", "samples"], "on these measures, which need no driven motion")
     moving = measures.rated or measures.loaded or measures.includes("function") or measures.facts
-    if not moving and task.settings is None:
-        stated.exclude(["speed"], "on measures of positions")
+    stated.exclude(["speed"], "on measures of positions", not moving and task.settings is None)
 
 
 def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[str, str]) -> dict[str, Any]:

@@ -95,8 +95,7 @@ def trace(
     """
     if plot is None and coordinates is not None:
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
-    if output is None:
-        stated.exclude(["units"] if plot else ["units", "samples"], "without -o")
+    stated.exclude(["units"] if plot else ["units", "samples"], "without -o", output is None)
     if not 2 <= samples <= MAX_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 2 to {MAX_SAMPLES}")
     require_other_drivers(source.model, source.sets, source)

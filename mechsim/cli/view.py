@@ -100,8 +100,8 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated, spe
         model = released_model(source)
         return release_view(release.release(model, source), release.mode)
     solver = source.load()
-    if not (solver.motion_laws.crank and solver.mechanism.has_crank):
-        stated.exclude(["speed"], "without a crank at constant speed")
+    turning = solver.motion_laws.crank and solver.mechanism.has_crank
+    stated.exclude(["speed"], "without a crank at constant speed", not turning)
     contents = model_view(solver, crank_speed(speed))
     notes.extend(without_geoms(solver, contents.bodies))
     return contents

@@ -173,18 +173,16 @@ class Forces:
                     f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
         for spring in self.springs:
-            link_a, link_b = (located(mechanism, location)[0] for location in (spring.a, spring.b))
-            if link_a == link_b:
-                raise InputError(f"both ends of a spring are on link {link_a!r}; put them on two links")
-        for load in self.loads:
-            if located(mechanism, load.location)[0] == GROUND:
-                raise InputError(f"the load on {load.location} acts on the frame, which it cannot move")
-
+            links = [located(mechanism, location)[0] for location in (spring.a, spring.b)]
+            if links[0] == links[1]:
+                raise InputError(f"both ends of a spring are on link {links[0]!r}; put them on two links")
         for controller in (*self.controllers, *self.actuators):
             controller.check(mechanism)
-        for couple in self.couples:
-            if located(mechanism, (couple.link, ORIGIN))[0] == GROUND:
-                raise InputError("a couple acts on the frame, which cannot rotate; name a moving link")
+        acting: list[tuple[str, Location]] = [(f"load on {act.location}", act.location) for act in self.loads]
+        acting += [(f"couple on {couple.link}", (couple.link, ORIGIN)) for couple in self.couples]
+        for what, location in acting:
+            if located(mechanism, location)[0] == GROUND:
+                raise InputError(f"the {what} acts on the frame, which cannot move; name a moving link")
 
     @property
     def load_profiles(self) -> list[LoadProfile]:

@@ -106,13 +106,8 @@ class Mechanism:
         for joint in self.joints:
             for end in (joint.a, joint.b):
                 _require_known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
-        for point, (link, position) in self.points.items():
+        for point, (link, _) in self.points.items():
             _require_known(f"point {point!r}", "link", link, [GROUND, *names])
-            if numbers(position).shape != (3,) or not (np.abs(numbers(position)) < MAX_COORDINATE).all():
-                raise InputError(
-                    f"point {point!r} is at {position}; give three finite numbers in [m] below "
-                    f"{MAX_COORDINATE:g}"
-                )
         for link, pose in self.guess.items():
             _require_known("guess", "link", link, names)
             _require_pose(link, pose)
@@ -186,6 +181,12 @@ class Mechanism:
             if isinstance(point_position, str) or len(point_position) != 2:
                 raise InputError(
                     f"point {point!r} is {point_position}; give a link and three numbers in its frame"
+                )
+            position = numbers(point_position[1])
+            if position.shape != (3,) or not (np.abs(position) < MAX_COORDINATE).all():
+                raise InputError(
+                    f"point {point!r} is at {point_position[1]}; give three finite numbers in [m] below "
+                    f"{MAX_COORDINATE:g}"
                 )
 
     @property

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -126,39 +126,39 @@ def _numbers(
 ) -> tuple[VaryingNumbers, Array, list[str]]:
     """Return the variable numbers, their values, and JavaScript that computes them from the dimensions."""
     sides: dict[tuple[str, str], tuple[int | None, int | None]] = {}
-    points: dict[str, int] = {}
     values: list[float] = []
     lines: list[str] = []
+
+    def add(own: Iterable[float], text: str) -> int:
+        first = len(values)
+        values.extend(own)
+        lines.append(f"g.set({text}, {first});")
+        return first
 
     def listed(key: str, quantity: str, own: tuple[float, ...] | None) -> str:
         formulas = geometry.vectors.get((key, quantity))
         if formulas is None:
-            return "null" if own is None else json.dumps(list(own))
+            return json.dumps(own)
         return f"[{', '.join(formula.javascript for formula in formulas)}]"
 
     def point(key: str, own: tuple[float, ...]) -> int | None:
-        if (key, "at") not in geometry.vectors:
-            return None
-        first = len(values)
-        values.extend(own)
-        lines.append(f"g.set({listed(key, 'at', own)}, {first});")
-        return first
+        return add(own, listed(key, "at", own)) if (key, "at") in geometry.vectors else None
 
     for joint in solved.source.mechanism.joints:
         for side, end in (("a", joint.a), ("b", joint.b)):
             key = f"{joint.name}.{side}"
             first, frame = point(key, end.point), None
             if any((key, quantity) in geometry.vectors for quantity in ("axis", "reference")):
-                frame = len(values)
-                values.extend(end.frame.ravel().tolist())
-                reference_given = end.reference if end.has_reference else None
-                axis, reference = listed(key, "axis", end.axis), listed(key, "reference", reference_given)
-                lines.append(f"g.set(frameOf({axis}, {reference}), {frame});")
+                reference = listed(key, "reference", end.reference if end.has_reference else None)
+                axis = listed(key, "axis", end.axis)
+                frame = add(end.frame.ravel().tolist(), f"frameOf({axis}, {reference})")
             if first is not None or frame is not None:
                 sides[joint.name, side] = first, frame
-    for name, (_, local) in solved.source.mechanism.points.items():
-        if (first := point(name, local)) is not None:
-            points[name] = first
+    points = {
+        name: first
+        for name, (_, local) in solved.source.mechanism.points.items()
+        if (first := point(name, local)) is not None
+    }
     return VaryingNumbers(sides, points), np.array(values), lines
 
 

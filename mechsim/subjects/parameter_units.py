@@ -92,28 +92,26 @@ def require_dimensions(source: TomlSource, parameters: Mapping[str, Any]) -> Non
 
 def _uses(key: KeyType, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
     """Yield the expressions of a file and their units."""
+    inner: list[tuple[KeyType, Any]] = []
     match key:
         case Profile() if is_profile(value):
-            return
+            pass
         case Number(unit=unit) | Profile(unit=unit):
             tree = _parsed(value)
             if tree is not None:
                 yield tree, unit if unit in _DIMENSIONS else "1"
         case ListOf(item=item) if isinstance(value, list):
-            for entry in value:
-                yield from _uses(item, entry)
+            inner = [(item, entry) for entry in value]
         case TableOf(value_type=item) if isinstance(value, dict):
-            for entry in value.values():
-                yield from _uses(item, entry)
+            inner = [(item, entry) for entry in value.values()]
         case Table(keys=keys) if isinstance(value, dict):
-            for name, entry in value.items():
-                if name in keys:
-                    yield from _uses(keys[name], entry)
-        case AnyOf(alternatives=item):
-            for entry in item:
-                yield from _uses(entry, value)
+            inner = [(keys[name], entry) for name, entry in value.items() if name in keys]
+        case AnyOf(alternatives=alternatives):
+            inner = [(alternative, value) for alternative in alternatives]
         case _:
-            return
+            pass
+    for inner_key, entry in inner:
+        yield from _uses(inner_key, entry)
 
 
 def _parsed(value: Any) -> ast.expr | None:
@@ -134,34 +132,40 @@ class _UnitInference:
 
     def assign(self, node: ast.expr, unit: Unit) -> None:
         """Infer units of parameters from an expression with a known unit."""
+        if isinstance(node, ast.Name) and node.id in self.units and self.units[node.id] is None:
+            self.units[node.id] = unit
+        for operand, operand_unit in self._operand_units(node, unit):
+            self.assign(operand, operand_unit)
+
+    def _operand_units(self, node: ast.expr, unit: Unit) -> Iterator[tuple[ast.expr, Unit]]:
+        """Yield the operands of an expression with a known unit whose units follow from it."""
         match node:
-            case ast.Name(id=name):
-                if name in self.units and self.units[name] is None:
-                    self.units[name] = unit
             case ast.UnaryOp(operand=operand):
-                self.assign(operand, unit)
+                yield operand, unit
             case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
-                self.assign(left, unit)
-                self.assign(right, unit)
+                yield left, unit
+                yield right, unit
             case ast.BinOp(left=left, op=ast.Mult(), right=right):
-                for factor, other in ((left, right), (right, left)):
-                    factor_unit = self.unit_of(factor)
-                    if factor_unit in ("1", unit):
-                        self.assign(other, unit if factor_unit == "1" else "1")
+                yield from self._factor_units(left, right, unit)
+                yield from self._factor_units(right, left, unit)
             case ast.BinOp(left=left, op=ast.Div(), right=right):
                 below = self.unit_of(right)
                 if below == "1" or unit == "1":
-                    self.assign(left, unit if below == "1" else below or "1")
+                    yield left, unit if below == "1" else below or "1"
                 if self.unit_of(left) == unit:
-                    self.assign(right, "1")
-            case ast.Call(func=ast.Name(id=name), args=args):
-                inside: Unit | None = (
-                    "rad" if name in _TRIGONOMETRIC else unit if name in _UNIT_PRESERVING else None
-                )
-                for factor in args if inside is not None else ():
-                    self.assign(factor, inside or "1")
+                    yield right, "1"
+            case ast.Call(func=ast.Name(id=name), args=args) if name in _TRIGONOMETRIC + _UNIT_PRESERVING:
+                for argument in args:
+                    yield argument, "rad" if name in _TRIGONOMETRIC else unit
             case _:
-                return
+                pass
+
+    def _factor_units(self, factor: ast.expr, other: ast.expr, unit: Unit) -> Iterator[tuple[ast.expr, Unit]]:
+        """Yield the other factor of a product with a known unit if one factor determines it."""
+        if self.unit_of(factor) == "1":
+            yield other, unit
+        elif self.unit_of(factor) == unit:
+            yield other, "1"
 
     def unit_of(self, node: ast.expr) -> Unit | None:
         """Return the unit of an expression; None if unknown."""

@@ -92,8 +92,6 @@ def prescribed_solver(
             )
             laws, facts = make_motion_laws(turning, law, DEFAULT_DURATION), (*solver.facts, fact)
             return solver.with_mechanism(turning, motion_laws=laws, facts=facts)
-    if prescription == Prescription() and not description.motion_laws:
-        return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
 
 

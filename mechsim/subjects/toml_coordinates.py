@@ -331,48 +331,68 @@ def _coupling(
             "radii (a belt), rope; give one"
         )
         raise coordinates.error(path, reason)
-    for key in table:
-        if key not in ("driver", "driven", kind_keys[0], *_KEYS_OF_KIND[kind_keys[0]]):
-            raise coordinates.error((*path, key), f"does not go with {kind_keys[0]!r}; leave it out")
+    (kind,) = kind_keys
+    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind])
+    if extra := [key for key in table if key not in allowed]:
+        raise coordinates.error((*path, extra[0]), f"does not go with {kind!r}; leave it out")
     for side in ("driver", "driven"):
         side_value = table.get(side, {})
         for coordinate in (side_value,) if isinstance(side_value, str) else side_value:
             coordinates.require(coordinate, (*path, side))
-    teeth = table.get("pressure_angle")
-    if kind_keys[0] == "rope":
+    if kind == "rope":
         return _rope(coordinates, name, table, path)
     if "driven" not in table:
         raise coordinates.error(path, "has no 'driven'; name a coordinate")
-    if kind_keys[0] == "coefficients":
-        return _polynomial(coordinates, name, table, path, teeth)
-    if kind_keys[0] == "function":
+    if kind == "coefficients":
+        return _polynomial(coordinates, name, table, path)
+    if kind == "function":
         pair = _zeros(coordinates, table, path)
         made = _function(coordinates, table, path)
         driven, driver = table["driven"], table.get("driver", {})
         return Coupling(name, driven, driver, (), pair, table.get("turns", False), function=made)
     driver, driven = (_single_coordinate(coordinates, table, side, path) for side in ("driver", "driven"))
     phase = coordinates.value(driven, table.get("phase", 0.0), (*path, "phase"))
+    made = {"radii": _belt, "ratio": _gear}.get(kind, _rack)
+    return made(coordinates, name, table, path, (driver, driven, phase))
+
+
+def _gear(
+    coordinates: FileCoordinates,
+    name: str,
+    table: Mapping[str, Any],
+    path: KeyPath,
+    sides: tuple[str, str, float],
+) -> Gear | Coupling:
+    driver, driven, phase = sides
+    unit, teeth = coordinates.units[driver], table.get("pressure_angle")
+    if unit != coordinates.units[driven]:
+        raise coordinates.error(path, "is between an angle and a displacement; give radius or travel")
+    if KINDS[coordinates.kinds[driver]].hinge and KINDS[coordinates.kinds[driven]].hinge:
+        return Gear(driver, driven, table["ratio"], phase, teeth or 0.0)
+    turns = unit == "rad"
+    return Coupling(name, driven, driver, (phase, table["ratio"]), turns=turns, pressure_angle=teeth)
+
+
+def _rack(
+    coordinates: FileCoordinates,
+    name: str,
+    table: Mapping[str, Any],
+    path: KeyPath,
+    sides: tuple[str, str, float],
+) -> Coupling:
+    """Return a rack and pinion: a displacement is the angle times the radius."""
+    driver, driven, phase = sides
     units = coordinates.units[driver], coordinates.units[driven]
-    if kind_keys[0] == "radii":
-        return _belt(coordinates, name, table, path, (driver, driven, phase))
-    if kind_keys[0] == "ratio":
-        if units[0] != units[1]:
-            raise coordinates.error(path, "is between an angle and a displacement; give radius or travel")
-        if KINDS[coordinates.kinds[driver]].hinge and KINDS[coordinates.kinds[driven]].hinge:
-            return Gear(driver, driven, table["ratio"], phase, teeth or 0.0)
-        turns = units[0] == "rad"
-        return Coupling(name, driven, driver, (phase, table["ratio"]), turns=turns, pressure_angle=teeth)
     if units[0] == units[1]:
         raise coordinates.error(
             path, "is a rack between two coordinates of one unit; give an angle and a displacement"
         )
-    radius = table["radius"] if kind_keys[0] == "radius" else table["travel"] / REVOLUTION
+    radius = table["radius"] if "radius" in table else table["travel"] / REVOLUTION
     if radius == 0.0:
-        raise coordinates.error(
-            (*path, kind_keys[0]), "is 0; give a length, negative for the opposite direction"
-        )
+        key = "radius" if "radius" in table else "travel"
+        raise coordinates.error((*path, key), "is 0; give a length, negative for the opposite direction")
     ratio = radius if units[0] == "rad" else 1.0 / radius
-    return Coupling(name, driven, driver, (phase, ratio), pressure_angle=teeth or 0.0)
+    return Coupling(name, driven, driver, (phase, ratio), pressure_angle=table.get("pressure_angle", 0.0))
 
 
 def _single_coordinate(
@@ -388,9 +408,7 @@ def _single_coordinate(
     return value
 
 
-def _polynomial(
-    coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath, teeth: float | None
-) -> Coupling:
+def _polynomial(coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath) -> Coupling:
     values = coordinates.values
     driven: Side = table["driven"]
     driver: Side = table.get("driver", {})
@@ -403,7 +421,7 @@ def _polynomial(
         else:
             coefficients.append(values.plain_number(written, entry_path) * (factor / right**power))
     pair, turns = _zeros(coordinates, table, path), table.get("turns", False)
-    return Coupling(name, driven, driver, tuple(coefficients), pair, turns, teeth)
+    return Coupling(name, driven, driver, tuple(coefficients), pair, turns, table.get("pressure_angle"))
 
 
 def _zeros(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> tuple[float, float]:

@@ -183,35 +183,30 @@ class Values:
             InputError: for an invalid value; names file, line, key, value and remedy.
         """
         match key:
-            case Number(unit=unit):
-                return self.quantity(value, unit, path)
-            case Profile(unit=unit):
-                return value if is_profile(value) else self.quantity(value, unit, path)
+            case Number(unit=unit) | Profile(unit=unit):
+                unchanged = isinstance(key, Profile) and is_profile(value)
+                return value if unchanged else self.quantity(value, unit, path)
             case JointNumber():
                 # a number, a quantity or an expression unchanged, if the key gives it a unit later
                 if not isinstance(value, str):
                     self.plain_number(value, path)
                 return value
             case Boolean():
-                if not isinstance(value, bool):
-                    raise self.source.error(path, f"is {shown(value)}; give true or false")
+                self._require(isinstance(value, bool), value, "true or false", path)
                 return value
             case Text(options=options):
                 return self._text(value, options, path)
             case ListOf(item=item, count=count):
                 return self._list(value, item, count, path)
             case TableOf(value_type=item):
-                return {
-                    name: self.checked(item, entry, (*path, name))
-                    for name, entry in self._table(value, path).items()
-                }
+                entries = self._table(value, path).items()
+                return {name: self.checked(item, entry, (*path, name)) for name, entry in entries}
             case Table():
                 return self._known_keys(value, key, path)
             case AnyOf(alternatives=item, about=about):
-                fitting = next((entry for entry in item if _fits(entry, value)), None)
-                if fitting is None:
-                    raise self.source.error(path, f"is {shown(value)}; give {about}")
-                return self.checked(fitting, value, path)
+                fitting = [entry for entry in item if _fits(entry, value)]
+                self._require(bool(fitting), value, about, path)
+                return self.checked(fitting[0], value, path)
 
     def quantity(self, value: Any, unit: Unit, path: KeyPath) -> float:
         """Return a number, a quantity or an expression in SI; numbers without a unit are in the file's."""
@@ -335,16 +330,15 @@ class Values:
             return number / self.in_si(1.0, unit)
 
     def _text(self, value: Any, options: tuple[str, ...], path: KeyPath) -> str:
-        if not isinstance(value, str):
-            raise self.source.error(path, f"is {shown(value)}; give text")
+        self._require(isinstance(value, str), value, "text", path)
         if options and value not in options:
             raise self.source.error(path, f"is {shown(value)}; it can be {', '.join(options)}")
         return value
 
     def _list(self, value: Any, item: KeyType, count: int | None, path: KeyPath) -> tuple[Any, ...]:
-        if not isinstance(value, list) or (count is not None and len(value) != count):
-            expected = "a list" if count is None else f"a list of {count}"
-            raise self.source.error(path, f"is {shown(value)}; give {expected}, each {item.about}")
+        expected = "a list" if count is None else f"a list of {count}"
+        fits = isinstance(value, list) and count in (None, len(value))
+        self._require(fits, value, f"{expected}, each {item.about}", path)
         return tuple(self.checked(item, entry, (*path, i)) for i, entry in enumerate(value))
 
     def _known_keys(self, value: Any, keys: Table, path: KeyPath) -> dict[str, Any]:
@@ -358,9 +352,13 @@ class Values:
         return {name: self.checked(keys.keys[name], entry, (*path, name)) for name, entry in table.items()}
 
     def _table(self, value: Any, path: KeyPath) -> dict[str, Any]:
-        if not isinstance(value, dict):
-            raise self.source.error(path, f"is {shown(value)}; give a table")
+        self._require(isinstance(value, dict), value, "a table", path)
         return value
+
+    def _require(self, fits: bool, value: Any, expected: str, path: KeyPath) -> None:
+        """Raise InputError for a value that is not the expected one."""
+        if not fits:
+            raise self.source.error(path, f"is {shown(value)}; give {expected}")
 
 
 def written_function(values: Values, text: str, path: KeyPath, variable: str = "q") -> WrittenFunction:

@@ -127,14 +127,11 @@ def _forces(forces: Forces) -> dict[Any, Any]:
         table["crank_torque"] = _components(forces.crank_torque, "the load on the crank")[0]
     if forces.flywheel:
         table["flywheel"] = forces.flywheel
-    for controller in forces.controllers:
-        table["controllers", *controller.coordinate.split(".")] = controller.text
+    table |= {("controllers", *item.coordinate.split(".")): item.text for item in forces.controllers}
     if forces.motor is not None:
         table["motor"] = _motor(forces.motor)
-    for coordinate, inertia in forces.armature.items():
-        table["armature", *coordinate.split(".")] = inertia
-    for actuator in forces.actuators:
-        table["motors", actuator.name] = _actuator(actuator)
+    table |= {("armature", *name.split(".")): inertia for name, inertia in forces.armature.items()}
+    table |= {("motors", actuator.name): _actuator(actuator) for actuator in forces.actuators}
     for friction in forces.friction:
         values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *FRICTION_NUMBERS)
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
@@ -146,8 +143,8 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     for spring in forces.nonlinear_springs:
         if isinstance(spring.law, SpringLaw):
             table["springs", spring.name] = _nonlinear_spring(spring, spring.law)
-    for spring in forces.joint_springs:
-        table["joint_springs", spring.joint] = _fields(spring, "stiffness", "rest")
+    springs = {("joint_springs", item.joint): item for item in forces.joint_springs}
+    table |= {key: _fields(spring, "stiffness", "rest") for key, spring in springs.items()}
     for i, load in enumerate(forces.loads, 1):
         force = _components(load.force, f"the load on {load.location}")
         table["loads", f"load{i}"] = {"at": _point(load.location), "force": force}

@@ -229,14 +229,6 @@ def test_no_module_is_shadowed_by_an_export_of_its_package():
     assert hidden == []
 
 
-def test_no_function_is_longer_than_fifty_lines():
-    # signature and docstring do not count
-    long = [
-        (name, *item) for name, path in FILES.items() for item in structure.functions(path) if item[0] > 50
-    ]
-    assert long == []
-
-
 def test_no_two_classes_share_a_name():
     named = re.compile(r"^ *class (\w+)", re.MULTILINE)
     result = Counter(name for path in FILES.values() for name in named.findall(path.read_text()))

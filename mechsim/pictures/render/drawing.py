@@ -138,18 +138,13 @@ class Trace:
         for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}
             arrows.put(scene, starts, frame, 0.45 * self.drawn.radius)
-        if trace not in ("grow", "tail"):
-            return
-        passed = int(now.passed[frame])
-        for name, path in self.paths.items():
-            start = 0
-            if trace == "tail":
-                length = len(path) // 4
-                start = max(0, passed - 1 - length)
-                if now.closed and passed - 1 < length:
-                    path.put(scene, len(path) + passed - 1 - length)
-            path.put(scene, start, passed - 1)
-            reached, current = now.paths[name][passed - 1], now.points[name][frame]
+        last = int(now.passed[frame]) - 1
+        for name, path in self.paths.items() if trace in ("grow", "tail") else ():
+            first = last - len(path) // 4 if trace == "tail" else 0
+            if now.closed and first < 0:
+                path.put(scene, len(path) + first)
+            path.put(scene, max(0, first), last)
+            reached, current = now.paths[name][last], now.points[name][frame]
             if not np.array_equal(reached, current):
                 chain(np.array([reached, current]), self.width, path.rgba).put(scene)
 

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.actuators import NO_LIMIT, Actuator, Range
-from mechsim.model.forces import Forces, Friction, JointSpring, Location, located
+from mechsim.model.forces import Forces, Friction, JointSpring, Location, Spring, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.limits import Ranges
@@ -167,33 +167,19 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
-    if forces.flywheel:
-        spec.joint("crank").armature = forces.flywheel
-    if forces.motor is not None:
-        _add_motor(spec, forces.motor)
-    if forces.crank_torque is not None:
-        _on_crank(spec, "crank torque")
-    if forces.loads or forces.couples:
+    _add_crank_forces(spec, forces)
+    acting = [(f"load {i}", load.location, 0) for i, load in enumerate(forces.loads, 1)]
+    acting += [(f"couple {i}", (couple.link, ORIGIN), 3) for i, couple in enumerate(forces.couples, 1)]
+    if acting:
         spec.worldbody.add_site(name="ground axes")
-    for number, load in enumerate(forces.loads, 1):
-        site = builder.point(f"load {number}", load.location)
-        for i, axis in enumerate(AXES):
-            _between(spec, f"load {number}.{axis}", site, "ground axes", np.eye(6)[i])
-    for number, couple in enumerate(forces.couples, 1):
-        site = builder.point(f"couple {number}", (couple.link, ORIGIN))
-        for i, axis in enumerate(AXES):
-            _between(spec, f"couple {number}.{axis}", site, "ground axes", np.eye(6)[3 + i])
+    for name, location, first in acting:
+        site = builder.point(name, location)
+        for axis, gear in zip(AXES, np.eye(6)[first : first + 3], strict=True):
+            _between(spec, f"{name}.{axis}", site, "ground axes", gear)
     for number, spring in enumerate(forces.nonlinear_springs, 1):
         _add_nonlinear_spring(builder, f"nonlinear spring {number}", spring)
     for number, spring in enumerate(forces.springs, 1):
-        tendon = spec.add_tendon(
-            name=f"spring {number}",
-            stiffness=_linear(spring.stiffness),
-            damping=_linear(spring.damping),
-            springlength=(spring.rest, spring.rest),
-        )
-        for side, point in (("a", spring.a), ("b", spring.b)):
-            tendon.wrap_site(builder.point(f"spring {number}.{side}", point))
+        _add_spring(builder, f"spring {number}", spring)
     for spring in forces.joint_springs:
         _add_joint_spring(builder, spring)
     for friction in forces.friction:
@@ -296,6 +282,16 @@ def _add_armature(builder: Builder, coordinate: str, inertia: float) -> None:
     made.armature = float(made.armature) + inertia
 
 
+def _add_crank_forces(spec: mujoco.MjSpec, forces: Forces) -> None:
+    """Add flywheel, motor and load of the crank; the control of the load is its torque."""
+    if forces.flywheel:
+        spec.joint("crank").armature = forces.flywheel
+    if forces.motor is not None:
+        _add_motor(spec, forces.motor)
+    if forces.crank_torque is not None:
+        _on_crank(spec, "crank torque")
+
+
 def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     """Add a motor: gain times control minus the decrease of torque with speed; the gear is the motor's."""
     ratio = 1.0
@@ -361,6 +357,17 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     made.gainprm[0] = 0.0
     made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     made.biasprm[:3] = 0.0, -spring.stiffness, 0.0
+
+
+def _add_spring(builder: Builder, name: str, spring: Spring) -> None:
+    tendon = builder.spec.add_tendon(
+        name=name,
+        stiffness=_linear(spring.stiffness),
+        damping=_linear(spring.damping),
+        springlength=(spring.rest, spring.rest),
+    )
+    for side, point in zip("ab", (spring.a, spring.b), strict=True):
+        tendon.wrap_site(builder.point(f"{name}.{side}", point))
 
 
 def _add_nonlinear_spring(builder: Builder, name: str, spring: NonlinearSpring) -> None:
