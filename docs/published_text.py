@@ -1,5 +1,6 @@
 """Publish the Markdown of every page next to its HTML, and `llms.txt`, a list of them for programs that read text."""
 
+import json
 import re
 from pathlib import Path
 
@@ -28,13 +29,22 @@ def write(app, error):
     lines = []
     for name in sorted(app.env.found_docs, key=_order):
         source = Path(app.env.doc2path(name))
-        text = with_included(FRONT.sub("", source.read_text(encoding="utf-8")), source.parent)
+        text = with_included(FRONT.sub("", _text(source)), source.parent)
         page = out / f"{name}.md"
         page.parent.mkdir(parents=True, exist_ok=True)
         page.write_text(text, encoding="utf-8")
         title = TITLE.search(text)
         lines.append(f"- [{title[1] if title else name}]({name}.md){_summary(text)}\n")
     (out / "llms.txt").write_text(HEAD + "".join(lines), encoding="utf-8")
+
+
+def _text(source: Path) -> str:
+    """Return a page as Markdown; a notebook's code becomes code blocks."""
+    text = source.read_text(encoding="utf-8")
+    if source.suffix != ".ipynb":
+        return text
+    pieces = [(piece["cell_type"], "".join(piece["source"])) for piece in json.loads(text)["cells"]]
+    return "\n\n".join(f"```python\n{body}\n```" if kind == "code" else body for kind, body in pieces)
 
 
 def with_included(text: str, folder: Path) -> str:

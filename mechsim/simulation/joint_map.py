@@ -117,6 +117,7 @@ class JointMap:
         reached: fraction of the grid points at which the loops close within the joint limits.
         reference: positions of the inputs at the start of the paths to the grid, (k,).
         locked: hinges and slides that neither inputs nor loops determine, and their positions in the map.
+        tracked: sites and bodies whose coordinates are outputs; a hinge may also be called hip.x.
         polynomials: approximation of the outputs; None if it was not requested.
     """
 
@@ -133,6 +134,7 @@ class JointMap:
     reached: float
     reference: Array
     locked: Mapping[str, float]
+    tracked: tuple[str, ...] = ()
     polynomials: Polynomials | None = None
 
     __repr__ = short_repr
@@ -165,11 +167,17 @@ class _Outputs:
         gradients = np.stack([gradient for _, gradient in columns], 1)
         return np.stack([value for value, _ in columns], 1), gradients
 
+    def is_joint(self, name: str) -> bool:
+        """Return whether an output is a hinge or slide."""
+        model = self.path.loops.model
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        return joint >= 0 and model.jnt_type[joint] in (HINGE, SLIDE)
+
     def _output(self, name: str) -> Callable[..., tuple[Array, Array]]:
         """Return the function of an output: states and their kinematics -> its values and gradients."""
         model = self.path.loops.model
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-        if joint >= 0 and model.jnt_type[joint] in (HINGE, SLIDE):
+        if self.is_joint(name):
+            joint = model.joint(name).id
             address, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
             row = np.eye(model.nv)[dof]
             return lambda qpos, *_: (qpos[:, address], np.broadcast_to(row, (len(qpos), model.nv)))
@@ -311,6 +319,7 @@ def map_over_grid(
         len(qpos) / len(grid),
         path.reference[path.addresses],
         _locked(path),
+        tuple(sorted({name.rpartition(".")[0] for name in outputs if not evaluator.is_joint(name)})),
     )
     return table if degree is None else _with_polynomials(table, evaluator, degree, low, high)
 

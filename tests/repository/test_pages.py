@@ -54,7 +54,8 @@ def test_a_page_starts_with_its_title(page):
 def test_every_page_is_in_the_contents():
     trees = re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL)
     listed = {line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")}
-    pages = {path.relative_to(DOCS).with_suffix("").as_posix() for path in PAGES} - {"index"}
+    notebooks = (DOCS / "tutorials").glob("*.ipynb")
+    pages = {path.relative_to(DOCS).with_suffix("").as_posix() for path in [*PAGES, *notebooks]} - {"index"}
     assert listed == pages | GENERATED
 
 

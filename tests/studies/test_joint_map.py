@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import mpmath
 import mujoco
@@ -14,6 +15,7 @@ from mechsim import cli
 from mechsim.simulation.joint_map import rotation_vector_rates
 from mechsim.studies.robots.joint_map import MapComparison, compare_with_loop_equations, joint_map
 
+FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"
 RANGE = {"crank": ("20deg", "80deg")}
 
 
@@ -65,6 +67,15 @@ def test_loop_equations_reject_a_wrong_point_or_rotation(four_bar, column):
     wrong = four_bar.output.copy()
     wrong[:, column] += 1e-8
     assert not compare_with_loop_equations(replace(four_bar, output=wrong), "four_bar").passed
+
+
+def test_a_hinge_may_be_called_as_a_coordinate_is(tmp_path):
+    named = Path(tmp_path, "named.xml")
+    named.write_text(FOUR_BAR.read_text().replace('name="rocker"', 'name="B.x"'))
+    table = ms.joint_map(str(named), RANGE, ["B.x"], points=5)
+    exact = ms.load("four_bar").solve(table.input[:, 0], 1.0)
+    np.testing.assert_allclose(table.output[:, 0], exact.joints["rocker"].value, atol=1e-13)
+    assert compare_with_loop_equations(table, str(named)).passed
 
 
 def test_differences_that_are_no_numbers_are_no_agreement():

@@ -27,6 +27,9 @@ FIXED = (
 ENDS = FIXED.format("rod_end", "rod", f"{ROD} 0 0") + FIXED.format(
     "follower_end", "follower", f"0 {FOLLOWER} 0"
 )
+CLOSING = FIXED.format("closing_pin_1", "rod", f"{ROD} 0 0") + FIXED.format(
+    "closing_pin_2", "follower", f"0 {FOLLOWER} 0"
+)
 BUSHING = """
   <drake:linear_bushing_rpy>
     <drake:bushing_frameA name="rod_end"/><drake:bushing_frameC name="follower_end"/>
@@ -48,6 +51,10 @@ DIALECTS = {
     <drake:ball_constraint_p_AP value="{ROD} 0 0"/><drake:ball_constraint_p_BQ value="0 {FOLLOWER} 0"/>
     </drake:ball_constraint>""",
     "Drake bushing": ENDS + BUSHING,
+    "onshape-to-robot, ball": CLOSING,
+    "onshape-to-robot, revolute": CLOSING
+    + FIXED.format("closing_pin_1_z", "rod", f"{ROD} 0 0.1")
+    + FIXED.format("closing_pin_2_z", "follower", f"0 {FOLLOWER} 0.1"),
 }
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
 
@@ -108,9 +115,10 @@ def test_a_coupling_multiplies_the_angles_between_its_links(written, predecessor
         (coupling("crank", "rood"), "names link 'rood' .did you mean 'rod'"),
         (coupling("crank", "rod"), "no joint between its predecessor or successor"),
         (coupling("crank", "follower", "six"), "1 finite numbers belong"),
+        (FIXED.format("closing_pin_1", "rod", "1 0 0"), "loop joint 'closing_pin' names link 'closing_pin_2'"),
     ],
 )
-def test_an_invalid_coupling_is_rejected(written, element, message):
+def test_an_invalid_coupling_or_closure_is_rejected(written, element, message):
     with pytest.raises(ms.InputError, match=message):
         ms.closed_qpos(written(robot(element)), {"motor": 0.1})
 

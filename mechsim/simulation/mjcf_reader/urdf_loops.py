@@ -1,7 +1,8 @@
 """Loops of URDF files: read from dialects of URDF, which has no loops, and closed by equalities of sites.
 
 Dialects in the file: a link with two parents, `<loop>` and `<coupling>` of URDF+, `<loop_joint>` of Isaac
-Sim, `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo.
+Sim, `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, `<gazebo><joint>` of Gazebo, and the
+links `closing_NAME_1`, `closing_NAME_2` that onshape-to-robot writes for a mate `closing_NAME`.
 """
 
 import os
@@ -190,6 +191,17 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
         yield _closure(tree, joint, frames[0], frames[1], axis)
 
 
+def _closing_links(tree: UrdfTree) -> Iterator[LoopClosure]:
+    """Yield the mates that onshape-to-robot writes as two links; a revolute one has two more, at 0.1 m on z."""
+    links = {link.get("name", "") for link in tree.root.findall("link")}
+    for link in sorted(links):
+        name, end, rest = link.rpartition("_1")
+        if not (name.startswith("closing_") and end and not rest):
+            continue
+        kind: Kind = "hinge" if f"{link}_z" in links else "point"
+        yield LoopClosure(name, kind, Frame(link), Frame(tree.require_link(f"{name}_2", name)))
+
+
 DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
     _second_parents,
     _urdf_plus,
@@ -197,6 +209,7 @@ DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
     _drake_balls,
     _drake_bushings,
     _gazebo,
+    _closing_links,
 )
 
 
@@ -233,7 +246,10 @@ def _specification(tree: UrdfTree) -> mujoco.MjSpec:
 
 
 def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
-    """Add the sites of a closure and the equalities between them."""
+    """Add the sites of a closure and the equalities between them; its point on side a is tracked.
+
+    Sites with @ in their name are not tracked.
+    """
     offsets = (np.zeros(3), HINGE_LENGTH * closure.axis) if closure.kind == "hinge" else (np.zeros(3),)
     for number, offset in enumerate(offsets):
         name = closure.name if not number else f"{closure.name}_axis"
@@ -244,8 +260,8 @@ def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, placed.rotation.ravel())
             position = placed.position + placed.rotation @ offset
-            body.add_site(name=f"{name}_{side}", pos=position, quat=quaternion)
-            sites.append(f"{name}_{side}")
+            sites.append(closure.name if side == "a" and not number else f"{name}@{side}")
+            body.add_site(name=sites[-1], pos=position, quat=quaternion)
         kind = mujoco.mjtEq.mjEQ_WELD if closure.kind == "weld" else mujoco.mjtEq.mjEQ_CONNECT
         spec.add_equality(
             name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=sites[0], name2=sites[1]

@@ -117,7 +117,6 @@ def compare_with_loop_equations(
     Raises:
         AssemblyError: if the solution of the loop equations does not reach a point of the map.
     """
-    points = {name.rpartition(".")[0] for name in table.outputs if "." in name}
     rows = np.unique(np.linspace(0, len(table.input) - 1, COMPARED_POINTS).astype(int))
     solver = load(
         model,
@@ -129,7 +128,7 @@ def compare_with_loop_equations(
         fix_base=fix_base,
         key=key,
         start=start,
-        track=tuple(sorted(points)),
+        track=table.tracked,
         duration=1.0,
     )
     rows = rows[np.argsort(np.linalg.norm(table.input[rows] - table.reference, axis=1), kind="stable")]
@@ -160,7 +159,7 @@ def _outputs(motion: Motion, still: Motion, mechanism: Mechanism, names: Sequenc
     columns = list[Array]()
     for name in names:
         subject, _, suffix = name.rpartition(".")
-        if not subject:
+        if name in motion.joints:
             joint = motion.joints[name]
             columns.append(np.stack([joint.value, joint.rate, joint.acceleration]))
             continue
