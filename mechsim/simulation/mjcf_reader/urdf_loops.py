@@ -192,7 +192,7 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
 
 
 def _closing_links(tree: UrdfTree) -> Iterator[LoopClosure]:
-    """Yield the mates that onshape-to-robot writes as two links; a revolute one has two more, at 0.1 m on z."""
+    """Yield the mates that onshape-to-robot writes as two links; a revolute one has two more on its axis."""
     links = {link.get("name", "") for link in tree.root.findall("link")}
     for link in sorted(links):
         name, end, rest = link.rpartition("_1")
