@@ -1,7 +1,7 @@
 """Command `mechsim dynamics forward`: a run from an initial state."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, NotRequired, TypedDict
 
 import numpy as np
@@ -11,6 +11,7 @@ from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Executed
 from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
+from mechsim.analytic.dynamics.gaps import gaps_of, with_gaps
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.dynamics_report import (
     FreeJson,
@@ -72,6 +73,7 @@ class ForwardRunJson(TypedDict):
     work: float
     lost: float
     events: list[float]
+    openings: dict[str, list[tuple[float, float]]]
     singular: list[float]
     steps: int
     executed: Executed
@@ -131,6 +133,8 @@ class ForwardOptions(InitialOptions):
                 raise InputError("--turns and --until both end the run; drop one of them")
 
 
+# number of intervals in which an open contact is printed
+SPANS = 4
 # duration in [s] above which a run states its work budget at once
 LONG = 100.0
 # shares of the processor time, measured on runs of four_bar, rssr and klann from an initial state
@@ -158,11 +162,13 @@ def forward(
     stated.exclude(["track"], "without -o, --of or --until", not listed)
     model = released_model(source, loads)
     model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
-    if kept := model.mechanism.one_sided:
-        notes.append(f"{', '.join(kept)}: kept in contact, or taut, even where the force changes its sign")
+    model = replace(model, mechanism=with_gaps(model.mechanism))
+    if kept := model.mechanism.one_sided_curves:
+        notes.append(f"{', '.join(kept)}: kept in contact, even where the force changes its sign")
     turning = options.turns is not None
     stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank", turning)
-    stated.exclude(["restitution"], "without limits of joints", not model.solver.ranges)
+    limited = model.solver.ranges or gaps_of(model.mechanism)
+    stated.exclude(["restitution"], "without limits of joints", not limited)
     ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}
     if options.turns is None:
         ends["restitution"] = options.restitution
@@ -227,6 +233,7 @@ def _result(
         "work": float(result.work[-1]),
         "lost": float(result.lost[-1]),
         "events": list(result.events),
+        "openings": result.openings,
         "singular": list(result.singular),
         "steps": result.steps,
         "executed": result.executed,
@@ -254,6 +261,7 @@ def _result(
             f"{number(result.lost[-1])} J, {result.steps} steps in {result.executed}"
         )
         print_text(result.note and f"not in C: {result.note}")
+        print_text(_openings(result))
         print_text(_passages(result))
         _print_extents(model, result, quantities)
         print_comparison(verdict, tolerance, verbose=verbose)
@@ -283,6 +291,16 @@ def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[
         for unit in [model.mechanism.effort_unit(name)]
     ]
     print_table("", head, rows)
+
+
+def _openings(result: DynamicRun) -> str:
+    """Return when contacts are open and ropes slack, in words; empty for none."""
+    texts: list[str] = []
+    for name, spans in result.openings.items():
+        shown = ", ".join(f"{number(first)} to {number(last)} s" for first, last in spans[:SPANS])
+        more = f" and in {len(spans) - SPANS} more intervals" if len(spans) > SPANS else ""
+        texts.append(f"{name} is open, or slack, from {shown}{more}" if spans else f"{name} stays closed")
+    return "; ".join(texts)
 
 
 def _passages(result: DynamicRun) -> str:

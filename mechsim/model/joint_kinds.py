@@ -158,8 +158,9 @@ KINDS: dict[KindName, Kind] = {
     "cartesian": Kind(slides=("x", "y", "z"), turns=()),
 }
 
-# the kinds with no degree of freedom, with one rotation, and with no constraint
+# the kinds with no degree of freedom, with one displacement, with one rotation, and with no constraint
 FIXED: KindName = "fixed"
+PRISMATIC: KindName = "prismatic"
 REVOLUTE: KindName = "revolute"
 FLOATING: KindName = "floating"
 

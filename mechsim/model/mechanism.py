@@ -282,10 +282,11 @@ class Mechanism:
         return named
 
     @property
-    def one_sided(self) -> list[str]:
-        """Names of the contacts that can only push, and of the ropes, which can only pull."""
-        contacts = [name for name, contact in self.contacts.items() if contact.one_sided]
-        return contacts + [name for name, law in self.named_laws.items() if law.rope]
+    def one_sided_curves(self) -> list[str]:
+        """Names of the contacts of rollers with curves, which can only push."""
+        return [
+            n for n, contact in self.contacts.items() if contact.one_sided and hasattr(contact.shape, "axes")
+        ]
 
     def joint(self, name: str) -> Joint:
         """Return the joint with a name."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, FreeRun, prescribed
 from mechsim.analytic.dynamics.dynamic_run import RunSegment
+from mechsim.analytic.dynamics.gaps import without_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.loops.oracle import conditioning_of
@@ -184,7 +185,9 @@ def crosscheck_forward(
             motion=select_instants(run.motion, rows),
             driving={name: effort[rows] for name, effort in run.driving.items()},
         )
-        compared = _compared_with_mujoco(run, section, dynamic_model, initial, tolerance, progress)
+        mechanism = without_gaps(dynamic_model.mechanism, segment.closed)
+        model = replace(dynamic_model, mechanism=mechanism)
+        compared = _compared_with_mujoco(run, section, model, initial, tolerance, progress)
         if isinstance(compared, Verdict):
             return compared
         title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
@@ -329,7 +332,8 @@ def _largest_values(
 ) -> dict[str, float]:
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
-    Points that all rest on rotating links have the rates of the rotations at a characteristic length [m].
+    Points that all rest on rotating links have the rates of the rotations at a characteristic length [m],
+    rotations without acceleration the square of their rates.
     """
     length, turning = mechanism.characteristic_length, _turning(mechanism)
     whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion, turning)}
@@ -337,6 +341,9 @@ def _largest_values(
     largest: dict[str, float] = {}
     for name, unit, *_ in compared:
         largest[unit] = max(largest.get(unit, 0.0), float(np.abs(whole[name]).max()))
+    uniform = largest.get("rad/s", 0.0) ** 2
+    if largest.get("rad/s2", np.inf) < RESTING * uniform:
+        largest["rad/s2"] = uniform
     for points, rotations in (("m/s", "rad/s"), ("m/s2", "rad/s2")):
         rate = length * largest.get(rotations, 0.0)
         if points in largest and largest[points] < RESTING * rate:

@@ -21,6 +21,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
     Kinematics,
     with_locked_rows,
 )
+from mechsim.analytic.dynamics.gaps import gaps_of
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.errors import MechsimError
 from mechsim.model.joint_kinds import KINDS
@@ -431,10 +432,15 @@ def _least_largest(values: Array, directions: Array) -> float:
     return float(result.fun)
 
 
+def gap_indices(equations: EquationsOfMotion) -> dict[int, str]:
+    """Return the indices in the tree of the gaps of one-sided contacts and ropes, with their names."""
+    return {equations.loops.tree.index_of[name]: name for name in gaps_of(equations.model.mechanism)}
+
+
 def stops_of(equations: EquationsOfMotion) -> tuple[Stop, ...]:
-    """Return the stops of joints with a range, if the tree has their coordinate."""
+    """Return the stops of joints with a range, if the tree has their coordinate, and of closed gaps."""
     solver = equations.model.solver
-    stops: list[Stop] = []
+    stops = [Stop(index, 0.0, -1.0) for index in gap_indices(equations)]
     for name, limits in solver.ranges.items():
         index = equations.loops.tree.index_of.get(name)
         if index is None or index not in equations.free:

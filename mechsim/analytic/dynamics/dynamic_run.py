@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import units
-from mechsim.analytic.dynamics.contacts import CLOSED_GAP, Stop, stops_of
+from mechsim.analytic.dynamics.contacts import CLOSED_GAP, Stop, gap_indices, stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
     EquationsOfMotion,
     Kinematics,
@@ -26,6 +26,7 @@ from mechsim.analytic.dynamics.forward_dynamics import (
     Piece,
     Trajectory,
 )
+from mechsim.analytic.dynamics.gaps import GAP, gaps_of, with_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
@@ -66,12 +67,14 @@ class RunSegment:
         last: end in [s].
         sticking: whether a friction sticks or a stop is in contact.
         touching: whether a stop is in contact.
+        closed: gaps of contacts and ropes that are closed.
     """
 
     first: float
     last: float
     sticking: bool
     touching: bool
+    closed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +128,15 @@ class DynamicRun:
         """Instants, (n,) in [s]."""
         assert self.motion.time is not None
         return self.motion.time
+
+    @property
+    def openings(self) -> dict[str, list[tuple[float, float]]]:
+        """Contact or rope -> first and last instants in [s] at which it is open or slack, between impacts."""
+        return {
+            gap.removesuffix(GAP): [(s.first, s.last) for s in self.segments if gap not in s.closed]
+            for gap in self.motion.joints
+            if gap.endswith(GAP)
+        }
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the motion's columns, kinetic, potential, work and lost in [J], and drive forces."""
@@ -196,12 +208,13 @@ def run(
         >>> run = ms.dynamics.run("four_bar", initial={"A.q": "30deg"}, duration="2s")  # doctest: +SKIP
     """
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    model = replace(model, mechanism=with_gaps(model.mechanism))
     values = initial_values(model, initial or {})
     end = units.si(duration, "s", "the duration")
     require_settings(end, samples, tolerance, restitution, budget)
     laws = _prescribed_laws(model, prescribed)
     ranges = getattr(model.solver, "ranges", {})
-    names = {*values.coordinates, *values.rates, *ranges}
+    names = {*values.coordinates, *values.rates, *ranges, *gaps_of(model.mechanism)}
     event = None if until is None else parse_event(model.mechanism, until, model.solver.written)
     if event is not None:
         names.update(event.quantity.subjects("joint"))
@@ -287,7 +300,7 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         outcome=trajectory.outcome,
         reason=trajectory.reason,
         events=trajectory.events,
-        segments=_segments(pieces),
+        segments=_segments(pieces, gap_indices(equations)),
         steps=trajectory.steps,
         drift=trajectory.drift,
         executed=trajectory.executed,
@@ -304,13 +317,16 @@ def _states_at(pieces: Sequence[Piece], times: Array) -> tuple[NDArray[np.intp],
     return numbers, np.concatenate([pieces[k].solution(times[numbers == k]) for k in np.unique(numbers)])
 
 
-def _segments(pieces: Sequence[Piece]) -> tuple[RunSegment, ...]:
+def _segments(pieces: Sequence[Piece], gaps: Mapping[int, str]) -> tuple[RunSegment, ...]:
+    """Return the segments of a run; `gaps` are the indices of the gaps of contacts, with their names."""
     segments: list[RunSegment] = []
     for _, group in groupby(pieces, key=lambda piece: id(piece.mode)):
         first, *others = group
         last = others[-1] if others else first
-        touching = bool(first.contacts)
-        segments.append(RunSegment(first.first, last.last, bool(first.mode.stuck) or touching, touching))
+        closed = tuple(gaps[index] for index in first.contacts if index in gaps)
+        touching = len(first.contacts) > len(closed)
+        sticking = bool(first.mode.stuck) or touching
+        segments.append(RunSegment(first.first, last.last, sticking, touching, closed))
     return tuple(segments)
 
 

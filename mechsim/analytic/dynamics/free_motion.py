@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import applied, loads
-from mechsim.analytic.dynamics.contacts import EventFunction
+from mechsim.analytic.dynamics.contacts import EventFunction, Stop, gap_indices
 from mechsim.analytic.dynamics.dynamic_run import (
     TOLERANCE,
     DynamicRun,
@@ -20,6 +20,7 @@ from mechsim.analytic.dynamics.dynamic_run import (
 )
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Integration, Trajectory
+from mechsim.analytic.dynamics.gaps import with_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
@@ -120,10 +121,13 @@ def free_run(
     model = model.starting_at([first], speed or turns or 1.0)
     name = model.mechanism.crank.name
     _require_determined(model, first)
+    model = replace(model, mechanism=with_gaps(model.mechanism))
     equations = equations_of_motion(model, {name: first})
     q, rates = initial_state(equations, InitialValues({name: first}, {name: speed}))
     equations, rates = with_determined_motion(equations, q, rates)
-    integration = Integration(equations, q, rates, tolerance, progress=progress, budget=budget)
+    # the crank keeps away from the limits of joints, or the run fails
+    gaps = tuple(Stop(index, 0.0, -1.0) for index in gap_indices(equations))
+    integration = Integration(equations, q, rates, tolerance, gaps, progress=progress, budget=budget)
     crank = CrankEnds(equations, first, speed, turns)
     expected = crank.expected_time(integration.kinematics()) if duration is None else duration
     latest = PATIENCE * expected if duration is None else duration

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.gaps import gaps_of
 from mechsim.numerics.arrays import Array
 
 # number of instants at which singular configurations are searched, and number of operations that limits it
@@ -30,7 +31,9 @@ def singular_passages(
         end: end of the run in [s].
     """
     tree = equations.loops.tree
-    rows = [tree.index_of[name] for name in equations.model.mechanism.drivers]
+    free = [name for name in equations.model.mechanism.drivers if name not in equations.prescribed]
+    # an open contact is a motion of its own
+    rows = [tree.index_of[name] for name in (*free, *gaps_of(equations.model.mechanism))]
     # without a degree of freedom, motion laws determine all of it
     if not (0 < equations.rank < len(equations.free) and rows):
         return ()

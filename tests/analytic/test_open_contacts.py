@@ -1,0 +1,201 @@
+"""Contacts that open and ropes that go slack in forward runs, against piecewise closed forms."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import mechsim as ms
+from mechsim.analytic.dynamics import dynamic_model
+from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.dynamics.gaps import with_gaps
+from mechsim.errors import InputError
+from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.subjects.readers import load
+
+G = 9.81
+CAM = """name = "cam"
+[cams.eccentric]
+follower = {{ kind = "roller", radius = "6 mm" }}
+base_radius = "25 mm"
+closure = "{closure}"
+law = "0.005*(1 - cos(q))"
+[links.cam]
+inertia = {{ mass = 0.2, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
+[links.ram]
+inertia = {{ mass = 0.3, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
+[joints.crank]
+kind = "revolute"
+a.link = "ground"
+b.link = "cam"
+[joints.guide]
+kind = "prismatic"
+a = {{ link = "ground", axis = [0, 1, 0] }}
+b = {{ link = "ram", axis = [0, 1, 0] }}
+[joints.contact]
+kind = "cam"
+a = {{ link = "cam", cam = "eccentric" }}
+b = {{ link = "ram" }}
+[forces]
+gravity = [0, -9.81, 0]
+joint_springs.guide = {{ stiffness = 100, rest = 0.031 }}
+"""
+LIFT, SPEED, MASS, STIFFNESS, RESTITUTION = 0.005, 20 * np.pi, 0.3, 100.0, 0.4
+# a ball on a rope over a drum at rest
+BALL = """name = "ball"
+drivers = []
+[joints.ball]
+kind = "prismatic"
+a = { link = "ground", axis = [0, 1, 0] }
+b = { link = "ball", axis = [0, 1, 0] }
+[couplings.rope]
+rope = { ball = -2 }
+[links.ball]
+inertia = { mass = 0.5, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }
+[points]
+B = { link = "ball" }
+[forces]
+gravity = [0, -9.81, 0]
+"""
+# polar coordinates: a ball on a massless telescope, whose length a string limits to 0.5 m
+PENDULUM = """name = "pendulum"
+drivers = []
+[joints.swing]
+kind = "revolute"
+a = { link = "ground", reference = [0, -1, 0] }
+b.link = "tube"
+[joints.reach]
+kind = "prismatic"
+a = { link = "tube", at = [0.5, 0, 0], axis = [1, 0, 0] }
+b = { link = "ball", axis = [1, 0, 0] }
+[couplings.string]
+rope = { reach = 1 }
+[links.tube]
+inertia = { mass = 0, centre = [0, 0, 0], moments = [0, 0, 0] }
+[links.ball]
+inertia = { mass = 0.2, centre = [0, 0, 0], moments = [0, 0, 0] }
+[points]
+B = { link = "ball" }
+[forces]
+gravity = [0, -9.81, 0]
+"""
+
+
+def written(folder, text):
+    (folder / "model.toml").write_text(text)
+    return str(folder / "model.toml")
+
+
+def follower(folder, closure="force"):
+    return ms.load(written(folder, CAM.format(closure=closure)), drive={"crank": "20*pi*t"})
+
+
+def flight(time, height, rate):
+    """Return height and rate of the free follower, (2,), as functions of time from its state at a time."""
+    w, rest = np.sqrt(STIFFNESS / MASS), -MASS * G / STIFFNESS
+
+    def state(t):
+        c, s = np.cos(w * (t - time)), np.sin(w * (t - time))
+        return rest + (height - rest) * c + rate / w * s, rate * c - w * (height - rest) * s
+
+    return state
+
+
+def test_a_follower_lifts_off_and_lands_where_closed_forms_do(tmp_path):
+    run = ms.dynamics.run(
+        follower(tmp_path), prescribed=["crank"], duration=0.1, restitution=RESTITUTION, samples=100
+    )
+
+    def lift(t):
+        return LIFT * (1 - np.cos(SPEED * t)), LIFT * SPEED * np.sin(SPEED * t)
+
+    # the contact ends where m y'' + k y + m g = 0 along the cam
+    def pressing(t):
+        return MASS * LIFT * SPEED**2 * np.cos(SPEED * t) + STIFFNESS * lift(t)[0] + MASS * G
+
+    first = brentq(pressing, 0.0, 0.05, xtol=1e-16)
+    air = flight(first, *lift(first))
+    second = brentq(lambda t: air(t)[0] - lift(t)[0], first + 0.01, 0.1, xtol=1e-16)
+    rate = lift(second)[1] - RESTITUTION * (air(second)[1] - lift(second)[1])
+    again = flight(second, lift(second)[0], rate)
+    assert np.abs(np.array(run.events[:2]) - [first, second]).max() < 1e-9
+    assert run.openings["contact"][0] == run.events[:2]
+    t = run.time
+    height = np.select([t < first, t < second], [lift(t)[0], air(t)[0]], again(t)[0])
+    flying = t < run.openings["contact"][1][1]
+    assert flying.sum() > 90
+    assert np.abs(run.motion.joints["guide"].value - 0.031 - height)[flying].max() < 1e-11
+    assert run.outcome == "done"
+
+
+def test_a_follower_in_a_groove_does_not_lift_off(tmp_path):
+    run = ms.dynamics.run(follower(tmp_path, "form"), prescribed=["crank"], duration=0.05, samples=5)
+    assert run.openings == {}
+    assert run.events == ()
+
+
+def test_a_ball_on_a_rope_bounces_and_comes_to_rest(tmp_path, monkeypatch, capsys):
+    from mechsim.cli import main
+
+    path = written(tmp_path, BALL)
+    arguments = ["mechsim", "dynamics", "forward", path, "--initial", "ball.v=2", "--json"]
+    monkeypatch.setattr("sys.argv", [*arguments, "--restitution", "0.5", "--samples", "61"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    data = json.loads(capsys.readouterr().out)
+    falls = 2 * 2 / G * np.cumsum(0.5 ** np.arange(6))
+    assert np.abs(np.array(data["events"][:6]) - falls).max() < 1e-12
+    assert data["openings"]["rope"][1] == data["events"][:2]
+    assert data["outcome"] == "stopped"
+    assert data["passed"]
+    assert data["lost"] == pytest.approx(0.5 * 0.5 * 2**2, rel=1e-9)
+
+
+def test_a_string_goes_slack_and_catches_the_ball_on_its_parabola(tmp_path):
+    length, first = 0.5, 2 * np.pi / 3
+    # the string pulls while v**2 > g L cos(angle from the top): speed at the bottom for slack at 120 deg
+    speed = np.sqrt(G * length * (2 - 3 * np.cos(first)))
+    run = ms.dynamics.run(
+        written(tmp_path, PENDULUM),
+        initial={"swing.v": speed / length},
+        duration=0.9,
+        samples=300,
+    )
+    slack, caught = run.openings["string"][0]
+    velocity = np.sqrt(-G * length * np.cos(first))
+    # slackness counts from a tension of -1e-9 of the largest force, 3e-10 s late; the flight magnifies that.
+    # The parabola meets the circle again where t = 4 v sin(angle) / g from its start
+    assert caught - slack == pytest.approx(4 * velocity * np.sin(first) / G, abs=4e-9)
+    air = (run.time > slack) & (run.time < caught)
+    t = run.time[air] - slack
+    x = length * np.sin(first) + velocity * np.cos(first) * t
+    y = -length * np.cos(first) + velocity * np.sin(first) * t - 0.5 * G * t**2
+    # the instant of slackness is known to 1e-9 s
+    assert np.abs(run.motion.points["B"].position[air, :2] - np.stack([x, y], -1)).max() < 1e-8
+    # the string takes the radial part of the velocity
+    end = caught - slack
+    position = (
+        np.array([length * np.sin(first), -length * np.cos(first)])
+        + velocity * end * np.array([np.cos(first), np.sin(first)])
+        - [0, 0.5 * G * end**2]
+    )
+    rate = velocity * np.array([np.cos(first), np.sin(first)]) - [0, G * end]
+    assert run.lost[-1] == pytest.approx(0.5 * 0.2 * (position @ rate / length) ** 2, rel=1e-7)
+
+
+def test_the_comparison_in_the_air_rejects_another_weight(tmp_path):
+    model = dynamic_model(load(written(tmp_path, BALL), still=True))
+    model = replace(model, mechanism=with_gaps(model.mechanism))
+    run = ms.dynamics.run(model, initial={"ball.v": 1}, duration=0.15, samples=20)
+    values = initial_values(model, {"ball.v": 1})
+    assert crosscheck_forward(run, model, values).passed
+    lighter = model.with_forces(replace(model.forces, gravity=(0.0, -9.8, 0.0)))
+    assert not crosscheck_forward(run, lighter, values).passed
+
+
+def test_a_rope_that_is_too_short_is_rejected(tmp_path):
+    with pytest.raises(InputError, match=r"rope.gap starts at -0.1, beyond its stop at 0"):
+        ms.dynamics.run(written(tmp_path, BALL), initial={"rope.gap.q": -0.1}, duration=0.1)
