@@ -14,6 +14,15 @@ Indices = NDArray[np.intp]
 np.empty(2_000_000)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return vector products, (..., 3) and (..., 3) -> (..., 3)."""
+    # np.cross spends ten times longer on moving axes than on multiplying
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
+
+
 def worst(errors: ArrayLike) -> float:
     """Return the largest absolute value of errors; infinity if one is NaN, 0 if there is none."""
     sizes = np.abs(np.asarray(errors, dtype=np.float64))

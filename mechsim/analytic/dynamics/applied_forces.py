@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.vector_method.rotations import cross, dot
+from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import InputError
 from mechsim.model.forces import Friction, Location, Spring
 from mechsim.model.joint_kinds import COLUMN, KINDS
@@ -21,7 +21,7 @@ from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import IDENTITY
 from mechsim.model.nonlinear_springs import NonlinearSpring, Phases
 from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 
 # joint rate per radian of the crank, in [rad] or characteristic lengths, at or below which the joint
 # reverses: the sign of its rate is rounding, and Coulomb friction has no direction

@@ -35,12 +35,11 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
 from mechsim.analytic.loops.start import CLOSED, assembled, close_nearest
-from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion_laws import State
 from mechsim.model.nonlinear_springs import Phases
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_sizes
 from mechsim.numerics.rank import significant
 

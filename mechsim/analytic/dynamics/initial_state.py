@@ -14,10 +14,10 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import independent_coordinates
 from mechsim.analytic.loops.start import CLOSED, close_nearest
-from mechsim.analytic.vector_method.rotations import cross, from_quaternion, turned_by
+from mechsim.analytic.vector_method.rotations import from_quaternion, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
 
 # largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model

@@ -11,10 +11,10 @@ import numpy as np
 
 from mechsim.analytic.dynamics.applied_forces import add_joint_forces
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.vector_method.rotations import cross, skew
+from mechsim.analytic.vector_method.rotations import skew
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joints import Joint
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.rank import significant
 
 

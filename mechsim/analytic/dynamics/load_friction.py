@@ -21,14 +21,13 @@ from mechsim.analytic.dynamics.applied_forces import (
 from mechsim.analytic.dynamics.link_forces import DryFriction, constrained_acceleration, friction_wrenches
 from mechsim.analytic.dynamics.reactions import linear_reactions
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.friction_balance import ROUNDED, balanced_friction
 
 # share of a self-stress that changes the magnitude of a load, above rounding

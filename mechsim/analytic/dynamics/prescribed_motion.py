@@ -22,13 +22,12 @@ from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, kinetic_energy_of_links, reduced_coefficients
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.path_instants import PathInstants, path_instants
-from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.force_record import ForceRecord, Reaction, wrench_columns
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, join, select_instants, short_repr
 from mechsim.model.progress import Progress, no_progress
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_memory
 

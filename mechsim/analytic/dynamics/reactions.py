@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops import RANK_TOLERANCE
 from mechsim.analytic.loops.maximal_coordinates import is_length, row_units
-from mechsim.analytic.vector_method.rotations import cross
 from mechsim.model.force_record import MeshForce, Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Coupling, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import Mesh, mesh_of, meshes_of, threads_of
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
 
 # component of a self-stress below which it is zero

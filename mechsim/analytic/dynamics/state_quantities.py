@@ -10,14 +10,13 @@ from mechsim import units
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.analytic.loops.kinematics import Coordinates, twists
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
-from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, leading_joint
 from mechsim.model.quantities import numeric_quantity
 from mechsim.model.quantity import Quantity, record_columns
 from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 
 
 def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:

@@ -12,14 +12,14 @@ import numpy as np
 
 from mechsim.analytic import loops
 from mechsim.analytic.loops import Rows
-from mechsim.analytic.vector_method.rotations import cross, skew
+from mechsim.analytic.vector_method.rotations import skew
 from mechsim.errors import InputError
 from mechsim.model.forces import Location, located
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
 
 # relative deviation of size and inertia of a link with passive rotation from symmetry about its line

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.vector_method.rotations import cross, dot, skew
+from mechsim.analytic.vector_method.rotations import dot, skew
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Coupling, Joint, joint_coordinate
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 
 
 @dataclass(frozen=True, slots=True)

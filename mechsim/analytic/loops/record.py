@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.tree import SpanningTree
-from mechsim.analytic.vector_method.rotations import cross, dot
+from mechsim.analytic.vector_method.rotations import dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.link_poses import rotated
@@ -15,7 +15,7 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import unwrapped_angles
 
 

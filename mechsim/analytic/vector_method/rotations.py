@@ -25,15 +25,6 @@ def dot(a: Array, b: Array) -> Array:
     return (a * b).sum(-1)
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Return vector products, (..., 3) and (..., 3) -> (..., 3)."""
-    # np.cross spends ten times longer on moving axes than on multiplying
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
-    return out
-
-
 def from_quaternion(w: Any, x: Any, y: Any, z: Any) -> Array:
     """Return the rotation matrices, (3, 3, ...), of unit quaternions with components (...), also symbols."""
     return np.array(

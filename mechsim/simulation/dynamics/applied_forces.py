@@ -12,7 +12,7 @@ import numpy as np
 from mechsim.model.force_record import MeshForce
 from mechsim.model.joints import Joint
 from mechsim.model.meshes import Mesh, meshes_of, threads_of
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.simulation.dynamics.loaded_model import SITE, TENDON, AppliedForces, LoadedModel
 from mechsim.simulation.equality_rows import RodPair
 
@@ -22,7 +22,7 @@ Fields = Mapping[str, Array]
 def add_force(stack: Array, fields: Fields, body: int, point: Array, force: Array) -> None:
     """Add forces (n, 3) on a body at points (n, 3) to wrenches about centres of mass (n, nbody, 6)."""
     stack[:, body, :3] += force
-    stack[:, body, 3:] += np.cross(point - fields["xipos"][:, body], force)
+    stack[:, body, 3:] += cross(point - fields["xipos"][:, body], force)
 
 
 def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:

@@ -119,7 +119,7 @@ class Start:
         begin, start = timer.perf_counter(), (self.qpos, self.qvel, self.activation)
         states, activations, diverged = _steps(controls, start, times, substeps, progress)
         seconds = timer.perf_counter() - begin
-        motion, kinetic, potential, driving = _recorded(controls, states, activations)
+        motion, kinetic, potential, driving = _recorded(controls, states, activations, substeps)
         return SteppedRun(
             motion=motion,
             kinetic=kinetic,
@@ -377,14 +377,16 @@ def _steps(
             if data.warning.number.any():
                 break
             records.append((data.qpos.copy(), data.qvel.copy(), data.act.copy()))
+        if controls.friction:
+            controls.friction.update(data)
     qpos, qvel, activations = (np.array(values) for values in zip(*records, strict=True))
     return States(times[: len(records)], qpos, qvel), activations, len(records) < len(times)
 
 
 def _recorded(
-    controls: AppliedControls, states: States, activations: Array
+    controls: AppliedControls, states: States, activations: Array, substeps: int
 ) -> tuple[Motion, Array, Array, dict[str, Array]]:
-    """Return the motion, kinetic and potential energy and driving forces at recorded states."""
+    """Return motion, kinetic and potential energy and driving forces at states recorded after substeps."""
     model, stepped, drives = controls.model, controls.loops.model, controls.drives
     stepped.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     stepped.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
@@ -401,7 +403,7 @@ def _recorded(
             data.act[:] = activations[i]
             expand_functions(controls.loops, data.qpos)
             if controls.friction:
-                controls.friction.converge(data)
+                controls.friction.set(controls.friction.history[i * substeps])
             mujoco.mj_forward(stepped, data)
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort

@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.model.force_record import Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.simulation.dynamics.applied_forces import rod_force, thread_forces
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 
@@ -41,7 +41,7 @@ def transmitted(
             on_second = -multipliers[:, 3 * number : 3 * number + 3]
             body, local = loaded.loops.pairs[number].ends[1]
             force += on_second
-            moment += np.cross(fields["xpos"][:, body] + axes[:, body] @ local - point, on_second)
+            moment += cross(fields["xpos"][:, body] + axes[:, body] @ local - point, on_second)
         moment += _welding(loaded, joint, axes, multipliers)
     else:
         below = loaded.parent(distal) == proximal
@@ -49,7 +49,7 @@ def transmitted(
         wrench = sign * fields["cfrc_int"][:, body]  # on the child by its parent: moment, force
         root = fields["subtree_com"][:, loaded.model.body_rootid[body]]
         force = wrench[:, 3:]
-        moment = wrench[:, :3] + np.cross(root - point, force)
+        moment = wrench[:, :3] + cross(root - point, force)
     force, moment = _constraint_part(joint, axes[:, first], axes[:, second], force, moment)
     for along, about in thread_forces(loaded, joint, multipliers):
         axis = axes[:, second] @ np.asarray(joint.b.axis)
@@ -78,7 +78,7 @@ def _constraint_part(
     if kind.ball:
         return force, np.zeros_like(moment)
     if kind.crossed:
-        normal = np.cross(frame_a[..., 2], axis_b)
+        normal = cross(frame_a[..., 2], axis_b)
         normal = normal / np.sqrt((normal**2).sum(1))[:, None]
         return force, normal * (normal * moment).sum(1)[:, None]
     return force, _across(axis_b, moment) if kind.turns else moment

@@ -84,8 +84,8 @@ class UpdatedFriction:
         self.data = mujoco.MjData(self.evaluated)
         self.loads = np.zeros(len(self.stored))
         self.fastest = 0.0
-        # those of the step before; None before the first
-        self.before: Array | None = None
+        # frictions by the load at the start of each step
+        self.history = list[Array]()
 
     def _stored(self, friction: Friction) -> list[StoredFriction]:
         mechanism, stepped = self.model.mechanism, self.loops.model
@@ -113,25 +113,25 @@ class UpdatedFriction:
 
     def update(self, data: mujoco.MjData) -> None:
         """Set the friction of the next step by the constraint forces of the present state."""
-        if self.before is None:
-            self.converge(data)
-            self.before = self.loads
-            return
-        self._set(2.0 * self.loads - self.before)
-        present = self._loads(data)
-        self._set(1.5 * present - 0.5 * self.loads)
-        self.before, self.loads = self.loads, present
+        if not self.history:
+            self._converge(data)
+        else:
+            before, last = self.history[-2:][0], self.loads
+            self.set(2.0 * last - before)
+            self.loads = self._loads(data)
+            self.set(1.5 * self.loads - 0.5 * last)
+        self.history.append(self.loads)
 
-    def converge(self, data: mujoco.MjData) -> None:
+    def _converge(self, data: mujoco.MjData) -> None:
         """Set the friction that the constraint forces of a state under this friction cause."""
         for _ in range(MAX_ITERATIONS):
             after = self._loads(data)
             change, self.loads = np.abs(after - self.loads).max(), after
-            self._set(after)
+            self.set(after)
             if change <= CONVERGED * np.abs(after).max():
                 break
 
-    def _set(self, loads: Array) -> None:
+    def set(self, loads: Array) -> None:
         """Set the friction in MuJoCo's model from frictions by the load."""
         magnitudes: dict[tuple[str, int], float] = {}
         for item, load in zip(self.stored, loads.tolist(), strict=True):
