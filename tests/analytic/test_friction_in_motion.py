@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import mechsim as ms
 from mechsim import dynamics
@@ -303,3 +304,24 @@ def test_runs_under_friction_by_the_load_agree_with_mujoco(name):
     other = tuple(replace(friction, coefficient=0.16) for friction in forces.friction)
     wrong = model.with_forces(replace(forces, friction=other))
     assert not crosscheck_forward(run, wrong, initial_values(wrong, initial)).passed
+
+
+@pytest.mark.long
+def test_a_run_ends_with_its_record_where_friction_stops_being_unique(file):
+    moment, mass = 3.0, 10.0
+    text = model_text("friction_in_motion_ladder.toml", x=1.2, y=1.6, angle=np.rad2deg(np.arctan2(1.6, -1.2)))
+    path = file(text.replace("0.4 }", "1.0 }").replace("0.3 }", "1.0 }"))
+    with np.errstate(all="ignore"):
+        run = ms.dynamics.run(path, initial={"floor.q": 1.2, "floor.v": -6.0}, duration=0.6, samples=20)
+
+    def growth(angle):
+        """Loads by a unit of each friction: N_floor = m (g + y'') - F_wall, N_wall = m x'' - F_floor."""
+        sine, cosine, share = np.sin(angle), np.cos(angle), 2.0 * mass / (moment + mass)
+        others = abs(share * cosine**2 - 1.0) * abs(share * sine**2 - 1.0)
+        return share * sine * cosine + np.sqrt(others)
+
+    limit = brentq(lambda angle: growth(angle) - 1.0, 1.0, 1.2)
+    assert run.outcome == "undetermined"
+    assert len(run.time) == 21
+    assert run.motion.joints["floor"].value[-1] == pytest.approx(2.0 * np.cos(limit), rel=1e-6)
+    assert run.energy_error <= 1e-9

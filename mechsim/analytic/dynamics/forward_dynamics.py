@@ -11,7 +11,7 @@ mechanical systems with algebraic constraints, SIAM Journal on Numerical Analysi
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -130,6 +130,9 @@ MAX_DECAYS_IN_C, STABLE = 5e4, 3.0
 # energy lost by a creeping rod is correct to 1e-5 at 1e11, and wrong at 1e12
 # (tests/analytic/test_stiff_runs.py)
 MAX_STIFFNESS = 1.5e11
+# number of halvings of a step to its last instant with unique frictions, and the part of that instant by
+# which a record ends before it, since rounding decides there
+HALVINGS, SOLVED = 40, 1e-12
 # smallest singular value, relative to the limit of explicit steps, below which a crossing of a singular
 # configuration is tried, and above which that limit is restored
 CLOSE = 4.0
@@ -264,6 +267,7 @@ class Integration:
             outcome, reason = "dead centre", str(error)
         except FrictionError as error:
             outcome, reason = error.outcome, str(error)
+            self._end_where_solved()
         except JammedError as error:
             outcome, reason = "failed", f"{error} at {self.time:.6g} s"
         if not self.pieces:
@@ -283,6 +287,32 @@ class Integration:
             self.executed,
             self.note,
         )
+
+    def _end_where_solved(self) -> None:
+        """End the last piece at its last instant with unique frictions."""
+        if not self.pieces:
+            return
+        piece = self.pieces[-1]
+
+        def solved(time: float) -> bool:
+            times = np.array([time])
+            state = self.right.kinematics(self.right.nearest_on_loops(times, piece.solution(times)))
+            try:
+                self.contacts.accelerate(state, times, piece.mode)
+            except FrictionError:
+                return False
+            return True
+
+        if solved(piece.last):
+            return
+        low, high = piece.first, piece.last
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if solved(middle) else (low, middle)
+        self.time = low - SOLVED * low
+        while len(self.pieces) > 1 and self.pieces[-1].first >= self.time:
+            self.pieces.pop()
+        self.pieces[-1] = replace(self.pieces[-1], last=self.time)
 
     def prepared(self, duration: float) -> CompiledModel | None:
         """Return the model in C for runs of a duration in [s]; None if numpy must integrate them."""

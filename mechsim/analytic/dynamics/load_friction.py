@@ -109,7 +109,7 @@ class LoadFriction:
                 "undetermined",
             )
         raise FrictionError(
-            f"{labels[i]}: several frictions in {names} balance the forces (loads grow by "
+            f"{labels[i]}: several frictions in {names} may balance the forces (loads grow by "
             f"{self.radius[i]:.3g} of the friction, 1 or more); reduce a coefficient",
             "undetermined",
         )
