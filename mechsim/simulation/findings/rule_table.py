@@ -17,6 +17,7 @@ class Rule:
         severity: "error" if a run becomes wrong, "warning" if it is distorted, "note" for information.
         title: a few words.
         reason: the cause, in one or two sentences.
+        target: value with which a finding is gone; None where no single value is right.
     """
 
     code: str
@@ -24,6 +25,7 @@ class Rule:
     severity: Severity
     title: str
     reason: str
+    target: float | None = None
 
 
 RULES = tuple(

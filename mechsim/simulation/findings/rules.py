@@ -38,9 +38,12 @@ class Violation:
         file: the checked file, or the included file that contains the line.
         line: line number, counted from 1; None if the finding has no single line.
         object: name of the element.
-        value: size of the finding, in the unit that the message names.
+        value: size of the finding, in the unit that the message names; of a step or a time constant its ratio
+            to the longest stable or the shortest kept one.
+        target: value with which the finding is gone; None where no single value is right.
+        gap: value minus target.
         message: one sentence.
-        fix: the remedy; empty if the finding is harmless.
+        fix, remedy: how to repair it; empty if the finding is harmless.
     """
 
     rule: str
@@ -49,8 +52,11 @@ class Violation:
     line: int | None
     object: str
     value: float
+    target: float | None
+    gap: float | None
     message: str
     fix: str
+    remedy: str
 
 
 def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]:
@@ -82,15 +88,19 @@ def unreadable(path: str, reason: str) -> Violation:
 
 
 def _violation(path: str, finding: Finding) -> Violation:
+    rule, remedy = BY_KIND[finding.kind], "" if finding.remedy == HARMLESS else finding.remedy
     return Violation(
-        rule=BY_KIND[finding.kind].code,
+        rule=rule.code,
         severity=finding.severity,
         file=finding.file or path,
         line=finding.line,
         object=finding.what,
         value=float(finding.by),
+        target=rule.target,
+        gap=None if rule.target is None else float(finding.by) - rule.target,
         message=finding.message,
-        fix="" if finding.remedy == HARMLESS else finding.remedy,
+        fix=remedy,
+        remedy=remedy,
     )
 
 

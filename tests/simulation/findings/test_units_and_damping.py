@@ -202,6 +202,8 @@ def test_the_limit_of_a_damper_or_spring_is_that_of_the_integrator(case, tmp_pat
         assert (abs(data.qvel[0]) > 1e-5) == (factor > 1.0)
     # the step of the remedy is stable
     assert violations[0].value * 0.9 <= 1.05 ** (1 / LIMITS[case][3]) <= violations[0].value
+    # the ratio of steps is 1 at the limit
+    assert violations[0].gap == violations[0].value - 1.0
 
 
 def test_implicit_damping_is_stable_at_any_size(tmp_path):
