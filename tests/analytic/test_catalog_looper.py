@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from mpmath import mp
-from strategies import CLOSED, EPS, angles_of, longest, loopers
+from strategies import EPS, angles_of, longest, loopers
 
 from mechsim import catalog, loops
 from mechsim.analytic.solvers import KinematicSolver
@@ -56,32 +56,6 @@ def exact_c(linkage: KinematicSolver, f: float, guess: np.ndarray) -> np.ndarray
 
         columns = [mp.taylor(lambda t, i=i: position(t)[i], mp.mpf(float(f)), 2) for i in range(3)]
         return np.array([[float(value) for value in column] for column in columns]).T * [[1], [1], [2]]
-
-
-@pytest.mark.long
-@settings(max_examples=12)
-@given(loopers())
-def test_links_keep_their_lengths_and_the_follower_its_axis(linkage):
-    points = linkage.positions(angles_of(linkage))
-    a, b, c, d, e = (points[name] for name in "ABCDE")
-    limit = CLOSED * longest(linkage)
-    pivot = linkage.closed_form.pivot[:, 0]
-    # a short coupler has a less accurate direction, which a long arm amplifies
-    condition = max(1.0, linkage.arm / linkage.coupler)
-    for vectors, length, factor in (
-        (a, linkage.crank, 1.0),
-        (b - a, linkage.coupler, 1.0),
-        (b - pivot, linkage.rocker, 1.0),
-        (c - a, linkage.arm, 1.0),
-        (c - d, linkage.follower, condition),
-        (e - d, linkage.follower_ratio * linkage.follower, condition * max(1.0, linkage.follower_ratio)),
-    ):
-        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= factor * limit
-    along = ((b - a) * (c - a)).sum(1) / linkage.coupler - linkage.arm * np.cos(linkage.arm_angle)
-    assert np.abs(along).max() <= condition * limit
-    assert np.abs(d[:, 1:] - [linkage.axis_y, linkage.axis_z]).max() == 0.0
-    assert np.abs(d[:, 0] - c[:, 0]).max() == 0.0
-    assert np.abs(e - d + linkage.follower_ratio * (c - d)).max() <= limit * linkage.follower_ratio
 
 
 @pytest.mark.long
@@ -144,50 +118,6 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
             # a step of the cone angle moves C by no more than arm * 2 pi / 20000
             assert min(np.linalg.norm(position - c) for c in result) < 2e-5
     assert several >= 4
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    "linkage",
-    [
-        catalog.make("looper"),
-        catalog.make("looper", side=-1),
-        catalog.make("looper", axis_z=0.009, follower_ratio=2.5),
-    ],
-)
-def test_poses_and_rates_agree_with_the_loop_equations(linkage):
-    low, high = linkage.crank_range().arcs[0]
-    angles = np.linspace(low + 0.05, high - 0.05, 17)
-    speed, pull = 10.0, 3.0
-    ours, theirs = linkage.solve(angles, speed, pull), loops.solve(linkage.mechanism, angles, speed, pull)
-    # rates lose the inverse of the sine of the transmission angle, once for each differentiation
-    sine = np.sin(linkage.transmission_angle(angles).min())
-    for name, point in ours.points.items():
-        other, scale = theirs.points[name], longest(linkage)
-        assert np.abs(point.position - other.position).max() <= 1e-13 * scale / sine
-        assert np.abs(point.velocity - other.velocity).max() <= 1e-12 * scale * speed / sine**2
-        assert np.abs(point.acceleration - other.acceleration).max() <= 1e-11 * scale * speed**2 / sine**4
-    for name, link in ours.links.items():
-        other = theirs.links[name]
-        assert np.abs(link.rotation - other.rotation).max() <= 1e-12 / sine
-        assert np.abs(link.angular_velocity - other.angular_velocity).max() <= 1e-11 * speed / sine**2
-        difference = np.abs(link.angular_acceleration - other.angular_acceleration).max()
-        assert difference <= 1e-10 * speed**2 / sine**4
-    for name, joint in ours.joints.items():
-        other = theirs.joints[name]
-        assert np.abs(np.sin(0.5 * (joint.value - other.value))).max() <= 1e-13
-        assert np.abs(joint.rate - other.rate).max() <= 1e-12 * speed
-        assert np.abs(joint.acceleration - other.acceleration).max() <= 1e-11 * speed**2
-
-
-def test_residuals_are_eight_ulp_at_most_with_one_degree_of_freedom():
-    linkage, angles = catalog.make("looper"), np.linspace(0.0, 2.0 * np.pi, 181)
-    poses = {name: Pose(link.position, link.rotation) for name, link in linkage.solve(angles).links.items()}
-    lengths_open, angles_open = loops.residual_norms(linkage.mechanism, poses, angles)
-    assert lengths_open.max() <= 8 * EPS * longest(linkage)
-    assert angles_open.max() <= 8 * EPS
-    dofs = loops.dof_count(linkage.mechanism, poses)
-    assert (dofs.mobility, dofs.passive, dofs.redundant) == (1, 0, 0)
 
 
 @pytest.mark.parametrize("linkage", [catalog.make("looper"), catalog.make("looper", side=-1)])
@@ -255,29 +185,10 @@ def test_the_misprinted_cylinder_axis_is_rejected():
     assert np.linalg.norm(c - linkage.positions(angles)["C"], axis=1).min() > 5e-3
 
 
-def test_a_link_too_long_by_a_thousandth_is_detected():
-    angles = np.linspace(0.0, 2.0 * np.pi, 91)
-    right = catalog.make("looper").positions(angles)["E"]
-    for name in ("crank", "coupler", "arm", "rocker", "frame", "follower"):
-        wrong = (
-            catalog.make("looper")
-            .with_parameters(**{name: 1.001 * getattr(catalog.make("looper"), name)})
-            .positions(angles)["E"]
-        )
-        assert np.linalg.norm(wrong - right, axis=1).max() > 5e-6
-
-
 @pytest.mark.parametrize("angle", [0.0, np.pi, -np.pi])
 def test_a_point_c_on_the_line_ab_is_rejected(angle):
     with pytest.raises(InputError, match="no multiple of pi"):
         catalog.make("looper", arm_angle=angle)
-
-
-def test_a_cylinder_out_of_reach_cannot_close():
-    linkage = catalog.make("looper", axis_y=0.3)
-    assert linkage.assemblies(0.3) == []
-    with pytest.raises(AssemblyError, match="cannot close at any crank angle"):
-        linkage.positions([0.3])
 
 
 def test_a_vanishing_leading_coefficient_loses_no_root():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp
-from strategies import CLOSED, EPS, random_knitter
+from strategies import CLOSED, random_knitter
 from two_cranks import velocities
 
 from mechsim import catalog, loops
@@ -54,16 +54,6 @@ def length_error(linkage: KinematicSolver, points: dict[str, np.ndarray]) -> flo
     return float(max(np.abs(difference).max() for difference in errors)) / longest(linkage)
 
 
-@pytest.mark.long
-@settings(max_examples=15)
-@given(seeds)
-def test_links_keep_their_lengths_over_the_whole_range(seed):
-    linkage = random_knitter(seed)
-    points = linkage.positions(angles_of(linkage, 40))
-    assert length_error(linkage, points) <= CLOSED
-    assert (linkage.assembly_sign(points) > 0.0).all()
-
-
 def test_the_default_assembly_mode_matches_the_paper():
     linkage = catalog.make("warp_knitter")
     motion = linkage.solve([0.0])
@@ -73,38 +63,6 @@ def test_the_default_assembly_mode_matches_the_paper():
     assert np.arctan2(base.rotation[0, 1, 0], base.rotation[0, 0, 0]) == pytest.approx(-1.558, abs=6e-4)
     swing = np.ptp(linkage.solve(np.linspace(0, REVOLUTION, 1001)).joints["rocker"].value)
     assert np.rad2deg(swing) == pytest.approx(37.6, abs=0.06)
-
-
-def test_the_catalogue_uses_the_documented_parameter_names():
-    names = """crank1 crank2 rod3 rod5 rocker pivot2 pivot_rocker base_c base_k
-    phase gear_ratio assembly"""
-    linkage = catalog.make("warp_knitter", crank1=0.008)
-    assert list(linkage.parameters) == names.split()
-    assert list(linkage.mechanism.points) == list("ABCDK")
-    assert linkage.mechanism.driver == "crank"
-
-
-@pytest.mark.parametrize(
-    "linkage",
-    [catalog.make("warp_knitter"), catalog.make("warp_knitter", assembly=1), random_knitter(5, -1.5)],
-)
-def test_motion_agrees_with_the_loop_equations_of_the_description(linkage):
-    arcs = linkage.crank_range()
-    # the loop equations are traced from the start, so the angles increase from there
-    angles = np.linspace(0.1, 5.0 if arcs.full else arcs.arcs[0][1] - 0.2, 6)
-    first = linkage.solve(angles, 3.0, 2.0)
-    second = loops.solve(linkage.mechanism, angles, 3.0, 2.0)
-    for kind in ("points", "links", "joints"):
-        for name, motion in getattr(first, kind).items():
-            other = getattr(second, kind)[name]
-            for quantity in motion.__dataclass_fields__:
-                if quantity in ("unit", "index"):
-                    continue
-                difference = getattr(motion, quantity) - getattr(other, quantity)
-                if quantity == "value":
-                    difference = difference - REVOLUTION * np.round(difference / REVOLUTION)
-                limit = 1e-12 * max(1.0, np.abs(getattr(other, quantity)).max())
-                assert np.abs(difference).max() <= limit, (kind, name, quantity)
 
 
 @pytest.mark.long
@@ -184,17 +142,6 @@ def test_every_pose_is_a_root_of_the_sextic():
         assert np.nanmin(np.linalg.norm(poses[:, :2] - b, axis=1)) <= 1e-15
 
 
-def test_the_order_of_angles_does_not_change_the_poses():
-    angles = np.linspace(-9.0, 9.0, 101)
-    shuffled = np.random.default_rng(1).permutation(101)
-    first, second = (
-        catalog.make("warp_knitter").positions(angles),
-        catalog.make("warp_knitter").positions(angles[shuffled]),
-    )
-    for name in first:
-        assert (first[name][shuffled] == second[name]).all()
-
-
 def test_a_gear_ratio_of_three_to_two_has_a_period_of_two_revolutions():
     linkage = catalog.make("warp_knitter", gear_ratio=-1.5)
     angles = np.linspace(0.0, REVOLUTION, 40)
@@ -265,11 +212,6 @@ def test_poses_exist_only_up_to_the_dead_centres():
     for beyond in (low - 1e-6, high + 1e-6):
         with pytest.raises(AssemblyError, match=r"its range is from 1\.89557 to 7\.17315 rad"):
             SWINGING.positions([beyond])
-
-
-def test_crank_angles_one_revolution_apart_give_the_same_pose():
-    first, second = SWINGING.positions([2.5]), SWINGING.positions([2.5 - REVOLUTION])
-    assert max(np.abs(first[name] - second[name]).max() for name in first) <= 1e-15
 
 
 def test_a_crank_range_above_one_revolution_stays_on_its_branch():
@@ -373,52 +315,8 @@ def test_dimensions_without_assembly_mode_are_rejected_when_solved():
         linkage.positions([0.0])
 
 
-def test_a_gear_ratio_wrong_by_a_hundredth_moves_the_points():
-    angles = np.linspace(0.0, REVOLUTION, 73)
-    right, wrong = (
-        catalog.make("warp_knitter").positions(angles),
-        catalog.make("warp_knitter", gear_ratio=-2.02).positions(angles),
-    )
-    assert max(np.abs(right[name] - wrong[name]).max() for name in right) > 1e-4
-
-
-def test_scaling_all_lengths_scales_the_motion():
-    linkage = catalog.make("warp_knitter")
-    scale = 2.0**5
-    lengths = {
-        name: scale * getattr(linkage, name) for name in ("crank1", "crank2", "rod3", "rod5", "rocker")
-    }
-    positions = ("pivot2", "pivot_rocker", "base_c", "base_k")
-    vectors = {name: tuple(scale * x for x in getattr(linkage, name)) for name in positions}
-    angles = np.linspace(0.0, 6.0, 11)
-    first, second = (
-        linkage.solve(angles, 3.0, 2.0),
-        linkage.with_parameters(**lengths, **vectors).solve(angles, 3.0, 2.0),
-    )
-    for name, point in first.points.items():
-        other = second.points[name]
-        for quantity in ("position", "velocity", "acceleration"):
-            difference = scale * getattr(point, quantity) - getattr(other, quantity)
-            assert np.abs(difference).max() <= 1e-13 * np.abs(getattr(other, quantity)).max()
-
-
 def test_the_other_assembly_mode_differs_in_sign_and_position():
     angles = np.linspace(0.0, REVOLUTION, 73)
     mine, other = catalog.make("warp_knitter"), catalog.make("warp_knitter", assembly=1).positions(angles)
     assert (mine.assembly_sign(other) < 0.0).all()
     assert np.abs(mine.positions(angles)["K"] - other["K"]).max() > 0.01
-
-
-def test_a_wrong_rod_or_gear_ratio_violates_the_loop_equations():
-    linkage = catalog.make("warp_knitter")
-    motion = linkage.solve(np.linspace(0.0, 6.0, 9))
-    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    for wrong in (
-        linkage.with_parameters(rod5=linkage.rod5 * 1.001),
-        linkage.with_parameters(gear_ratio=-2.02),
-    ):
-        differences = loops.residual_norms(wrong.mechanism, poses, motion.angle)
-        assert max(difference.max() for difference in differences) > 1e-5
-    differences = loops.residual_norms(linkage.mechanism, poses, motion.angle)
-    assert differences[0].max() <= CLOSED * longest(linkage)
-    assert differences[1].max() <= 64 * EPS

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact_solutions import DIGITS, four_bar_b, rssr_p3
+from exact_solutions import DIGITS
 from mpmath import mp
 
 from mechsim import catalog, dynamics, load_profile
-from mechsim.analytic.dynamics import applied_forces, prescribed_motion
+from mechsim.analytic.dynamics import prescribed_motion
 from mechsim.analytic.dynamics.reduced_equation import kinetic_energy_of_links
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
@@ -121,27 +121,6 @@ RODS = {
         "rocker": (d.rocker, 0.0, 0.0),
     },
 }
-
-
-@pytest.mark.parametrize(("name", "tip"), [("rssr", rssr_p3), ("four_bar", four_bar_b)])
-def test_inertia_of_thin_rods_follows_from_their_end_points(name, tip):
-    """J = m (u.u + u.v + v.v) / 3 for a thin rod whose ends move at u, v: no centre, no angular velocity."""
-    linkage, (m1, m2, m3) = catalog.make(name), (0.3, 0.7, 0.5)
-    model = dynamics.dynamic_model(linkage, mechanism=with_slender_rods(linkage, (m1, m2, m3)))
-    for f in (0.3, 1.9, 4.4):
-        reduced, c = dynamics.reduced(model, [f]), linkage.crank
-        _, v, a = tip(linkage, f)
-        cos, sin = np.cos(f), np.sin(f)
-        u, w = (
-            ((0.0, -c * sin, c * cos), (0.0, -c * cos, -c * sin))
-            if name == "rssr"
-            else ((-c * sin, c * cos, 0.0), (-c * cos, -c * sin, 0.0))
-        )
-        u, w = np.array(u), np.array(w)
-        inertia = m1 * c**2 / 3.0 + m2 * (u @ u + u @ v + v @ v) / 3.0 + m3 * (v @ v) / 3.0
-        derivative = m2 * (2.0 * u @ w + w @ v + u @ a + 2.0 * v @ a) / 3.0 + 2.0 * m3 * (v @ a) / 3.0
-        assert reduced.inertia[0] == pytest.approx(inertia, rel=1e-13)
-        assert reduced.inertia_derivative[0] == pytest.approx(derivative, rel=1e-11)
 
 
 def loop_acceleration(linkage, f, w, torque, gravity):
@@ -259,21 +238,6 @@ def test_shaking_forces_agree_with_the_rate_of_momentum(linkage):
     assert np.allclose(study.shaking_force, lost[0], atol=1e-8 * np.abs(lost[0]).max())
     assert np.allclose(study.shaking_moment, lost[1], atol=1e-8 * np.abs(lost[1]).max())
     assert kinetic_energy_of_links(unit, np.full(2, w)) == pytest.approx(study.forces.kinetic, rel=1e-14)
-
-
-def test_shaking_forces_are_the_sum_of_frame_reactions(linkage):
-    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY))
-    study = dynamics.prescribed(model, ANGLES, 50.0, 100.0)
-    force, moment = np.zeros((2, len(ANGLES), 3))
-    for joint in model.mechanism.joints:
-        if joint.a.link == GROUND:
-            item = study.forces.reactions[joint.name]
-            force, moment = force - item.force, moment - item.moment - np.cross(item.point, item.force)
-            if joint.name == model.mechanism.driver:
-                axis = np.array(joint.a.axis)
-                moment = moment - study.forces.torque[:, None] * axis
-    assert np.allclose(force, study.shaking_force, atol=1e-11 * np.abs(force).max())
-    assert np.allclose(moment, study.shaking_moment, atol=1e-11 * np.abs(moment).max())
 
 
 def test_planar_mechanisms_have_undetermined_out_of_plane_reactions():
@@ -408,27 +372,6 @@ def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
     assert not rocking.crank_range().full
     with pytest.raises(AssemblyError):
         dynamics.fluctuation(dynamics.dynamic_model(rocking), 10.0)
-
-
-def test_applied_forces_are_evaluated_once(monkeypatch):
-    counts = {"applied": 0, "loads": 0, "reduced_coefficients": 0, "balance": 0}
-
-    def counting(name, function):
-        def call(*args, **options):
-            counts[name] += 1
-            return function(*args, **options)
-
-        return call
-
-    for name in counts:
-        monkeypatch.setattr(prescribed_motion, name, counting(name, getattr(prescribed_motion, name)))
-    joints = []
-    monkeypatch.setattr(applied_forces, "add_friction", lambda *args: joints.append(args[-1].joint) or [])
-    linkage = catalog.make("rssr")
-    model = dynamics.dynamic_model(linkage, all_forces(linkage))
-    dynamics.prescribed(model, ANGLES, 80.0)
-    assert set(counts.values()) == {1}
-    assert sorted(joints) == sorted(item.joint for item in model.forces.friction)
 
 
 def columns_of(study):

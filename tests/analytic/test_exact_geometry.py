@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops import rounded_geometry
 from mechsim.analytic.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.errors import MechsimError
 from mechsim.model.mechanism import Mechanism
@@ -79,19 +78,3 @@ def test_the_correction_is_no_larger_than_the_error():
     joints[-1] = replace(joints[-1], b=tilted)
     result = corrected(replace(whole, joints=tuple(joints)))
     assert 0.3e-6 < largest_change(result)[1] < 3e-6 * (1.0 + 1e-6)
-
-
-def test_the_characteristic_length_is_evaluated_a_few_times(monkeypatch):
-    """Its evaluation for each of the 74 joints of a robot took minutes."""
-    mechanism = with_random_errors(catalog.make("bennett").mechanism, 1e-6)
-    measured, perturbed = [], []
-    length = Mechanism.characteristic_length
-    monkeypatch.setattr(
-        Mechanism, "characteristic_length", property(lambda self: measured.append(1) or length.func(self))
-    )
-    trial = rounded_geometry.with_moved_sides
-    monkeypatch.setattr(
-        rounded_geometry, "with_moved_sides", lambda *arguments: perturbed.append(1) or trial(*arguments)
-    )
-    corrected(mechanism)
-    assert 0 < len(measured) <= 3 * len(perturbed) + 50

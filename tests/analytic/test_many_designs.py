@@ -98,8 +98,3 @@ def test_each_design_with_invalid_parameters_is_rejected():
     for i in (1, 2, 3, 4):
         with pytest.raises(InputError):
             single_design(solver, varied, i)
-
-
-def test_scalar_parameters_are_not_vectorised():
-    assert md.formula_of_many(catalog.make("rssr", guide=True).closed_form, {"psi1": np.zeros(2)}) is None
-    assert md.formula_of_many(catalog.make("looper").closed_form, {"crank": np.ones(2)}) is None

@@ -9,7 +9,7 @@ from mechanisms import end_at
 
 from mechsim import catalog, loops
 from mechsim.analytic.loops.motion import crank_path, motion_along
-from mechsim.analytic.loops.path import CHUNK, rates_of_polynomial, regularised
+from mechsim.analytic.loops.path import CHUNK, rates_of_polynomial
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Joint
@@ -111,12 +111,6 @@ def test_polynomial_rates_agree_with_the_loop_equations():
     # measured 3.5e-9 and 2.8e-7
     np.testing.assert_allclose(first, motion.rates, rtol=0, atol=4e-8)
     np.testing.assert_allclose(second, motion.second, rtol=0, atol=3e-6)
-
-
-def test_singular_matrices_are_replaced_by_the_identity():
-    matrices, singular = np.arange(8.0).reshape(2, 2, 2), np.array([False, True])
-    assert np.array_equal(regularised(matrices, singular), [matrices[0], np.eye(2)])
-    assert regularised(matrices, ~singular & singular) is matrices
 
 
 def test_several_chunks_keep_the_order_of_instants():

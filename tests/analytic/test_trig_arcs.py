@@ -74,8 +74,3 @@ def test_the_start_is_zero_or_the_middle_of_the_longest_arc():
     assert Arcs(False, ((3.0, 7.0),)).start() == 0.0  # wraps past a whole turn
     assert Arcs(False, ((0.5, 0.6), (1.0, 2.0))).start() == 1.5
     assert Arcs(False, ()).start() == 0.0
-
-
-def test_arcs_are_printed_in_words():
-    assert str(Arcs(True, ((-np.pi, np.pi),))) == "anywhere in the turn"
-    assert str(Arcs(False, ((0.25, 1.5),))) == "from 0.25 to 1.5 rad"

@@ -1,6 +1,3 @@
-import json
-
-from mechsim.files import plain
 from mechsim.model.finding import Finding
 
 
@@ -17,8 +14,3 @@ def test_a_finding_is_printed_in_one_line_with_position_and_remedy():
     assert result.one_line == "line 7: c1 has a gap of 2 mm; move it"
     bare = Finding(kind="open", what="tip", by=1, explains=0.0, message="tip can move")
     assert bare.one_line == "tip can move"
-
-
-def test_a_finding_has_the_documented_json_keys():
-    result = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open")
-    assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(plain(result))))

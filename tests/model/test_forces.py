@@ -8,7 +8,6 @@ from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 
 RSSR = catalog.make("rssr").mechanism
-LOOPER = catalog.make("looper").mechanism
 PUSH = load_profile.constant((0.0, 0.0, 1.0))
 POINT = (0.0, 0.0, 1.0)
 
@@ -50,19 +49,6 @@ def test_invalid_parameters_of_forces_are_rejected(make, output):
 def test_forces_on_unknown_or_unsuitable_elements_are_rejected(forces, output):
     with pytest.raises(InputError, match=output):
         forces.check(RSSR)
-
-
-def test_valid_forces_are_accepted_with_and_without_motor():
-    forces = Forces(
-        friction=(Friction("rocker", 1.0, 2.0), Friction("P2", 1.0)),
-        springs=(Spring(("ground", POINT), "P3", 10.0, 0.1, 1.0),),
-        joint_springs=(JointSpring("rocker", 1.0),),
-        loads=(Load("P3", PUSH),),
-        motor=motors.ConstantTorque(1.0),
-    )
-    forces.check(RSSR)
-    assert forces.without_motor().motor is None
-    assert forces.without_motor().loads == forces.loads
 
 
 def test_motors_have_their_stall_torque_and_no_load_speed():

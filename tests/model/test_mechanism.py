@@ -67,12 +67,6 @@ def test_the_axes_of_a_universal_joint_have_its_cross_angle():
     assert zero[2, 2] == pytest.approx(np.cos(1.1))
 
 
-def test_a_spherical_joint_has_no_coordinate():
-    ball = joint("spherical")
-    poses = Pose(np.zeros((4, 3)), np.broadcast_to(np.eye(3), (4, 3, 3)))
-    assert joint_coordinate(ball, IDENTITY, poses).shape == (4, 0)
-
-
 @given(turns, turns)
 def test_joint_coordinates_are_invariant_under_rigid_motion(angle, whole):
     hinge = joint("revolute")

@@ -37,10 +37,6 @@ def test_path_parameters_and_times_are_consistent():
         np.testing.assert_allclose(result, expected, rtol=1e-13, atol=1e-14)
 
 
-def test_a_revolution_of_a_crank_is_sampled_without_its_end():
-    np.testing.assert_allclose(CRANK.spread(4), 0.5 * np.pi * np.arange(4), rtol=1e-15)
-
-
 def test_motion_laws_of_other_drivers_are_rejected():
     mechanism = five_bar()
     with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):

@@ -6,11 +6,6 @@ import pytest
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 
 
-def test_a_revolution_is_the_circumference_of_the_unit_circle():
-    assert abs(np.exp(1j * REVOLUTION) - 1.0) < 1e-15
-    assert 6.2 < REVOLUTION < 6.3
-
-
 @pytest.mark.parametrize("angle", [-20.3, -0.4, 0.0, 3.9, 31.0])
 @pytest.mark.parametrize(
     "targets", [(0.5,), (0.1, 2.0), (-4.0, 1.5), (-9.0, -3.2), (40.0, 46.0), (-3.0, 12.0)]

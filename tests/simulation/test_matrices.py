@@ -7,7 +7,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
 
 from mechsim import catalog
 from mechsim.errors import InputError
@@ -45,11 +44,6 @@ def test_a_long_chain_steps_equally_with_sparse_and_dense_matrices(chain) -> Non
         assert np.abs(point.position - other.position).max() <= 1e-11 * length
         assert np.abs(point.acceleration - other.acceleration).max() <= 1e-7 * length * 100.0
         assert (point.position == runs["sparse"].motion.points[name].position).all()
-
-
-def test_small_mechanisms_are_stepped_with_dense_matrices() -> None:
-    run = simulate(catalog.make("rssr").mechanism, speed=10.0, turns=0.1, method="step")
-    assert run.settings.jacobian == "dense"
 
 
 def test_a_filled_mass_matrix_is_stepped_with_dense_matrices(study) -> None:
@@ -90,13 +84,3 @@ def test_models_with_wrong_sparse_results_use_dense_matrices(study, monkeypatch)
 def test_an_unknown_matrix_kind_is_rejected() -> None:
     with pytest.raises(InputError, match="choose from auto, dense, sparse"):
         Settings(jacobian="banded")
-
-
-def test_unused_storage_is_excluded_from_the_dense_jacobian():
-    model = mujoco.MjModel.from_xml_string(model_text("matrices_unused_storage_is_excluded_fro.xml"))
-    data = mujoco.MjData(model)
-    mujoco.mj_fwdPosition(model, data)
-    assert data.efc_J.size > data.nefc * model.nv
-    arm = np.array([0.1, 0.2, 0.3])
-    turns = np.cross([[0.0, 0.0, 1.0], np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)], arm)
-    np.testing.assert_allclose(settings.dense_rows(data), np.column_stack([turns[0], -turns[1]]), atol=1e-15)

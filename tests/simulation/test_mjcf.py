@@ -30,22 +30,6 @@ def model_of(mechanism: Mechanism, **scene: object) -> mujoco.MjModel:
     return assembled(mechanism, Scene(**scene)).compile()
 
 
-def names(model: mujoco.MjModel, kind: str, count: int) -> list[str]:
-    return [getattr(model, kind)(i).name for i in range(count)]
-
-
-@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_bodies_joints_and_sites_have_the_names_of_the_description(mechanism: Mechanism) -> None:
-    model = model_of(mechanism)
-    links = {link.name for link in mechanism.links}
-    assert set(names(model, "body", model.nbody)) == {"world", *links}
-    joints = names(model, "joint", model.njnt)
-    assert "crank" in joints
-    expected = {joint.name for joint in mechanism.joints} | {"crank"}
-    assert {name.split(".")[0] for name in joints} <= expected
-    assert set(mechanism.points) <= set(names(model, "site", model.nsite))
-
-
 def test_each_joint_kind_maps_to_mujoco_joints() -> None:
     hinge, slide, ball = (int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE", "BALL"))
     kinds = {}
@@ -132,26 +116,6 @@ def test_drive_inertia_and_gravity_depend_on_the_scene_level() -> None:
     assert dynamics.dof_armature[0] == 0.0
     assert not motion.opt.gravity.any()
     assert dynamics.opt.gravity.any()
-
-
-def test_planar_loops_need_one_connect_and_spatial_revolute_loops_two() -> None:
-    assert model_of(catalog.make("four_bar").mechanism).neq == 1
-    assert model_of(mechanisms.bennett()).neq == 2
-
-
-def test_bennetts_linkage_satisfies_its_half_angle_law() -> None:
-    from mechsim.simulation import simulate
-
-    motion = simulate(mechanisms.bennett(), speed=1.0, method="pose", samples=36).motion
-    # tan(theta/2) tan(phi/2) is constant for adjacent angles, each counted from the folded configuration
-    away = np.abs(np.sin(motion.angle)) > np.sin(np.radians(9.0))
-    theta, phi = motion.angle[away], motion.joints["rocker"].value[away]
-    product = np.tan(theta / 2.0) * np.tan(phi / 2.0)
-    ratio = np.tan(theta / 2.0) / np.tan(phi / 2.0)
-    spread = min(np.ptp(law) / np.abs(law).mean() for law in (product, ratio))
-    # tangents of half angles up to 85 degrees lose two digits; 0.1 degrees from the fold, four
-    assert len(theta) > 30
-    assert spread < 1e-13
 
 
 def test_an_unassemblable_loop_is_rejected() -> None:

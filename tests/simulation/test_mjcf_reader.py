@@ -49,12 +49,6 @@ def test_link_poses_and_coordinates_agree_with_mujoco(file, seed):
         assert abs(difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi))) < 1e-14
 
 
-def test_the_initial_guess_is_the_multi_turn_reference(file):
-    read = read_model(file(TREE.replace('ref="25"', 'ref="745"')))
-    assert read.mechanism.guess_coordinates["first"] == pytest.approx(np.radians(745.0))
-    assert read.mechanism.guess_coordinates["third"] == 0.04
-
-
 def test_unnamed_elements_get_names(file):
     mechanism = read_model(file(TREE)).mechanism
     names = [link.name for link in mechanism.links]
@@ -185,12 +179,6 @@ def test_a_fixed_base_has_the_pose_of_the_keyframe(file):
     np.testing.assert_allclose(model.body("loose").quat, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0], atol=1e-14)
     assert read.mechanism.guess_coordinates["crank"] == 0.3
     assert "loose" not in {link.name for link in read.mechanism.links}
-
-
-def test_limits_and_actuators_are_read(file):
-    read = read_model(file(ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" limited="true" range="-0.1 0.2"')))
-    assert read.limits == {"slide": (-0.1, 0.2)}
-    assert read.actuators["p"] == ["slide"]
 
 
 def test_values_that_mujoco_reinterprets_are_remarked(file):

@@ -178,11 +178,6 @@ def test_a_connect_between_bodies_is_read_with_its_anchor() -> None:
     assert np.linalg.norm(loops.residual(rotated)) == pytest.approx(expected, rel=1e-14)
 
 
-def test_a_connect_to_the_world_is_read() -> None:
-    loops = read_loops(user('<connect body1="b" anchor=".2 .05 0"/>'))
-    assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
-
-
 def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
     loops = read_loops(user('<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>'))
     state = np.array([[0.7, 1.1, 0.0]])
@@ -190,10 +185,6 @@ def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
     x = 0.7
     assert residual[0, 0] == pytest.approx(1.1 - (0.1 + 0.2 * x + 0.3 * x**2 + 0.4 * x**3 + 0.5 * x**4))
     assert jacobian[0, 0] == pytest.approx([-(0.2 + 0.6 * x + 1.2 * x**2 + 2.0 * x**3), 1.0, 0.0])
-
-
-def test_an_inactive_equality_is_no_constraint() -> None:
-    assert read_loops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
 
 
 def test_a_model_without_a_crank_is_rejected_with_its_joints() -> None:

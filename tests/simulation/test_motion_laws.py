@@ -25,7 +25,6 @@ from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
 ARMS = {"left": sinusoidal(2.0, 0.3, 6.0, 0.2), "right": sinusoidal(1.0, 0.4, 9.0, 1.0)}
-FIRST = np.array([3, -32, 168, -672, 0, 672, -168, 32, -3]) / 840.0
 
 
 def moved(mechanism, states, duration):
@@ -69,29 +68,6 @@ def test_stepped_states_satisfy_the_loop_equations(case):
         assert run.motion.joints[name].rate == pytest.approx(rate, abs=1e-9)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_rates_are_derivatives_of_positions(case):
-    mechanism, moves = CASES[case]()
-    step = 1e-3
-    motion = simulate(mechanism, motion_laws=moves.with_duration(8 * step), samples=8).motion
-    for item in (*motion.points.values(), *motion.links.values()):
-        assert item.velocity[4] == pytest.approx(FIRST @ item.position / step, abs=1e-9)
-        assert item.acceleration[4] == pytest.approx(FIRST @ item.velocity / step, abs=1e-8)
-    for joint in motion.joints.values():
-        assert joint.rate[4] == pytest.approx(FIRST @ joint.value / step, abs=1e-9)
-        assert joint.acceleration[4] == pytest.approx(FIRST @ joint.rate / step, abs=1e-8)
-
-
-@pytest.mark.parametrize(("method", "error_limit"), [("pose", 1e-15), ("step", 1e-10)])
-def test_a_five_bar_reaches_the_intersection_of_two_circles(method, error_limit):
-    mechanism, moves = CASES["five-bar"]()
-    motion = simulate(mechanism, motion_laws=moves, method=method).motion
-    exact = circle_intersection(motion.joints["left"].value, motion.joints["right"].value)
-    assert motion.points["P"].position[:, :2] == pytest.approx(exact, abs=error_limit)
-    assert [name for name, _ in motion.columns()][:3] == ["t", "left", "right"]
-    assert set(motion.links) == {"a", "b", "c", "d"}
-
-
 def test_the_driver_error_is_of_second_order_in_the_step():
     mechanism, moves = CASES["five-bar"]()
     gaps = []
@@ -108,32 +84,6 @@ def test_a_tolerance_is_satisfied_at_the_driver_positions():
     exact = circle_intersection(joints["left"].value, joints["right"].value)
     assert run.outcome == "passed"
     assert np.abs(run.motion.points["P"].position[:, :2] - exact).max() < 1e-8
-
-
-def test_a_boom_and_its_cylinder_satisfy_the_law_of_cosines():
-    mechanism, moves = CASES["boom"]()
-    joints = simulate(mechanism, motion_laws=moves, method="step").motion.joints
-    foot = np.hypot(0.5, 0.2)
-    cosine = (1.0 + foot**2 - joints["stroke"].value ** 2) / (2.0 * foot)
-    assert joints["lift"].value == pytest.approx(np.arccos(cosine) - np.arctan2(0.2, 0.5), abs=1e-9)
-
-
-def test_a_platform_follows_its_measured_leg_lengths():
-    mechanism, moves, platform_path = platform()
-    motion = simulate(mechanism, motion_laws=moves).motion
-    # the motion laws of the legs are splines through 121 lengths
-    assert motion.points["P"].position == pytest.approx(platform_path(motion.time), abs=1e-10)
-
-
-def test_a_steady_motion_law_equals_a_constant_speed():
-    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
-    moves = make_motion_laws(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
-    reference = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
-    for method, error_limit in (("pose", 1e-15), ("step", 1e-11)):
-        motion = simulate(mechanism, motion_laws=moves, samples=10, method=method).motion
-        assert motion.points["P"].position == pytest.approx(reference.points["P"].position, abs=error_limit)
-        assert motion.joints["left"].value == pytest.approx(reference.angle, abs=1e-12)
-        assert motion.joints["right"].value == pytest.approx(1.2, abs=1e-9)
 
 
 def test_coordinates_of_a_joint_are_recorded_separately():

@@ -52,12 +52,6 @@ def test_designs_have_their_own_body_positions(n):
     assert_posed(PosedBodies(model, {"body_pos": bodies}), STATES[:n], bodies[:, 1])
 
 
-def test_repeated_batch_sizes_give_correct_poses():
-    posed = PosedBodies(mujoco.MjModel.from_xml_string(MODEL))
-    for n in [*range(2, 13), 2, 12]:
-        assert_posed(posed, np.tile(STATES, (4, 1))[:n], PIVOT)
-
-
 def test_vectors_rotate_with_their_bodies():
     rotations = np.array([rotation_about_z(0.0), rotation_about_z(math.pi / 2.0)])
     np.testing.assert_allclose(rotated(rotations, POINT), [POINT, [0.05, 0.02, 0.07]], atol=1e-17)

@@ -72,12 +72,6 @@ def test_a_loose_tolerance_needs_only_one_full_run(name, fraction, stepped) -> N
     assert run.steps < TURNS * TRIAL_STEPS
 
 
-def test_trials_are_no_longer_than_the_run(stepped) -> None:
-    run = simulate(catalog.make("four_bar").mechanism, speed=SPEED, turns=1.0, tolerance=1e-5)
-    assert run.outcome == "passed"
-    assert sum(stepped) <= TRIAL_STEPS + run.steps
-
-
 def test_a_zero_error_needs_the_minimum_number_of_steps() -> None:
     class Exact:
         profile = type("Profile", (), {"turns": TURNS})

@@ -37,13 +37,6 @@ def test_a_tolerance_is_satisfied_with_at_most_twice_the_needed_steps(order):
     assert report.safety_factor >= 1.0
 
 
-def test_a_successful_first_attempt_is_the_only_one():
-    attempt, requested = attempts(lambda _: 0.0, trials=7)
-    run, report = tolerance.run_within_tolerance(attempt, 1e-9, 50, reason_for, trials=3)
-    assert (run, requested, report.trials) == (50, [50], 10)
-    assert report.safety_factor == np.inf
-
-
 def test_the_best_run_is_returned_with_a_reason_if_refinement_fails():
     attempt, requested = attempts(lambda n: max(n**-4.0, 3e-8))
     run, report = tolerance.run_within_tolerance(attempt, 1e-9, 20, reason_for)
@@ -52,13 +45,6 @@ def test_the_best_run_is_returned_with_a_reason_if_refinement_fails():
     assert report.reason == f"{requested[-1]} steps leave 3e-08"
     assert len(requested) <= 4
     assert run in requested
-
-
-def test_a_final_attempt_ends_the_refinement():
-    attempt, requested = attempts(lambda _: np.inf, final=lambda _: True)
-    _, report = tolerance.run_within_tolerance(attempt, 1e-9, 20, reason_for)
-    assert requested == [20]
-    assert report.reason
 
 
 def test_two_attempts_without_an_estimate_end_the_refinement():
@@ -92,12 +78,6 @@ def test_an_attempt_coarser_than_the_trials_is_refined_to_them():
     attempt, requested = attempts(lambda n: 1.0 if n < 100 else 0.0)
     tolerance.run_within_tolerance(attempt, 1e-9, 30, reason_for, trial_steps=100)
     assert requested == [30, 100]
-
-
-def test_numbers_of_steps_are_multiples_of_the_requested_one():
-    attempt, requested = attempts(lambda n: n**-4.0)
-    tolerance.run_within_tolerance(attempt, 1e-12, 48, reason_for, multiple=48)
-    assert all(n % 48 == 0 for n in requested)
 
 
 def test_the_largest_estimate_decides_and_nan_fails():

@@ -9,8 +9,7 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
-from mechsim.simulation.settings import Settings
+from mechsim.model.motion_laws import make_motion_laws, steady
 
 # a four-bar whose coupler consists of two halves connected by EQUALITY
 FOUR_BAR = model_text("user_models_four_bar.xml")
@@ -67,16 +66,6 @@ def test_changes_of_a_user_model_for_stepping_are_noted():
     assert swept(text, drive="motor", speed=2.0, method="pose").note == ""
 
 
-@pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_steady_motion_law_equals_a_speed(method):
-    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
-    reference = swept(text, drive="motor", speed=2.0, method="pose").motion
-    moves = laws_by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, reference.time[-1])
-    motion = simulate(text, motion_laws=moves, samples=12, method=method).motion
-    assert motion.points["P"].position == pytest.approx(reference.points["P"].position, abs=1e-9)
-    assert motion.drivers == ("motor",)
-
-
 def test_tendon_couplings_of_a_gripper_are_satisfied():
     text = GRIPPER.replace("ACTIVE", "false").replace("EXTRA", "0")
     moves = laws_by_name({"left": lambda t: (0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
@@ -127,12 +116,3 @@ def test_an_unreachable_lock_position_is_rejected():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     with pytest.raises((AssemblyError, MobilityError), match=r"D = |overdetermined"):
         swept(text, drive="motor", speed=1.0, lock={"D": 2.0})
-
-
-def test_the_time_joint_of_motion_laws_is_not_recorded():
-    text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
-    moves = laws_by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
-    assert isinstance(moves, MotionLaws)
-    motion = simulate(text, motion_laws=moves, settings=Settings()).motion
-    assert motion.angle == pytest.approx(moves.rate * motion.time, abs=1e-12)
-    assert not any("clock" in name for name in (*motion.joints, *motion.links, *motion.points))

@@ -7,7 +7,6 @@ import pytest
 from grids import grid
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops import start
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
@@ -212,18 +211,6 @@ def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
         assert np.abs(radius - linkage.link).max() <= 1e-13
 
 
-def test_traces_are_reproducible_for_any_seed():
-    linkage = catalog.make("slider_crank")
-    first, again, other = (trace(linkage, starts=40, seed=seed) for seed in (4, 4, 5))
-    assert [c.starts_ended for c in first.curves] == [c.starts_ended for c in again.curves]
-    assert [c.length for c in first.curves] == [c.length for c in again.curves]
-    assert (
-        np.abs(np.sort([c.length for c in first.curves]) - np.sort([c.length for c in other.curves])).max()
-        <= 1e-9
-    )
-    assert first.closed == sum(c.starts_ended for c in first.curves)
-
-
 def test_poses_are_assigned_to_their_own_curve():
     result = traced("four_bar")
     loops = result.curves[0].loops
@@ -314,16 +301,6 @@ def test_an_unbounded_screw_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_REVOLUTIONS", 4)
     with pytest.raises(AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"):
         trace(on_a_rail("screw", lead=0.005), starts=0)
-
-
-def test_chunks_of_random_starts_give_the_same_curves(monkeypatch):
-    whole, reported = trace(catalog.make("slider_crank"), starts=40), []
-    monkeypatch.setattr(start, "CHUNK_BYTES", 4000.0)
-    chunked = trace(catalog.make("slider_crank"), starts=40, progress=lambda *output: reported.append(output))
-    assert [curve.starts_ended for curve in chunked.curves] == [curve.starts_ended for curve in whole.curves]
-    fractions = [fraction for output, fraction in reported if output.endswith("of 40 random starts")]
-    assert len(fractions) > 2
-    assert fractions[-1] == 1.0
 
 
 def arms(*, joined=False):

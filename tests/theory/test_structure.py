@@ -13,7 +13,6 @@ from mechsim import catalog
 from mechsim.analytic.loops import assemble, residual_norms, turned_by
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
-from mechsim.files import plain
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
@@ -116,13 +115,6 @@ def groups_by_search(mechanism: Mechanism, placed: Iterable[str]) -> list[set[st
     return groups
 
 
-def test_a_four_bar_has_one_dof_and_three_redundant_constraints():
-    m = mobility(catalog.make("four_bar").mechanism)
-    assert (m.actual, m.grubler, m.somov_malyshev) == (1, 1, -2)
-    assert (m.redundant, m.redundant_in_plane, m.free) == (3, 0, ())
-    assert "3 redundant constraints in space: three for the planar loop" in m.lines()
-
-
 @pytest.mark.parametrize(
     ("name", "links"), [("four_bar", {"coupler", "rocker"}), ("slider_crank", {"rod", "slider"})]
 )
@@ -130,15 +122,6 @@ def test_four_bar_and_slider_crank_consist_of_a_crank_and_a_dyad(name, links):
     mechanism = catalog.make(name).mechanism
     assert groups_of(mechanism) == [(2, 2, links)]
     assert mobility(mechanism).grubler == 1
-
-
-def test_the_coupler_of_an_rssr_has_a_passive_spin():
-    m = mobility(catalog.make("rssr").mechanism)
-    assert (m.actual, m.somov_malyshev, m.grubler, m.redundant) == (2, 2, None, 0)
-    (motion,) = m.idle
-    assert motion.links == ("coupler",)
-    assert motion.text == "coupler spins about the line through P2 and P3"
-    assert "idle degree of freedom: coupler spins about the line through P2 and P3" in str(m)
 
 
 def test_a_passive_spin_satisfies_the_loop_equations():
@@ -202,25 +185,6 @@ def test_each_passive_spin_is_named():
         "coupler spins about the line through P2 and P3",
         "rod spins about the line through Q2 and Q3",
         "slider spins about the axis of joint slide",
-    ]
-
-
-def test_dyads_are_listed_in_the_order_of_assembly():
-    positions = dict(FOUR_BAR)
-    positions["E"] = ("rocker", "rod", (121.0, 37.0))
-    positions["F"] = ("rod", "slider", (190.0, 12.0))
-    positions["slide"] = (GROUND, "slider", (190.0, 12.0))
-    mechanism = planar(positions, slides={"slide": 0.2})
-    assert groups_of(mechanism) == [(2, 2, {"coupler", "rocker"}), (2, 2, {"rod", "slider"})]
-    assert mobility(mechanism).redundant == 6
-    assert "three for each of 2 planar loops" in str(mobility(mechanism))
-
-
-def test_the_warp_knitter_has_class_three_and_order_three():
-    assert assur_groups(knitter()).drivers == ("crank1", "crank2")
-    assert groups_of(knitter()) == [(3, 3, {"rod3", "rod5", "base", "rocker"})]
-    assert plain(assur_groups(knitter()).groups) == [
-        {"class": 3, "order": 3, "links": ["rod3", "base", "rod5", "rocker"]}
     ]
 
 
@@ -298,18 +262,6 @@ def test_a_closed_contour_of_four_links_has_class_four():
     )
     assert groups_of(mechanism) == [(4, 2, {"first", "second", "upper", "lower"})]
     assert "class IV, order 2" in str(assur_groups(mechanism))
-
-
-def test_multiple_joints_can_be_described_in_any_order():
-    rod, slide = ("F", ("rod", "slider", (160.0, 31.0))), ("slide", (GROUND, "slider", (160.0, 31.0)))
-    answers = []
-    for first, second in (("coupler", "rocker"), ("coupler", "rod"), ("rocker", "rod")):
-        other = ({"coupler", "rocker", "rod"} - {first, second}).pop()
-        positions = dict(FOUR_BAR)
-        positions["B"] = (first, second, (83.0, 61.0))
-        positions["B2"] = (second, other, (83.0, 61.0))
-        answers.append(groups_of(planar({**positions, **dict((rod, slide))}, slides={"slide": 0.0})))
-    assert answers == [[(2, 2, {"coupler", "rocker"}), (2, 2, {"rod", "slider"})]] * 3
 
 
 def test_welded_links_have_the_structure_of_single_links():

@@ -137,15 +137,6 @@ def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
     assert crosscheck_driven(broken, model).outcome == "diverged"
 
 
-@pytest.mark.parametrize("name", grid(("four_bar", "rssr"), ("four_bar",)))
-def test_frictionless_free_runs_agree_with_the_reduced_equation(name):
-    model = model_of(name, Forces(gravity=GRAVITY))
-    run = dynamics.free_run(model, speed=60.0, turns=0.5, samples=21)
-    assert run.outcome == "done"
-    verdict = crosscheck_free(run, model)
-    assert verdict.passed, verdict
-
-
 @pytest.mark.parametrize(
     "motor",
     [

@@ -1,6 +1,6 @@
 """Power balance of drivers against links, springs, gravity and friction, by every method.
 
-Energies and losses follow from the motion of links and joints alone (`tests/studies/`), with gravity,
+Energies and losses follow from the motion of links and joints alone (`tests/laws/`), with gravity,
 friction, springs, dampers, a load and a couple. The script prints the error of each method relative to the
 largest power; runs are stepped as by `mechsim dynamics`.
 
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "studies"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "laws"))
 from test_power_balance import CRANKS, SEVERAL_DRIVERS, every_force, motion_and_forces, relative_imbalance
 
 from mechsim import load

@@ -166,14 +166,6 @@ def test_invalid_options_are_rejected(arguments, message, monkeypatch, capsys):
     assert message in out.err
 
 
-def test_the_documentation_has_a_section_for_each_rule():
-    page = (ROOT / "docs/reference/check.md").read_text()
-    for rule in RULES:
-        assert f"({rule.code.lower()})=" in page
-        assert f"## {rule.code} {rule.title}" in page
-        assert rule.reason in page
-
-
 def test_a_line_end_in_a_name_starts_no_workflow_command(tmp_path, monkeypatch, capsys):
     path = tmp_path / "a\n::error title=b,c%::d.xml"
     path.write_text(FAULTS["MS102"])
