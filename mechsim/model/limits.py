@@ -98,8 +98,8 @@ def require_revolutions(who: str, revolutions: float, duration: float) -> None:
     """
     if not revolutions <= MAX_REVOLUTIONS:
         raise InputError(
-            f"{who}: at the largest rate of the motion laws a driver makes {revolutions:.4g} revolutions or "
-            f"oscillations in {duration:g} s; the limit is {MAX_REVOLUTIONS:,.0f} per motion. Give "
+            f"{who}: the motion laws take a driver through {revolutions:.4g} revolutions or oscillations in "
+            f"{duration:g} s; the limit is {MAX_REVOLUTIONS:,.0f} per motion. Give "
             f"a --duration of {_rounded_down(duration * MAX_REVOLUTIONS / revolutions):g} s or less, or "
             "slower laws"
         )

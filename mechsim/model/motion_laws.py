@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.expressions import Instruction, instructions_of, parse_expression
-from mechsim.model.limits import require_revolutions
+from mechsim.model.limits import MAX_REVOLUTIONS, require_revolutions
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -223,8 +223,9 @@ class MotionLaws:
         duration: in [s].
         drivers: names of the driven coordinates.
         states: motion law of each driver, a `State`.
-        rate: path parameter per second, in [rad/s].
+        rate: path parameter per second, in [rad/s]: the largest rate of a driver, or its mean with pulses.
         label: time in [s] -> name of the instant in messages; the default states the time.
+        pulses: whether the largest rate is that of pulses, which are too short for time steps.
     """
 
     # whether a crank is driven, at a speed that each call sets
@@ -238,6 +239,7 @@ class MotionLaws:
     states: tuple[State, ...]
     rate: float
     label: Callable[[float], str] | None = None
+    pulses: bool = False
 
     def require_drivers(self, mechanism: Mechanism) -> None:
         """Raise InputError unless the laws are those of all drivers of a mechanism."""
@@ -415,7 +417,8 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     chosen = tuple(states[name] for name in mechanism.drivers)
     state = MotionLaws(float(duration), mechanism.drivers, chosen, 1.0)
     with np.errstate(all="ignore"):
-        values = state.state(np.concatenate([_probes(duration), *(_peaks(law, duration) for law in chosen)]))
+        times = np.concatenate([_probes(duration), *(_peaks(law, duration) for law in chosen)])
+        values = state.state(np.sort(times))
     for name, *derivatives in zip(state.drivers, *values, strict=True):
         if not all(np.isfinite(derivative).all() for derivative in derivatives):
             raise InputError(
@@ -433,6 +436,13 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
         )
     # of drivers at rest the path parameter is the time
     state = replace(state, rate=max(rates) or 1.0)
+    if state.revolutions > MAX_REVOLUTIONS:
+        # probes resolve slower oscillations than the limit, and `_peaks` are on the flanks of pulses
+        travels = np.abs(np.diff(values[0])).sum(1)
+        units = [
+            mechanism.characteristic_length if mechanism.unit(name) == "m" else 1.0 for name in state.drivers
+        ]
+        state = replace(state, rate=float((travels / units).max()) / duration, pulses=True)
     require_revolutions(mechanism.name, state.revolutions, duration)
     return state
 

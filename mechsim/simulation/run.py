@@ -29,7 +29,7 @@ from mechsim.simulation.position_tolerance import run_within
 from mechsim.simulation.result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Source, at_initial_state, from_source, parameter_profile
-from mechsim.simulation.stepping import check_step
+from mechsim.simulation.stepping import check_step, require_steps_resolve
 from mechsim.units import si
 
 # fraction of a step by which a duration may differ from a multiple of the step
@@ -163,6 +163,7 @@ def simulate(
     closed, method, determined = _movable(closed, method, motion_laws)
     if method == "pose":
         return solved_run(closed, profile, samples, tolerance, progress or no_progress)
+    require_steps_resolve(motion_laws)
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
     if determined:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.limits import MAX_STEPS
-from mechsim.model.motion_laws import CrankProfile
+from mechsim.model.motion_laws import CrankProfile, MotionLaws
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
@@ -233,6 +233,12 @@ def expand_functions(loops: ModelLoops, qpos: Array) -> None:
 
 class NotSteppedError(InputError):
     """MuJoCo cannot step the motion; its solved configurations are exact."""
+
+
+def require_steps_resolve(motion_laws: MotionLaws) -> None:
+    """Reject motion laws with pulses that are too short for time steps."""
+    if motion_laws.pulses:
+        raise NotSteppedError("the motion laws have pulses too short for time steps; take --method pose")
 
 
 def _require_followers(loops: ModelLoops) -> None:

@@ -388,6 +388,29 @@ def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(height
     assert solver.motion_laws.revolutions < 500.0
 
 
+@pytest.mark.parametrize(
+    ("law", "height", "travel"),
+    [
+        ("{0}*exp(-((t - 0.5)/1e-7)**2)", 1.0, 2.0),
+        ("{0}*exp(-((t - 0.5)/1e-8)**2) + 0*t", -2.0, 4.0),
+        ("{0}*exp(-((t - 0.5)/1e-7)**2) + 40*pi*t*(1 - t)", 1.0, 20.0 * np.pi + 2.0),
+    ],
+)
+def test_the_travel_of_a_driver_is_limited_not_its_largest_rate(law, height, travel):
+    """At its largest rate for 1 s, each driver would make above 10^6 revolutions."""
+    solver = ms.load("slider_crank", drive={"crank": law.format(height)}, duration=1.0)
+    times = np.array([0.2, 0.5, 0.9])
+    smooth = 40.0 * np.pi * times * (1.0 - times) if "pi" in law else 0.0
+    crank = smooth + height * np.array([0.0, 1.0, 0.0])
+    expected = 0.05 * np.cos(crank) + np.sqrt(0.2**2 - (0.05 * np.sin(crank) - 0.01) ** 2)
+    assert solver.positions(t=times)["B"][:, 0] == pytest.approx(expected, abs=1e-11)
+    assert max(1.0, travel / (2.0 * np.pi)) / 2.0 < solver.motion_laws.revolutions < 1.0 + travel
+    run = ms.simulate(solver, motion_laws=solver.motion_laws, method="pose", samples=2)
+    assert run.motion.points["B"].position[1, 0] == pytest.approx(expected[1], abs=1e-11)
+    with pytest.raises(ms.InputError, match="too short for time steps"):
+        ms.simulate(solver, motion_laws=solver.motion_laws, method="step")
+
+
 @pytest.mark.long
 def test_a_pulse_of_the_driver_is_validated():
     law = "0.5 + 0.002*exp(-((t - 0.5)/1e-5)**2)"

@@ -199,3 +199,59 @@ def test_a_load_over_the_crank_angle_changes_the_stiffness(equilibria):
         assert state.linear.stiffness[0, 0] == pytest.approx(stiffness, rel=1e-9)
         assert state.stable is bool(stiffness > 0.0)
     assert len(states) == 2
+
+
+LIFT = """
+name = "lift"
+drivers = ["base"]
+start = {start}
+[joints]
+{joints}
+[links]
+{links}
+[points]
+T = {{ link = "table" }}
+[guess]
+arm1 = {{ turn = {{ axis = [0, 0, 1], angle = 0.5236 }} }}
+shoe = {{ at = [{start}, 0, 0] }}
+arm2 = {{ at = [{start}, 0, 0], turn = {{ axis = [0, 0, 1], angle = 2.618 }} }}
+table = {{ at = [0, 1, 0] }}
+block = {{ at = [{start}, 1, 0] }}
+[forces]
+gravity = [0, -9.81, 0]
+loads.W = {{ at = "T", force = [0, -2000, 0] }}
+"""
+
+
+@pytest.mark.long
+def test_a_light_table_under_a_heavy_load_has_the_frequencies_of_its_arms_in_mujoco(tmp_path):
+    """With its base at 0 both arms swing as one: J = 2 (20 + 6.7) + 2 * 0.001 * 4 kg m2."""
+    pins = [
+        ("foot", "revolute", "ground", "[0, 0, 0]", "arm1", "[0, 0, 0]"),
+        ("centre", "revolute", "arm1", "[1, 0, 0]", "arm2", "[1, 0, 0]"),
+        ("base", "prismatic", "ground", "[0, 0, 0]", "shoe", "[0, 0, 0]"),
+        ("base_pin", "revolute", "shoe", "[0, 0, 0]", "arm2", "[0, 0, 0]"),
+        ("top_pin", "revolute", "arm2", "[2, 0, 0]", "table", "[0, 0, 0]"),
+        ("slide", "prismatic", "table", "[0, 0, 0]", "block", "[0, 0, 0]"),
+        ("block", "revolute", "arm1", "[2, 0, 0]", "block", "[0, 0, 0]"),
+    ]
+    joints = ""
+    for name, kind, first, at_first, second, at_second in pins:
+        axis = ", axis = [1, 0, 0]" if kind == "prismatic" else ""
+        side_a = f'{{ link = "{first}", at = {at_first}{axis} }}'
+        side_b = f'{{ link = "{second}", at = {at_second}{axis} }}'
+        joints += f'{name} = {{ kind = "{kind}", a = {side_a}, b = {side_b} }}\n'
+    arm = "{ mass = 20, centre = [1, 0, 0], moments = [0.01, 6.7, 6.7] }"
+    small = "{ mass = 0.001, centre = [0, 0, 0], moments = [1e-6, 1e-6, 1e-6] }"
+    inertias = {"arm1": arm, "arm2": arm, "shoe": small, "block": small, "table": small}
+    links = "".join(f"{name}.inertia = {inertia}\n" for name, inertia in inertias.items())
+    path = tmp_path / "lift.toml"
+    path.write_text(LIFT.format(start=3.0**0.5, joints=joints, links=links))
+    model = ms.dynamics.dynamic_model(ms.load(path, still=True))
+    states = ms.dynamics.equilibria(model)
+    assert sorted(state.stable for state in states) == [False, True]
+    exact = np.sqrt((2.0 * 2000.0 + 9.81 * (2.0 * 20.0 + 2.0 * 0.002)) / 53.408)
+    for state in states:
+        assert np.abs(state.linear.roots.values).max() == pytest.approx(exact, rel=1e-9)
+        verdict = crosscheck_equilibrium(state, model)
+        assert verdict.passed, verdict

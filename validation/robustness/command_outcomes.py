@@ -8,6 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mechsim.cli import COMMANDS
+
+PROGRESS = tuple(f"{command.split()[0]}: " for command in COMMANDS)
+
 
 @dataclass(frozen=True)
 class Case:
@@ -23,9 +27,9 @@ def output_faults(code: int | None, output: str) -> Iterator[str]:
         yield f"exit code {code}"
     if "Traceback" in output:
         yield f"a traceback on stderr: {output[-300:]!r}"
-    # a note precedes the execution of Python code, and others follow every 20 s
-    notes = ("(a formula is Python code)", " s so far")
-    lines = [line for line in output.splitlines() if line.strip() and not line.endswith(notes)]
+    # a note precedes the execution of Python code, and lines of progress begin with the command
+    lines = [line for line in output.splitlines() if line.strip() and not line.startswith(PROGRESS)]
+    lines = [line for line in lines if not line.endswith("(a formula is Python code)")]
     if code == 2 and (len(lines) != 1 or not lines[0].startswith("mechsim: ")):
         yield f"exit code 2 with {len(lines)} lines: {output[:300]!r}"
 

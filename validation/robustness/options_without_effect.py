@@ -8,6 +8,7 @@ value that equals the model's own; each line is to be judged.
 
 import os
 import re
+import resource
 import shutil
 import signal
 import sys
@@ -15,12 +16,16 @@ import tempfile
 import tomllib
 from pathlib import Path
 
+from mutated_files import import_everything
+
 from mechsim.cli import COMMANDS, load_command, main
 
 MUTATED = Path(__file__).parent / "mutated"
 WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-# [s] of a run: longer ones count as changed
+# [s] of processor time of a run: longer ones count as changed
 LIMIT = 90
+# lines of progress, which depend on the load of the computer
+PROGRESS = re.compile(r"^[a-z ]+: .*( s so far|left.*|segments.*|designs.*|of \d+ .*)\n", re.MULTILINE)
 
 
 def outcome(words: list[str]) -> tuple[int, list[str]]:
@@ -31,7 +36,7 @@ def outcome(words: list[str]) -> tuple[int, list[str]]:
     shutil.copy(Path(__file__).with_suffix(".xml"), folder / "scene.xml")
     before = {path.name for path in folder.iterdir()} | {"printed"}
     if (child := os.fork()) == 0:
-        signal.alarm(LIMIT)
+        resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
         os.chdir(folder)
         printed = os.open("printed", os.O_CREAT | os.O_WRONLY)
         for stream in (1, 2):
@@ -47,6 +52,7 @@ def outcome(words: list[str]) -> tuple[int, list[str]]:
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     written = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in before]
     text = "\n".join(path.read_bytes().decode("latin-1") for path in [folder / "printed", *written])
+    text = PROGRESS.sub("", text)
     shutil.rmtree(folder)
     return code, re.split(r"[\s,]+", text)
 
@@ -55,7 +61,7 @@ def check(command: str, base: str) -> None:
     """Print the options that a run accepts without an effect."""
     words = [*command.split(), *base.split()]
     (code, first), (_, second) = outcome(words), outcome(words)
-    if code not in (0, 1):
+    if code not in (0, 1) or len(first) != len(second):
         print(f"{' '.join(words)}: exit code {code}: {' '.join(first)[:200]}", flush=True)
         return
     # times of the computer differ between equal runs
@@ -66,17 +72,20 @@ def check(command: str, base: str) -> None:
         stated = option in words or (name == "output" and "-o" in words) or (name == "n" and "-n" in words)
         if parameter.param_type_name != "option" or name in ("json", "help", "verbose") or stated:
             continue
+        if parameter.is_flag and parameter.default and parameter.secondary_opts:
+            option = parameter.secondary_opts[0]
         for value in [None] if parameter.is_flag else WORDS["values"][name]:
             tried = [*words, option, *([] if value in (None, "") else [value])]
             changed, now = outcome(tried)
             same = len(now) == len(first) and all(
                 a == b for a, b, e in zip(first, now, equal, strict=False) if e
             )
-            if changed not in (0, 1, 2, -signal.SIGALRM) or (changed == code and same):
+            if changed not in (0, 1, 2, -signal.SIGXCPU, -signal.SIGKILL) or (changed == code and same):
                 print(f"{' '.join(tried)}: exit code {changed}", flush=True)
 
 
 if __name__ == "__main__":
+    import_everything()
     for command in sys.argv[1:] or COMMANDS:
         for base in WORDS["runs"].get(command, WORDS["runs"]["others"]):
             check(command, base)

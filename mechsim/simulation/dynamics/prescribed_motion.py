@@ -29,7 +29,7 @@ from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
-from mechsim.simulation.stepping import interval_count, record_interval, step
+from mechsim.simulation.stepping import interval_count, record_interval, require_steps_resolve, step
 from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 
@@ -101,6 +101,7 @@ def driven(
         profile = constant(speed, turns, mechanism.start)
     if method == "pose" or (method is None and tolerance is None):
         return _kept(_solved(loaded, profile, samples, progress), tolerance)
+    require_steps_resolve(motion_laws)
     # for the whole motion, so that unreachable crank angles are rejected before stepping
     passed = passed_change_points(loaded, profile)
     require_regular_start(loaded.loops, passed, float(profile.state(np.zeros(1))[0][0]))

@@ -13,6 +13,7 @@ from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.rank import null_spaces
+from mechsim.numerics.rounding import EPS
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.forward_run import (
@@ -26,12 +27,17 @@ from mechsim.simulation.dynamics.forward_run import (
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.state import mass_matrix
 from mechsim.simulation.stepping import expand_functions
 
-# error of the derivatives by the compliance of MuJoCo's loops, relative to the largest
+# error of the derivatives by the compliance of MuJoCo's loops, relative to the largest; rounding of forces
+# adds that of the mass matrix times its condition
 LOOPS_ROUNDING = 1e-11
 # time step that scales MuJoCo's constraints, in [s]; the model is not stepped
 TIMESTEP = 1e-3
+# its settings: stiffer loops cost nothing. With 1e-8 a lift under 2000 N, whose table weighs 0.001 kg, had
+# frequencies 1e-6 too high, with this 1e-8
+AT_REST = replace(FREE, compliance=1e-10)
 NONE_LOCKED = np.zeros(0, dtype=np.int64)
 
 
@@ -96,10 +102,11 @@ def static_state(
         return (values[:, 0] - values[:, 1]).T / (2.0 * step)
 
     derivatives, error = extrapolated_derivative(differences)
-    rounding = LOOPS_ROUNDING if len(jacobian) else float(np.finfo(np.float64).eps)
+    at_rest = accelerations.along_basis(qpos, rest)
+    mass = directions @ mass_matrix(accelerations.data) @ directions.T
+    rounding = (LOOPS_ROUNDING if len(jacobian) else 0.0) + EPS * (np.linalg.cond(mass) if dof else 0.0)
     eigenvalues, errors = _eigenvalues(derivatives, error + rounding * np.abs(derivatives).max(initial=0.0))
     stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
-    at_rest = accelerations.along_basis(qpos, rest)
     without_loops = accelerations.data.qacc_smooth / loops.units if len(jacobian) else rest
     unconstrained = float(np.abs(without_loops).max(initial=0.0))
     return StaticState(at_rest, stiffness, unconstrained, eigenvalues, errors)
@@ -115,7 +122,7 @@ def _eigenvalues(derivatives: Array, error: Array) -> tuple[NDArray[np.complex12
     matrix = np.concatenate([np.eye(dof, 2 * dof, dof), derivatives])
     values, right = np.linalg.eig(matrix)
     change = np.concatenate([np.zeros((dof, 2 * dof)), error])
-    change += np.finfo(np.float64).eps * np.abs(matrix).max(initial=0.0)
+    change += EPS * np.abs(matrix).max(initial=0.0)
     left = np.abs(np.linalg.pinv(right, rcond=1e-15))
     simple = np.einsum("ki,ij,jk->k", left, change, np.abs(right))
     double = np.sqrt(np.linalg.norm(error[:, :dof])) + np.linalg.norm(error[:, dof:])
@@ -132,7 +139,7 @@ class _Accelerations:
     """MuJoCo's accelerations along independent directions, under its own constraint forces."""
 
     def __init__(self, model: LoadedModel, basis: Array) -> None:
-        loops = prepared(model, FREE, TIMESTEP, ITERATIONS)
+        loops = prepared(model, AT_REST, TIMESTEP, ITERATIONS)
         self.basis, self.units = basis, model.loops.units
         self.prepared_model, self.controls = loops.model, AppliedControls(model, loops)
         self.data = mujoco.MjData(loops.model)

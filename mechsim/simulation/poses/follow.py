@@ -73,9 +73,9 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
 CHUNK = 2048
 # correction of an interpolated pose, in [rad] or [m], above which it may be in another assembly
 MAX_CORRECTION = 1e-3
-# motion of a driver in a pulse between two interpolated poses, in [rad] or [m], and largest motion of another
-# coordinate by it: Newton's method makes up for both. By trial, with pulses of 0.01 to 0.05 rad
-MAX_OMITTED, MAX_GAIN = 0.05, 10.0
+# motion of a driver in a pulse that polynomials omit, in [rad] or characteristic lengths, above which the
+# driver is moved there in steps; the largest step; and the largest motion of other joints relative to it
+OMITTED, DRIVER_STEP, MAX_GAIN = 1e-4, 0.02, 10.0
 # accuracy of a change point's angle, in [rad], measured 1.5e-11; rates within it are those of the path beyond
 CHANGE_POINT_TOLERANCE = 1e-10
 # maximum number of cached paths, which later calls extend
@@ -136,21 +136,41 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
         return states
 
     def _closed(self, guess: Array, singular: NDArray[np.bool_]) -> Array:
+        guess = self._with_pulses(guess, singular)
         closure, states = self.loops.closure, guess.copy()
         if singular.any():
             states[singular] = closed_near(closure, guess[singular])
         if not singular.all():
             states[~singular] = loop_jacobian.close(closure, guess[~singular])
-        changes = np.abs(states - guess)
-        omitted = changes[:, [] if closure.drivers is None else closure.drivers.addresses].max(1, initial=0.0)
-        correction = changes.max(1) - MAX_GAIN * np.where(omitted < MAX_OMITTED, omitted, 0.0)
-        if not (correction < MAX_CORRECTION).all():
-            angle = float(guess[np.argmax(correction), closure.crank_address])
+        self._require_small(states, guess, MAX_CORRECTION)
+        return states
+
+    def _with_pulses(self, guess: Array, singular: NDArray[np.bool_]) -> Array:
+        """Return states whose drivers have moved in steps to their laws, of which polynomials omit pulses."""
+        closure, drivers = self.loops.closure, self.loops.closure.drivers
+        if drivers is None:
+            return guess
+        start = guess[:, drivers.addresses].T
+        offset = drivers.law(guess[:, closure.crank_address])[0] - start
+        distance = np.abs(offset / closure.units[drivers.dofs, None]).max(0, initial=0.0)
+        omitted = (distance > OMITTED) & ~singular
+        states, steps = guess.copy(), int(np.ceil(distance[omitted].max(initial=0.0) / DRIVER_STEP))
+        for k in range(1, steps + 1):
+            locked = drivers.locked_at((start + offset * (k / steps))[:, omitted])
+            before = states[omitted]
+            states[omitted] = loop_jacobian.close(replace(closure, drivers=locked), before)
+            self._require_small(states[omitted], before, MAX_GAIN * DRIVER_STEP)
+        return states
+
+    def _require_small(self, states: Array, guess: Array, limit: float) -> None:
+        """Raise AssemblyError if a pose differs from its guess by more than a limit in [rad] or [m]."""
+        correction = np.abs(states - guess).max(1, initial=0.0)
+        if not (correction < limit).all():
+            angle = float(guess[np.argmax(correction), self.loops.closure.crank_address])
             raise AssemblyError(
                 f"{self.name}: the pose at {self.words.instant(angle)} is too near a singular one to be "
                 "distinguished from another assembly; keep away from it"
             )
-        return states
 
     def near_change_points(self, angles: Array) -> Iterator[tuple[ChangePoint, NDArray[np.intp], Array]]:
         """Yield change points, the indices of crank angles near them, and these reduced by revolutions.
