@@ -194,6 +194,8 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         and (name in UNSTEPPED_PLOTS or not case.quick)
         and (not kind.transmission or case.solver.transmission_angle(case.exact.angle) is not None)
     ]
+    # the first stands beside the picture; the page fills its columns in this order, tall ones last
+    figures[1:] = sorted(figures[1:], key=lambda drawn: drawn[1].get_figheight())
     return [(caption, _webp(plots.drawn(figure, "png"))) for caption, figure in figures]
 
 
@@ -235,10 +237,12 @@ def _settings(case: Validation) -> dict[str, Any]:
     if case.quick:
         return poses
     assert run.settings is not None
+    speed = f"{float(np.abs(run.motion.speed).max()) * 30 / math.pi:.6g} rpm"
     return {
         **run.settings.rows(),
         "time step": f"{run.timestep:.6g} s",
-        "crank speed": f"{float(np.abs(run.motion.speed).max()) * 30 / math.pi:.6g} rpm",
+        # under motion laws the speed is that of the path parameter
+        **({} if run.motion.drivers else {"crank speed": speed}),
         "steps": run.steps,
         "stepping time": f"{run.seconds:.4g} s",
         **poses,

@@ -49,7 +49,9 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> Figure:
     rows = (("position", "position"), ("velocity", "velocity"), ("acceleration", "acceleration"))
     scales = _scales(motion)
     shown = [i for i in range(3) if not _unused(motion, names, i, ROUNDED * scales[0])] or [0, 1, 2]
-    figure, axes = blank(3, len(names), (3.0 * len(names) + 0.6, 6.0), sharex=True)
+    # as wide as other plots, so that a page scales their text alike
+    width = max(5.4, 3.0 * len(names) + 0.6)
+    figure, axes = blank(3, len(names), (width, 6.0), sharex=True)
     for column, name in enumerate(names):
         for row, (attribute, label) in enumerate(rows):
             ax, values = axes[row, column], getattr(motion.points[name], attribute)
@@ -61,7 +63,7 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> Figure:
             ax.set_ylabel(f"{label} [{unit}]")
             flattened(ax, scales[row] / factor, unit)
             # one position for all labels of a column; computing it takes a third of the plot's time
-            ax.yaxis.set_label_coords(-0.19, 0.5)
+            ax.yaxis.set_label_coords(-0.6 * len(names) / width, 0.5)
         axes[0, column].set_title(label_of(name))
         along_axis(axes[2, column], bool(motion.drivers))
     lines = axes[0, 0].get_lines()

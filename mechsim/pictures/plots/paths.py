@@ -216,7 +216,7 @@ def coupler_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | 
     spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
     flat = np.ptp(everything[:, 2]) <= max(1e-9 * spread, ROUNDED * scale)
     views = [(0, 1)] if flat else [(0, 1), (2, 1), (0, 2)]
-    figure, axes = blank(1, len(views), (3.6 * len(views) + 0.4, 3.4))
+    figure, axes = blank(1, len(views), (max(5.4, 3.6 * len(views) + 0.4), 3.4))
     for ax, (i, j) in zip(axes[0], views, strict=True):
         for number, (name, position) in enumerate(positions.items()):
             colour, style = colours[name], STYLES[number % 3]
