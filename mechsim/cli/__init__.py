@@ -26,7 +26,7 @@ FIRST_STEPS = {
 }
 # panel -> long names of its options; a command's own options come first, without a panel
 PANELS = {
-    "Model": "set lock lock-others fix-base key start loops track gravity load motor gear friction spring "
+    "Model": "set lock fix-base key start loops track gravity load motor gear friction spring "
     "damper flywheel density diameter scene cut",
     "Initial state": "initial until restitution budget controller",
     "Motion": "drive ctrl speed turns angles angle profile at samples duration change-point",

@@ -101,7 +101,7 @@ def map_joints(
             for name, (position, torque) in zip(table.outputs, errors, strict=True)
         }
     return Result(
-        data, lambda: _print(table, comparison, source.lock_others), comparison.passed, files=(output,)
+        data, lambda: _print(table, comparison, source.locks_others), comparison.passed, files=(output,)
     )
 
 

@@ -169,15 +169,10 @@ class DriveOptions:
 
     lock: tuple[tuple[str, str | None], ...] = pairs(
         "--lock boom=30deg",
-        "Lock a joint, at its initial value if none is given.",
+        "Lock a joint, at its initial value if none is given; `others` stands for all joints that the "
+        "drivers leave undetermined, as few in loops as suffice.",
         "JOINT[=VALUE]",
         name_alone=True,
-    )
-    lock_others: bool = option(
-        False,
-        "Lock the joints that the drivers leave undetermined at their initial values: those outside loops, "
-        "and as few in loops as suffice.",
-        name="--lock-others",
     )
     fix_base: bool = option(False, "Fix floating bases at their initial pose.", name="--fix-base")
     start: tuple[tuple[str, str], ...] = pairs(
@@ -201,13 +196,21 @@ class DriveOptions:
         None, "Duration of the motion laws. Default: that of the file or of its table, else 1 s.", unit="s"
     )
 
+    @property
+    def locks_others(self) -> bool:
+        """Whether joints that the drivers leave undetermined are locked."""
+        return ("others", None) in self.lock
+
     def as_arguments(self) -> dict[str, Any]:
         """Return the options as arguments of `load`."""
         require_distinct("--drive", self.drive)
         require_distinct("--lock", self.lock)
         require_distinct("--start", self.start)
         options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
-        return options | {name: dict(getattr(self, name)) for name in ("drive", "lock", "start")}
+        options |= {name: dict(getattr(self, name)) for name in ("drive", "lock", "start")}
+        if self.locks_others:
+            del options["lock"]["others"]
+        return options | {"lock_others": self.locks_others}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,9 +45,9 @@ from mechsim.units import crank_speed, option, parse_angle
 # duration of the animation of one cycle of a mode in [s]
 CYCLE = 2.0
 # options of the motion of a driven crank
-DRIVEN = ("method", "angle", "turns", "frames_per_turn", "trace", "direction")
+DRIVEN = ("method", "angle", "turns", "frames_per_turn", "trace")
 # options that a curve of assemblies excludes
-NOT_TRACED = ("method", "angle", "speed", "turns", "slow", "direction", "overlay")
+NOT_TRACED = ("method", "angle", "speed", "turns", "slow", "overlay")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,12 +173,12 @@ def render(
         extra["exact"] = solver.solve_as(motion)
     look = replace(look, caption="; ".join(captions))
     if picture:
-        look = replace(look, paths="whole" if look.paths else False)
+        look = replace(look, paths="whole")
         write_picture(path, solver.mechanism, motion, look, angle=angle, **extra)
         return _written(solver.name, output, None, masses)
     periodic = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
     tail = periodic and not timed and solver.crank_range().full
-    look = replace(look, paths="tail" if look.paths and tail else look.paths)
+    look = replace(look, paths="tail" if tail else look.paths)
     extra |= {"fps": animation.fps, "every": every}
     return _written(
         solver.name, output, _write_animation(path, solver, motion, periodic, look, extra), masses
@@ -210,7 +210,7 @@ def _released(
     look = replace(look, **drawn_as(model.solver), caption=caption)
     mechanism, path = model.mechanism, Path(output)
     if output.endswith(".png"):
-        look = replace(look, paths="whole" if look.paths else False)
+        look = replace(look, paths="whole")
         write_picture(path, mechanism, motion, look)
         return _written(mechanism.name, output, None, model.masses)
     periodic = options.mode is not None
@@ -278,7 +278,7 @@ def _assembly_curve(
         raise InputError(f"{count} frames; give --frames-per-turn 1 to {MAX_SAMPLES}")
     every = 1 if picture else between(count)
     motion = even_motion(curve, count * every, 1.0)
-    look = replace(look, paths="whole" if look.paths else False)
+    look = replace(look, paths="whole")
     if picture:
         write_picture(path, solver.mechanism, motion, look)
         return None
@@ -295,8 +295,6 @@ def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look)
         stated.exclude(["angle", "overlay"], "on an animation, only on a .png file")
     if animation.trace:
         _exclude(stated, look, NOT_TRACED, "with --trace, which follows the curve of assemblies")
-    without = "without --from both, whose difference it magnifies"
-    stated.exclude(["magnify"], without, animation.method != "both")
     width, height = look.size
     if output.endswith((".mp4", ".webm")) and (width % 2 or height % 2):
         raise InputError(

@@ -11,6 +11,7 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ModelOptions, changed_parameters
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
+from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
 from mechsim.studies.robots.mujoco_models import notes_on
@@ -18,11 +19,13 @@ from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 
 # options of commands that solve configurations of a MuJoCo model
-ClosedModelOptions = Annotated[ModelOptions, Without("lock", "drive", "track", "duration")]
+ClosedModelOptions = Annotated[ModelOptions, Without("drive", "track", "duration")]
 
 
 def closed_model(source: ModelOptions) -> tuple[Any, dict[str, Any]]:
     """Return a model with its loop closures, and how its paths start; note what of it is not read."""
+    if [*source.lock] not in ([], [("others", None)]):
+        raise InputError("--lock takes only `others` here, for every actuator moves; leave other joints out")
     model, start = with_loops(source.model, source.loops), source.as_arguments()["start"]
     options: dict[str, Any] = {"set": changed_parameters(source.sets), "key": source.key, "start": start}
     notes.extend(notes_on(model, **options))
@@ -54,7 +57,7 @@ def sample(
     model, options = closed_model(source)
     with progress("sample", None) as report:
         states = closed_configurations.sample(
-            model, n, seed, progress=report, lock_others=source.lock_others, **options
+            model, n, seed, progress=report, lock_others=source.locks_others, **options
         )
     with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)

@@ -40,7 +40,6 @@ from mechsim.units import crank_speed, option, parse_length, parse_time
 # options without an effect on a file that is stepped under controls
 WITHOUT_CONTROLS = (
     *("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia", "start"),
-    "lock_others",
 )
 # options of time steps
 OF_STEPS = ("timestep", *option_names(SettingOptions))
@@ -116,6 +115,7 @@ def simulate(
     settings = setting.stated()
     if controls.ctrl:
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
+        stated.exclude(["lock"], "as `others` with --ctrl, which runs the file as it is", source.locks_others)
         from mechsim.cli.scene_run import run_under_controls
 
         stated.exclude(CRANK_OPTIONS, UNDER_LAWS)

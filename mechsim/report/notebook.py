@@ -172,14 +172,14 @@ def plot(
     Args:
         model: any argument of `load`.
         output: path to write, .svg, .pdf or .png; None writes none.
-        kind: as of `mechsim plot --kind`, such as "motion", "curve" or "torque".
-        quantities: names of coordinates or quantities, for the kinds that take `--of`.
+        kind: as of `mechsim plot --kind`, such as "motion" or "curve".
+        quantities: names of quantities, for the kind "quantities".
         set: parameter -> its value, as for `load`.
         speed: of the crank, in [rad/s] or as "600rpm".
         options: `drive`, `lock` and further arguments of `load`.
 
     Raises:
-        InputError: for an unknown kind or model, or a kind that shows a run from an initial state.
+        InputError: for an unknown kind or model.
         AssemblyError: where the loops do not close.
 
     Example:
@@ -191,9 +191,8 @@ def plot(
     from mechsim.subjects.readers import load
     from mechsim.units import crank_speed
 
-    kinds = [name for name, row in PLOTS.items() if row.released != "always"]
-    if kind not in kinds:
-        raise InputError(f"there is no plot {kind!r} of a driven motion; choose from {', '.join(kinds)}")
+    if kind not in PLOTS:
+        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
     drawn = PlotOptions(coordinates=None if quantities is None else tuple(quantities))
     require_taken(kind, PLOTS[kind].takes, drawn)
     source = PlotSource(solver=load(model, set, **options), speed=crank_speed(speed), options=drawn)

@@ -4,10 +4,9 @@ A new plot is a function in `pictures/plots`, or in its study, and a row of `PLO
 its help and the page read the table.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,13 +21,8 @@ from mechsim.model.quantity import Quantity, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
-from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
-from mechsim.studies.drawn_motion import drawn_motion, simulated_forces
+from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.motions import profile_of
-from mechsim.studies.release import Release
-from mechsim.subjects import catalog
-from mechsim.theory.continuation.mechanism_trace import trace
-from mechsim.theory.velocity_plan import velocity_plan
 from mechsim.units import option, parse_names
 
 if TYPE_CHECKING:
@@ -49,17 +43,8 @@ class PlotOptions:
 
     points: tuple[str, ...] | None = option(None, "Tracked points to draw. Default: all.", read=parse_names)
     method: str = option("closed", "Motion to draw: closed (analytic) or simulated (MuJoCo).", name="--from")
-    angle: float = option(0.0, "Crank angle of a velocity plan.", unit="rad", text="0deg")
     coordinates: tuple[str, ...] | None = option(
-        None,
-        "Coordinates of assemblies (angle,rocker), joints of a phase portrait, or quantities (P.x, "
-        "distance:P,Q).",
-        read=quantity_names,
-        name="--of",
-    )
-    stopped: str = option("crank2", "Crank stopped in a velocity plan: crank1 or crank2.")
-    response: str | None = option(
-        None, "Unit load and quantity of a Bode diagram: crank:P.x.", metavar="LOAD:QUANTITY"
+        None, "Quantities to draw: P.x, rocker.v, distance:P,Q.", read=quantity_names, name="--of"
     )
 
 
@@ -74,7 +59,6 @@ class PlotSource:
         motions: method -> an existing motion.
         bounds: method -> tolerance on the positions of its points in [m].
         masses: filled in by plots that need them.
-        release: a run from an initial state; None for a prescribed motion.
         model: masses and forces of the mechanism for a prescribed motion.
     """
 
@@ -84,7 +68,6 @@ class PlotSource:
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
-    release: Release | None = None
     model: Callable[[KinematicSolver], DynamicModel] = dynamic_model
 
     def motion(self, method: str, samples: int = SAMPLES) -> Motion:
@@ -98,8 +81,6 @@ class PlotSource:
     def title(self) -> str:
         """The mechanism, and its crank speed or the duration of its motion laws."""
         laws, name = self.solver.motion_laws, self.solver.name
-        if self.release is not None:
-            return f"{name}, {self.release.title}"
         if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
         return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"
@@ -126,7 +107,6 @@ class PlotKind:
         about: short description of the plot; its caption.
         draw: function of a source.
         on_page: whether the page of a validation shows it.
-        released: whether it shows a run from an initial state or vibrations: "never", "always" or "either".
         transmission: whether it needs a transmission angle.
         takes: names of the `PlotOptions` that apply.
     """
@@ -136,7 +116,6 @@ class PlotKind:
     takes: tuple[str, ...] = ()
     on_page: bool = False
     transmission: bool = False
-    released: Literal["never", "always", "either"] = "never"
 
     def figure(self, source: PlotSource) -> "Figure":
         """Return the plot, titled with mechanism and speed."""
@@ -176,67 +155,16 @@ def _transmission(source: PlotSource) -> "Figure":
     return plots.transmission_plot(angles, source.solver.required_transmission_angle(angles))
 
 
-def _velocity_plan(source: PlotSource) -> "Figure":
-    solver, options = source.solver, source.options
-    if "velocity plan" not in solver.theories:
-        names = catalog.with_theory("velocity plan")
-        raise InputError(f"{solver.name} has no velocity plan with a crank stopped; {names} has")
-    both = velocity_plan(solver, options.angle, source.speed)
-    plans = {"crank2": both.crank2_stopped, "crank1": both.crank1_stopped}
-    if options.stopped not in plans:
-        raise InputError(f"there is no crank {options.stopped!r} to stop; choose from crank1, crank2")
-    plan = plans[options.stopped]
-    angle_text = f"crank angle {math.degrees(options.angle):g}°"
-    return plots.velocity_plan_plot(
-        plan, f"{options.stopped} stopped, {angle_text}, {plan.scale:.4g} m/s per unit"
-    )
-
-
-def _torque(source: PlotSource) -> "Figure":
-    rings = None
-    if source.options.method not in ("closed", "simulated"):
-        raise InputError(f"a torque plot is --from closed or simulated, not from {source.options.method}")
-    if source.options.method == "simulated":
-        rings = simulated_forces(source.solver, profile_of(source.solver, source.speed, 1.0), SAMPLES)
-    return plots.torque_plot(source.study(), rings)
-
-
-def _assemblies(source: PlotSource) -> "Figure":
-    columns = (
-        None
-        if source.options.coordinates is None
-        else requested_columns(source.solver.mechanism, source.options.coordinates)
-    )
-    traced = trace(source.solver)
-    table = assembly_table(traced, curve_tables(traced))
-    return plots.assembly_plot(table, columns or usual_columns(traced, table))
-
-
-def _release(source: PlotSource) -> Release:
-    assert source.release is not None
-    source.masses.extend(source.release.model.masses)
-    return source.release
-
-
-def _history(source: PlotSource) -> "Figure":
-    release = _release(source)
-    run = release.shown_run(SAMPLES)
-    return plots.history_plot(run, _labelled(release.values(run, source.options.coordinates or ())))
-
-
 def _quantities(source: PlotSource) -> "Figure":
     names = source.options.coordinates
     if not names:
         raise InputError("no quantity is named; give --of, as in --of distance:P,Q,rocker.v")
-    if source.release is not None:
-        run = _release(source).shown_run(SAMPLES)
-        return plots.quantity_plot(run.motion, _labelled(source.release.values(run, names)))
     motion = source.motion(source.options.method, SAMPLES)
     quantities = [numeric_quantity(name, source.solver.mechanism) for name in names]
     columns = record_columns(motion, quantities)
     if any(quantity.loaded for quantity in quantities):
         if source.options.method != "closed":
-            raise InputError("forces are plotted of the closed form; leave out --from, or take --kind torque")
+            raise InputError("forces are plotted of the closed form; leave out --from")
         columns |= dict(source.study().columns())
     values = {quantity: quantity.number(columns) for quantity in quantities}
     return plots.quantity_plot(motion, _labelled(values))
@@ -248,22 +176,6 @@ def _labelled(values: Mapping[Quantity, Array]) -> dict[str, Array]:
         f"{quantity.name} [{quantity.unit}]": unwrapped(column) if quantity.angle else column
         for quantity, column in values.items()
     }
-
-
-def _phase(source: PlotSource) -> "Figure":
-    return plots.phase_plot(_release(source).shown_run(SAMPLES).motion, source.options.coordinates)
-
-
-def _bode(source: PlotSource) -> "Figure":
-    if source.options.response is None:
-        raise InputError("a Bode diagram needs --response LOAD:QUANTITY, as in crank:P.x")
-    result = _release(source).response(source.options.response)
-    return plots.bode_plot(result.columns(), f"{result.quantity} [{result.unit}]")
-
-
-def _modes(source: PlotSource) -> "Figure":
-    cycles = {cycle.title: cycle.motion for cycle in _release(source).cycles()}
-    return plots.mode_plot(source.solver.mechanism, cycles)
 
 
 PLOTS = {
@@ -287,41 +199,13 @@ PLOTS = {
         OF_MOTIONS,
         on_page=True,
     ),
-    "space": PlotKind(
-        "paths of the tracked points in perspective",
-        lambda source: plots.space_curve(
-            source.solver.mechanism, source.requested_motion, source.options.points
-        ),
-        OF_MOTIONS,
-    ),
     "schematic": PlotKind(
         "kinematic diagram",
         lambda source: plots.schematic_plot(source.solver.mechanism, source.requested_motion),
         ("method",),
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, transmission=True),
-    "assemblies": PlotKind("all assemblies as curves", _assemblies, ("coordinates",)),
-    "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),
-    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",)),
-    "reactions": PlotKind(
-        "force in each joint as a path", lambda source: plots.reaction_plot(source.study())
-    ),
-    "power": PlotKind("powers that must balance", lambda source: plots.energy_plot(source.study())),
     "quantities": PlotKind(
-        "quantities that --of names, over the motion or a run from an initial state",
-        _quantities,
-        ("coordinates", "method"),
-        released="either",
+        "quantities that --of names, over the motion", _quantities, ("coordinates", "method")
     ),
-    "history": PlotKind(
-        "coordinates and energies of a run from an initial state, over time",
-        _history,
-        ("coordinates",),
-        released="always",
-    ),
-    "phase": PlotKind(
-        "rate over coordinate of a run from an initial state", _phase, ("coordinates",), released="always"
-    ),
-    "bode": PlotKind("magnitude and phase of a frequency response", _bode, ("response",), released="always"),
-    "modes": PlotKind("shapes of the modes of vibration", _modes, released="always"),
 }

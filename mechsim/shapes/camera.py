@@ -234,17 +234,6 @@ def backdrop(
     return Wall(point, normal, (half, half), across)
 
 
-def corner(camera: Camera, low: Array, high: Array) -> list[Wall]:
-    """Return the three coordinate planes behind a box."""
-    middle, half = (low + high) / 2.0, (high - low) / 2.0
-    walls: list[Wall] = []
-    for i, axis in enumerate(np.eye(3)):
-        side = 1.0 if camera.back[i] >= 0.0 else -1.0
-        halves = float(half[(i + 1) % 3]), float(half[(i + 2) % 3])
-        walls.append(Wall(middle - side * half[i] * axis, side * axis, halves, np.eye(3)[(i + 1) % 3]))
-    return walls
-
-
 def lowered(low: Array, high: Array, up: Array, by: float) -> tuple[Array, Array, float]:
     """Return a box, (3,) and (3,), extended downwards by a length, and the height of its floor along `up`."""
     low, high = np.where(up > 0.5, low - by, low), np.where(up < -0.5, high + by, high)

@@ -292,7 +292,7 @@ def sample(
     if lock_others:
         drivers = path.drivers[np.isin(path.drivers, _actuated_dofs(compiled))]
         if not len(drivers):
-            raise InputError("no actuator moves a joint, so that --lock-others leaves none to draw")
+            raise InputError("no actuator moves a joint, so that --lock others leaves none to draw")
         path = replace(path, drivers=drivers)
     paths = path.independent_paths()
     qpos, accepted = np.repeat(path.reference[None], n, 0), 1.0

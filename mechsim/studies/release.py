@@ -324,11 +324,3 @@ class Release:
     def cycle(self, number: int, samples: int = 72) -> ModeMotion:
         """Return a cycle along a mode shape about the equilibrium next to the initial configuration."""
         return mode_motion(nearest_equilibrium(self.model, initial=self.initial), number, samples)
-
-    def cycles(self) -> list[ModeMotion]:
-        """Return a cycle along each mode shape."""
-        return mode_motions(nearest_equilibrium(self.model, initial=self.initial))
-
-    def response(self, text: str) -> FrequencyResponse:
-        """Return the frequency response of LOAD:QUANTITY."""
-        return frequency_response(self.model, text, self.initial)

@@ -132,6 +132,9 @@ def _with_prescription(
     Raises:
         InputError: for an unknown coordinate or point, or an invalid motion law.
     """
+    # a mechanism that cannot be assembled is reported by what uses it
+    if prescription == Prescription() and not file_laws:
+        return solver
     if prescription.key is not None:
         raise InputError(
             f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import shlex
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +23,10 @@ from mechsim.studies.agreement.agreement import (
 from mechsim.studies.validate import validate
 from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.readers import load
-from mechsim.testing.report_page import failure, write_page
 from mechsim.testing.running import RUNNING, RunningTest
 
+# width in characters, and number of failed quantities in a message
+WIDTH_OF_MESSAGE, MAX_LISTED = 78, 3
 Model = str | Path | KinematicSolver | Mechanism
 Formula = str | Path | Callable[..., Any]
 
@@ -54,8 +56,8 @@ def assert_agrees(
         speed: crank speed, in [rad/s] or text such as "600rpm".
 
     Raises:
-        AssertionError: if a quantity exceeds its tolerance; states the verdict, the likely cause, the command
-            that repeats the comparison, and in a run of pytest the path of a report.
+        AssertionError: if a quantity exceeds its tolerance; states the verdict, the likely cause, and the
+            command that repeats the comparison.
         InputError: for an invalid model or formula, in one sentence.
     """
     __tracebackhide__ = True
@@ -68,8 +70,7 @@ def assert_agrees(
         _record(running, agreement)
     if not agreement.passed:
         command = _command(source, formula, set or {}, drive or {}, duration, running)
-        page = None if running is None else write_page(agreement, command, running)
-        raise AssertionError(failure(agreement, command, page))
+        raise AssertionError(_failure(agreement, command))
     return agreement
 
 
@@ -101,6 +102,25 @@ def _record(running: RunningTest, agreement: Agreement) -> None:
         running.record("mechsim.worst.tolerance", f"{worst.tolerance:.6g} {worst.unit}")
     if agreement.findings:
         running.record("mechsim.cause", agreement.findings[0].message)
+
+
+def _failure(agreement: Agreement, command: str) -> str:
+    """Return the message of a failed assertion, lines of 78 columns unless a command is longer."""
+    failed = sorted((c for c in agreement.checks if not c.passed), key=lambda check: -check.severity)
+    lines = [f"{agreement.solver.name} does not agree with {agreement.source}"]
+    for check in failed[:MAX_LISTED]:
+        text = f"{check.title}: off by {check.worst:.3g} {check.unit}, tolerance {check.tolerance:.3g}"
+        lines.append(f"  {textwrap.shorten(text, WIDTH_OF_MESSAGE - 2)}")
+    if len(failed) > MAX_LISTED:
+        lines.append(f"  and {len(failed) - MAX_LISTED} more of {len(agreement.checks)} quantities")
+    cause = "none of the known mistakes explains the difference"
+    if certain := [finding.message for finding in agreement.findings if finding.certain]:
+        cause = " or ".join(certain)
+    elif agreement.findings:
+        best = agreement.findings[0]
+        cause = f"perhaps: {best.message} (explains {100.0 * best.explains:.0f} %)"
+    lines += textwrap.wrap(f"cause:  {cause}", WIDTH_OF_MESSAGE, subsequent_indent=" " * 8)
+    return "\n".join([*lines, f"again:  {command}"])
 
 
 def _command(

@@ -1,10 +1,9 @@
-"""The pytest plugin: a fixture, TOML files with a formula as tests, and reports of failed tests.
+"""The pytest plugin: a fixture, and TOML files with a formula as tests.
 
 pytest loads it in every run, so it imports nothing of mechsim before a test needs it.
 """
 
 import re
-import tempfile
 from collections.abc import Generator, Iterable
 from fnmatch import fnmatch
 from importlib import import_module
@@ -23,17 +22,10 @@ MAX_LENGTH = 1_000_000
 FORMULA = re.compile(r"^\s*\[\s*formula\s*\]", re.MULTILINE)
 JOINTS = re.compile(r"^\s*(\[\s*joints\b|joints\s*[.=])", re.MULTILINE)
 OTHER_TOML = ("pyproject.toml", "pytest.toml", "ruff.toml", "uv.toml", "pixi.toml")
-CACHE = "mechsim"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Declare the options of a project."""
-    group = parser.getgroup("mechsim")
-    group.addoption(
-        "--mechsim-reports",
-        metavar="DIR",
-        help="Folder for the reports of failed agreements (default: pytest's cache).",
-    )
+    """Declare the setting of a project."""
     parser.addini(
         "mechsim_collect",
         "Patterns of TOML files that are tests if they have a [formula], such as *.toml or models/*.toml; by "
@@ -41,7 +33,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type="args",
         default=[],
     )
-    parser.addini("mechsim_reports", "Folder for the reports of failed agreements.", default="")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -81,27 +72,16 @@ def _has_formula(path: Path) -> bool:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Set the running test, so that an assertion knows where to report."""
+    """Set the running test, so that an assertion can record its result."""
 
     def record(name: str, value: object) -> None:
         item.user_properties.append((name, str(value)))
 
-    token = RUNNING.set(RunningTest(item.nodeid, _reports(item.config), record))
+    token = RUNNING.set(RunningTest(item.nodeid, record))
     try:
         return (yield)
     finally:
         RUNNING.reset(token)
-
-
-def _reports(config: pytest.Config) -> Path:
-    """Return the folder of reports: the requested one, else in pytest's cache, else a temporary one."""
-    requested: str = config.getoption("--mechsim-reports") or config.getini("mechsim_reports")
-    if requested:
-        return config.rootpath / requested
-    cache: Any = getattr(config, "cache", None)
-    if cache is not None:
-        return Path(config.rootpath, config.getini("cache_dir"), "d", CACHE)
-    return Path(tempfile.gettempdir(), "mechsim-reports")
 
 
 @pytest.fixture

@@ -1,9 +1,8 @@
-"""The running test: where its reports go and what it records; the plugin sets it."""
+"""The running test and what it records; the plugin sets it."""
 
 from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass
-from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,12 +11,10 @@ class RunningTest:
 
     Attributes:
         name: its name for pytest.
-        folder: folder of its report; created when needed.
         record: records a name and a value, for JUnit files.
     """
 
     name: str
-    folder: Path
     record: Callable[[str, object], None]
 
 

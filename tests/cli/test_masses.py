@@ -70,16 +70,9 @@ def test_dynamics_reports_the_masses(mechsim, press):
     assert free["masses"] == reported
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["torque", "reactions", "power"])
-def test_plots_of_forces_report_the_masses(mechsim, press, kind):
-    arguments = ("plot", press, "--kind", kind, "-o", "out.svg")
-    assert "rod, slider computed as round steel rods" in mechsim(*arguments).out
-
-
-def test_plots_report_masses_as_json_only_if_used(mechsim, press):
+def test_plots_report_masses_only_if_used(mechsim, press):
     arguments = ("plot", press, "-o", "out.svg", "--json", "--kind")
-    reported = json.loads(mechsim(*arguments, "torque").out)["masses"]
+    reported = json.loads(mechsim(*arguments, "quantities", "--of", "torque").out)["masses"]
     assert [item["link"] for item in reported] == ["crank", "rod", "slider"]
     assert "masses" not in mechsim("plot", press, "--kind", "curve", "-o", "out.svg").out
 

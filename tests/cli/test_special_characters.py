@@ -142,7 +142,7 @@ def test_a_page_escapes_names():
         "solve odd.toml --angles 0:20:10deg",
         "show odd.toml --angle 30deg",
         pytest.param("plot odd.toml --kind motion -o p.png", marks=pytest.mark.slow),
-        "plot odd.toml --kind reactions -o p.svg",
+        "dynamics inverse odd.toml --plot p.svg",
         "export odd.toml -o x.xml",
         pytest.param("export odd.toml --tolerance 1mm -o x.xml", marks=pytest.mark.slow),
     ],

@@ -4,7 +4,6 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -12,6 +11,8 @@ import pytest
 from grids import grid
 
 from mechsim import catalog, load_profile
+from mechsim.analytic.dynamics import dynamic_model
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.errors import InputError, OutputError
 from mechsim.model.forces import Forces
 from mechsim.pictures import plots
@@ -19,7 +20,9 @@ from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.report import plot_table
-from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
+from mechsim.report.plot_table import PLOTS, PlotSource
+from mechsim.studies.drawn_motion import simulated_forces
+from mechsim.studies.motions import profile_of
 from mechsim.subjects.readers import load
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
@@ -36,22 +39,13 @@ def motion(linkage):
     return linkage.solve(ANGLES, 60.0)
 
 
-class SmallPlan:
-    pole = np.zeros(2)
-    vectors = {"a": np.array([1.0, 0.4]), "b": np.array([0.3, 0.9])}  # noqa: RUF012
-    lines = (("a", "b"),)
-    scale = 0.02
-
-
 @pytest.fixture(scope="module")
 def figures(linkage, motion):
     return [
         plots.motion_plot(motion),
         plots.coupler_curve(linkage.mechanism, motion),
-        plots.space_curve(linkage.mechanism, motion),
         plots.transmission_plot(ANGLES, linkage.transmission_angle(ANGLES)),
         plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
-        plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped"),
     ]
 
 
@@ -115,7 +109,7 @@ def test_units_are_chosen_by_magnitude():
     assert readable([0.0], "m") == (1.0, "m")
 
 
-def test_a_space_curve_is_drawn_in_three_projections(linkage, motion):
+def test_a_path_in_space_is_drawn_in_three_projections(linkage, motion):
     flat = catalog.make("four_bar")
     plane_curve = plots.coupler_curve(flat.mechanism, flat.solve(ANGLES))
     three = plots.coupler_curve(linkage.mechanism, motion)
@@ -176,21 +170,22 @@ def test_assembly_curves_are_split_at_full_turns():
         plots.assembly_plot(table, ("turn",))
 
 
-@pytest.mark.slow
-def test_drive_forces_are_drawn_over_time_by_both_methods(monkeypatch):
-    monkeypatch.setattr(plot_table, "SAMPLES", 36)
-    source = PlotSource(solver=load("five_bar"), speed=1.0, options=PlotOptions(method="simulated"))
-    (ax,) = PLOTS["torque"].draw(source).axes
+@pytest.mark.long
+def test_drive_forces_are_drawn_over_time_by_both_methods():
+    solver = load("five_bar")
+    profile = profile_of(solver, 1.0, 1.0)
+    time = np.linspace(0.0, profile.duration, 37)
+    study = prescribed_along(dynamic_model(solver), *profile.state(time), time=time)
+    sheet = plots.dynamics_sheet(study, simulated=simulated_forces(solver, profile, 36))
+    ax = sheet.axes[0]
     assert ax.get_xlabel() == "time [s]"
-    reported = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
-    study = source.study()
+    reported = {line.get_label(): line for line in ax.get_lines()}
     for name, values in study.forces.drives.items():
-        label = next(plane_curve for plane_curve in reported if plane_curve.startswith(name))
+        label = next(label for label in reported if label.startswith(name))
         drawn = reported[label].get_ydata()
         assert drawn / np.abs(drawn).max() == pytest.approx(values / np.abs(values).max())
     assert "MuJoCo" in reported
-    for kind in ("reactions", "power"):
-        assert plots.drawn(PLOTS[kind].draw(source)).startswith(b"<?xml")
+    assert plots.drawn(sheet).startswith(b"<?xml")
 
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):
@@ -217,32 +212,6 @@ def test_a_logarithmic_axis_within_a_decade_has_labels(limits):
     assert not len(ax.xaxis.get_minorticklocs())
 
 
-@pytest.mark.parametrize(
-    ("name", "across", "planes"), grid([("stewart_gough", 6, 6), ("jansen", 6, 2)], ("jansen",))
-)
-def test_reaction_plots_of_many_joints_fit_a_page(monkeypatch, name, across, planes):
-    monkeypatch.setattr(plot_table, "SAMPLES", 24)
-    source = PlotSource(solver=load(name), speed=1.0)
-    figure = PLOTS["reactions"].draw(source)
-    forces = source.study().forces.reactions
-    assert figure.axes[0].get_gridspec().get_geometry() == (planes, across)
-    drawn = [ax for ax in figure.axes if ax.axison]
-    assert len(drawn) == len(forces) * (2 if name == "stewart_gough" else 1)
-    assert all(ax.lines for ax in drawn)
-
-
-def test_rounding_sized_forces_are_drawn_as_zero():
-    vertical_force = np.linspace(-1.0, 1.0, 9)[:, None] * np.array([1e-15, 0.0, 40.0])
-    reactions = {
-        name: SimpleNamespace(link="rod", force=force, moment=force, project=lambda f, m: (f, m))
-        for name, force in {"A": vertical_force, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
-    }
-    record = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))
-    figure = plots.reaction_plot(SimpleNamespace(forces=record))
-    for ax in figure.axes:
-        assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)
-
-
 def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(linkage, motion):
     """A pin on the frame whose coordinates and rates have a rounding error of 1e-17."""
     noise = 1e-17 * np.random.default_rng(3).normal(size=(3, len(motion), 3))
@@ -264,15 +233,10 @@ def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(linkage, motion):
         assert any("rounding" in text.get_text() for text in flat.texts) or row == 0
         assert not signal.texts
     fixed_pin = replace(motion, points={next(iter(linkage.mechanism.points)): pin})
-    for figure in (
-        plots.coupler_curve(linkage.mechanism, fixed_pin),
-        plots.space_curve(linkage.mechanism, fixed_pin),
-    ):
-        low, high = figure.axes[0].get_xlim()
-        assert high - low > 1.0
-    assert "stands still within" in plots.coupler_curve(linkage.mechanism, fixed_pin).axes[0].get_title(
-        "left"
-    )
+    ax = plots.coupler_curve(linkage.mechanism, fixed_pin).axes[0]
+    low, high = ax.get_xlim()
+    assert high - low > 1.0
+    assert "stands still within" in ax.get_title("left")
 
 
 def test_a_rounding_sized_difference_is_drawn_as_zero():

@@ -89,7 +89,7 @@ def test_shadow_layers_are_ordered_close_to_the_wall():
     assert full.ngeom == 7
 
 
-@pytest.mark.parametrize("look", [{"camera": "shaft"}, {"projections": ("P2",)}, {"overlay": 4}])
+@pytest.mark.parametrize("look", [{"camera": "shaft"}, {"overlay": 4}])
 def test_other_views_have_no_wall_shadow(look):
     assert not stage_of("rssr", **look).stands_on_wall
     assert stage_of("rssr").stands_on_wall

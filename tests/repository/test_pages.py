@@ -153,8 +153,8 @@ def test_a_missing_command_option_or_name_is_detected():
     assert shell_lines("```{code-cell} ipython3\n%%sh exits 1\nmechsim show rssr\n```") == [
         "mechsim show rssr"
     ]
-    assert unknown_options("mechsim plot rssr --kind plan -o a.svg | head") == []
-    assert unknown_options("mechsim plot rssr --kinds plan") == ["--kinds"]
+    assert unknown_options("mechsim plot rssr --kind curve -o a.svg | head") == []
+    assert unknown_options("mechsim plot rssr --kinds curve") == ["--kinds"]
     assert unknown_options("mechsim plots rssr") == ["plots"]
     assert unknown_names("ms.catalog.make(1).a; ms.catalog.made(2); ms.solve") == [
         "ms.catalog.made",

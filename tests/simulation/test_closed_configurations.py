@@ -269,7 +269,7 @@ def test_other_joints_can_be_locked() -> None:
     locked = ms.sample(model, 20, lock_others=True).qpos
     assert np.ptp(locked[:, -1]) == 0.0
     assert np.ptp(locked[:, 7]) > 0.5
-    with pytest.raises(ms.InputError, match="--lock-others leaves none to draw"):
+    with pytest.raises(ms.InputError, match="--lock others leaves none to draw"):
         ms.sample(mujoco.MjModel.from_xml_string(FREE_LINKS), 5, lock_others=True)
 
 

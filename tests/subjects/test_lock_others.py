@@ -1,4 +1,4 @@
-"""`--lock-others` locks undetermined joints and no others."""
+"""`--lock others` locks undetermined joints and no others."""
 
 from itertools import pairwise
 

@@ -104,7 +104,7 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
         "-o": outputs,
     },
     "plot": {
-        "--kind": st.sampled_from(["motion", "curve", "space", "transmission", "plan", "x"]),
+        "--kind": st.sampled_from(["motion", "curve", "transmission", "x"]),
         "--points": st.one_of(st.sampled_from(["A", "B", "P3", "A,B"]), st.text(max_size=4)),
         "--angle": quantities,
         "-o": outputs,
@@ -162,7 +162,7 @@ VALID: dict[str, list[str]] = {
     ],
     "--compliance": ["1", "1e-8", "1e-2", "1e3"],
     "--method": ["step", "pose"],
-    "--kind": ["motion", "curve", "space", "transmission"],
+    "--kind": ["motion", "curve", "transmission"],
     "--motor": ["constant:1", "line:2,600rpm", "dc:12,1,0.05"],
     "--flywheel": ["0", "1e-3", "1e3"],
     "--density": ["7850", "1", "1e6"],

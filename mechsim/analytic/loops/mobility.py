@@ -232,7 +232,7 @@ def require_determined(solver: TreeSolver) -> None:
         raise MobilityError(
             f"{loops.tree.mechanism.name}: underdetermined: with the drivers locked, {listed} can still "
             f"move; drive, lock or couple {'them' if len(names) > 1 else 'it'}{base}, lock "
-            f"all undetermined joints (--lock-others), or {STEPPED}",
+            f"all undetermined joints (--lock others), or {STEPPED}",
             "underdetermined",
         )
 

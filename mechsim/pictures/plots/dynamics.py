@@ -49,63 +49,6 @@ class Prescribed(Protocol):
         ...
 
 
-@styled()
-def torque_plot(study: Prescribed, simulated: ForceRecord | None = None) -> "Figure":
-    """Draw the drive torque and its components over the crank angle; or drive forces over time.
-
-    Args:
-        study: the analytic side.
-        simulated: the result of the simulation, drawn as rings.
-    """
-    figure, axes = blank(1, 1, (5.8, 3.2))
-    _driving(axes[0, 0], study, simulated)
-    return figure
-
-
-@styled()
-def reaction_plot(study: Prescribed) -> "Figure":
-    """Draw the force in each joint as a vector over a revolution: its path in x-y and x-z, or in one plane.
-
-    Components within rounding of others are not drawn; a row contains at most `ACROSS` joints.
-    """
-    reactions = study.forces.reactions
-    forces = _joint_forces(study)
-    largest = max((float(np.nanmax(np.abs(force), initial=0.0)) for force in forces.values()), default=0.0)
-    forces = {
-        name: np.where(np.abs(force) < ROUNDING * largest, 0.0, force) for name, force in forces.items()
-    }
-    still = [k for k in range(3) if not any(np.nan_to_num(force[:, k]).any() for force in forces.values())]
-    first, second = (k for k in range(3) if k != (still[-1] if still else 2))
-    planes = [(first, second)] if still else [(0, 1), (0, 2)]
-    across, down = min(len(forces), ACROSS), -(-len(forces) // ACROSS)
-    inches = 2.5 * across + 0.4, 2.6 * len(planes) * down
-    figure, axes = blank(len(planes) * down, across, inches)
-    for number, (name, force) in enumerate(forces.items()):
-        block, column = divmod(number, ACROSS)
-        factor, unit = readable(force, "N")
-        for row, (i, j) in enumerate(planes):
-            ax = axes[len(planes) * block + row, column]
-            ax.plot(force[:, i] / factor, force[:, j] / factor, color=COLOURS[number % 6])
-            ax.plot(*(force[0, [i, j]] / factor), "o", ms=4, color=COLOURS[number % 6])
-            ax.plot(0.0, 0.0, "+", color=RINGS)
-            ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
-            ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
-            ax.set_aspect("equal", adjustable="datalim")
-        axes[len(planes) * block, column].set_title(label_of(f"{name}: on {reactions[name].link}"))
-    for ax in axes.flat:
-        if not ax.lines:
-            ax.set_axis_off()
-    return figure
-
-
-@styled()
-def energy_plot(study: Prescribed) -> "Figure":
-    """Draw the power balance: drive and loads in, losses out, the rest stored."""
-    figure, axes = blank(1, 1, (5.8, 3.2))
-    _powers(axes[0, 0], study)
-    return figure
-
-
 class WithEnergies(Protocol):
     """A run with its energies, (n,) each in [J]."""
 

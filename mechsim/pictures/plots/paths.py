@@ -1,8 +1,8 @@
-"""Plots in space: paths of points, assemblies, velocity plans and kinematic diagrams."""
+"""Paths of points, assemblies and kinematic diagrams."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from mechsim.pictures.plots.figure import (
     styled,
 )
 from mechsim.shapes.body import edges, point_colours, span, stations, travels
-from mechsim.shapes.camera import clearest_pose, directions, nice, upright
+from mechsim.shapes.camera import clearest_pose, directions, nice
 from mechsim.shapes.gears import racks_of, wheels_of
 
 if TYPE_CHECKING:
@@ -187,19 +187,6 @@ def _hatch(ax: "Axes", line: Array, length_scale: float) -> None:
         ax.plot(*stroke.T, color=INK, lw=0.7, zorder=2)
 
 
-class DrawablePlan(Protocol):
-    """The interface of a velocity plan: see `velocity_plan.DrawablePlan`."""
-
-    @property
-    def pole(self) -> Array: ...
-    @property
-    def vectors(self) -> Mapping[str, Array]: ...
-    @property
-    def lines(self) -> tuple[tuple[str, str], ...]: ...
-    @property
-    def scale(self) -> float: ...
-
-
 @styled()
 def coupler_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
     """Draw the paths of points: in their common plane if there is one, else seen along Z, X and Y.
@@ -233,70 +220,6 @@ def coupler_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | 
             ax.set_title(f"stands still within {ROUNDED * scale:.1g} m")
         ax.set_aspect("equal", adjustable="datalim")
     axes[0, 0].legend(loc="best")
-    return figure
-
-
-@styled()
-def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
-    """Draw the paths of points in perspective, with their shadows on the floor; see `coupler_curve`."""
-    names, colours = chosen(motion, points), point_colours(mechanism)
-    positions = {name: motion.points[name].position for name in names}
-    everything = np.vstack(list(positions.values()))
-    factor, unit = readable(everything, "m")
-    # a cube that contains everything, so that lengths are comparable between axes
-    middle = (everything.min(0) + everything.max(0)) / 2.0 / factor
-    spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
-    half = (0.55 * spread if spread >= ROUNDED * scale else 0.5 * scale) / factor
-    up = upright(mechanism)
-    vertical = int(np.argmax(np.abs(up)))
-    order = [(vertical + 1) % 3, (vertical + 2) % 3, vertical]
-    floor = middle[vertical] - half * up[vertical]
-    figure, axes = blank(1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"})
-    ax = axes[0, 0]
-    for name, position in positions.items():
-        colour = colours[name]
-        # matplotlib's z axis always points up
-        first, second, height = (position / factor)[:, order].T
-        ax.plot(first, second, np.full_like(height, floor), color="#b9bfc8", lw=1.0)
-        ax.plot(first, second, height, color=colour, label=label_of(name))
-        ax.plot(first[:1], second[:1], height[:1], "o", ms=4, color=colour)
-    for axis, i in zip("xyz", order, strict=True):
-        getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
-        getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
-        # more ticks than these overlap on an axis that points away from the viewer
-        ax.locator_params(axis, nbins=5)
-    if up[vertical] < 0.0:
-        ax.invert_zaxis()
-    in_perspective(ax, 0.82)
-    ax.legend(loc="upper left")
-    return figure
-
-
-@styled()
-def velocity_plan_plot(plan: DrawablePlan, title: str = "") -> "Figure":
-    """Draw a velocity plan: a vector from the pole p to every point, and thin lines between them."""
-    vectors = {name: plan.scale * (np.asarray(end)[:2] - plan.pole[:2]) for name, end in plan.vectors.items()}
-    reach = max(float(np.linalg.norm(end)) for end in vectors.values())
-    factor, unit = readable(np.array([reach]), "m/s")
-    figure, axes = blank(1, 1, (4.4, 4.2))
-    ax = axes[0, 0]
-    for i, (name, end) in enumerate(vectors.items()):
-        tip = end / factor
-        arrow = {"arrowstyle": "-|>", "color": COLOURS[i % 6], "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", tip, (0.0, 0.0), arrowprops=arrow)
-        ax.plot(*tip, "o", ms=2, color=COLOURS[i % 6])
-        away = 8.0 * end / max(float(np.linalg.norm(end)), 1e-300)
-        ax.annotate(name, tip, away, textcoords="offset points", ha="center", va="center", style="italic")
-    for a, b in plan.lines:
-        both = np.array([vectors[a], vectors[b]]) / factor
-        ax.plot(*both.T, color="#5b6470", lw=0.9, ls="--")
-    ax.plot(0.0, 0.0, "o", ms=5, color="#222831")
-    ax.annotate("p", (0.0, 0.0), (-8, -8), textcoords="offset points", style="italic")
-    ax.set_xlabel(f"velocity along x [{unit}]")
-    ax.set_ylabel(f"velocity along y [{unit}]")
-    ax.set_title(title)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.margins(0.15)
     return figure
 
 

@@ -1,8 +1,8 @@
-"""Plots of runs from an initial state and of vibrations: histories, phase portrait, Bode diagram, modes."""
+"""Plots of runs from an initial state and of vibrations: histories, Bode diagram, modes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,7 +13,6 @@ from mechsim.model.links import GROUND, IDENTITY
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.dynamics import WithEnergies, draw_energies
 from mechsim.pictures.plots.figure import (
     COLOURS,
@@ -104,32 +103,6 @@ def _coordinates(ax: Axes, time: Array, motion: Motion, unit: str) -> None:
     scale = max(float(np.abs(values).max(initial=0.0)) for values in curves.values())
     flattened(ax, scale / factor, text)
     ax.legend(**LEGEND_RIGHT)
-
-
-@styled()
-def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> Figure:
-    """Draw the rate of joint coordinates over their value; a dot marks the start.
-
-    Args:
-        motion: of a run.
-        names: joints; None takes the drivers, or the first joint where there are none.
-    """
-    chosen = tuple(names or motion.drivers or [*motion.joints][:1])
-    for name in chosen:
-        if name not in motion.joints or motion.joints[name].value.ndim > 1:
-            names = ", ".join(name for name, joint in motion.joints.items() if joint.value.ndim == 1)
-            raise InputError(
-                f"no joint {name!r} with one coordinate for a phase portrait; choose from {names}"
-            )
-    figure, axes = blank(1, len(chosen), (3.6 * len(chosen), 3.2))
-    for ax, name in zip(axes[0], chosen, strict=True):
-        joint = motion.joints[name]
-        factor, unit = (np.pi / 180.0, "°") if joint.unit == "rad" else readable(joint.value, joint.unit)
-        ax.plot(joint.value / factor, joint.rate, color=COLOURS[0])
-        ax.plot(joint.value[0] / factor, joint.rate[0], "o", ms=4, color=COLOURS[1])
-        ax.set_xlabel(label_of(f"{name}.q [{unit}]"))
-        ax.set_ylabel(label_of(f"{name}.v [{joint.unit}/s]"))
-    return figure
 
 
 @styled()

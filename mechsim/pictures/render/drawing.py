@@ -59,7 +59,7 @@ class Shadow:
     """The shadow of a drawn model's solids on its first wall."""
 
     def __init__(self, drawn: DrawnModel):
-        model, wall = drawn.model, drawn.walls[0]
+        model, wall = drawn.model, drawn.wall
         self.drawn, self.point, self.normal = drawn, wall.point, wall.normal
         # a ghost is transparent and casts no shadow
         solid = (model.geom_type != PLANE) & (model.geom_rgba[:, 3] == 1.0)
@@ -71,7 +71,7 @@ class Shadow:
         light = scenery.light_direction(drawn.camera, wall.normal)
         along = np.outer(light, wall.normal) / float(light @ wall.normal)
         self.press = np.eye(3) - along + MIN_THICKNESS * np.outer(wall.normal, wall.normal)
-        lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missing_light(wall))
+        lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missing_light)
         shares = np.arange(1, LAYERS + 1) / LAYERS
         tones = np.multiply.outer(np.minimum(lit + shares * (unlit - lit), 1.0), scenery.PAPER)
         self.colours = np.column_stack([tones / (1.0 + GLOW), np.ones(LAYERS)]).astype(np.float32)
@@ -116,13 +116,8 @@ class Trace:
             colour = np.array(colours[name])
             colour[:3] *= 0.9
             self.paths[name] = chain(path, self.width, colour)
-            if name in look.projections:
-                thrown = [chain(drawn.thrown(path, wall), self.width, colour) for wall in drawn.walls]
-                self.fixed.extend(thrown)
         if look.trace == "whole":
             self.fixed.extend(self.paths.values())
-        if look.direction:
-            self.fixed.extend(self._rotation_arrow())
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:
         """Add shadow, lines and arrows of a frame to a scene."""
@@ -157,21 +152,6 @@ class Trace:
             geom.emission, geom.category = 0.6, DECOR
             scene.ngeom += 1
 
-    def _rotation_arrow(self) -> list[Chain]:
-        """Add an arrow around the crank shaft, in its direction of rotation, on the camera's side."""
-        drawn = self.drawn
-        end, radius = drawn.mechanism.driven_joints[0].a, drawn.radius
-        axis, forward = np.asarray(end.axis), drawn.forward
-        lift = 3.0 * radius * axis * np.sign(axis @ drawn.camera.back + 1e-12)
-        angle = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)
-        ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(49)]) @ end.frame.T
-        arc = np.asarray(end.point) + lift + 5.0 * radius * ring
-        tip, ahead = arc[-1], arc[-1] - arc[-2]
-        ahead /= np.linalg.norm(ahead)
-        ink, width = np.array([0.11, 0.13, 0.16, 1.0]), 0.5 * radius
-        barbs = [tip - 1.8 * radius * (ahead + side * 0.7 * ring[-1]) for side in (1.0, -1.0)]
-        return [chain(arc, width, ink), chain(np.array([barbs[0], tip, barbs[1]]), width, ink)]
-
 
 def frames(
     mechanism: Mechanism,
@@ -202,11 +182,11 @@ def frames(
         options: fields of `Look`, in place of the look's own.
 
     Raises:
-        InputError: for an unknown option, camera, point or back end, or a motion without links.
+        InputError: for an unknown option or camera, or a motion without links.
         MissingToolError: where this machine has no OpenGL.
     """
     drawn = Source(mechanism, motion, exact, forces, moments, every).drawn(changed(look, options), angles)
-    return draw(drawn, backends.choose(drawn.look.backend))
+    return draw(drawn, backends.choose())
 
 
 def still(
@@ -234,7 +214,7 @@ def still(
     view = drawn.camera.right, drawn.camera.up
     posed = angle is None and drawn.look.overlay == 1
     start = clearest_pose(mechanism, drawn.frames.poses, view) if posed else 0
-    with closing(draw(drawn, backends.choose(drawn.look.backend), start)) as pictures:
+    with closing(draw(drawn, backends.choose(), start)) as pictures:
         return next(pictures)
 
 
@@ -251,7 +231,6 @@ class Source:
 
     def drawn(self, look: Look, angles: ArrayLike | None = None) -> DrawnModel:
         """Return the drawn model of all samples, or of given crank angles."""
-        look.check(self.mechanism)
         if self.exact is not None and look.overlay > 1:
             raise InputError("a ghost over overlaid positions cannot be read; ask for one position")
         shown = self.frames(angles)

@@ -22,7 +22,7 @@ from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import GREY, Arrows, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
-from mechsim.shapes.camera import Angles, Wall, add_stands, backdrop, corner, lowered
+from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
@@ -211,7 +211,7 @@ class DrawnModel:
         data: its state.
         links: names of the moving links, and of the rods of distance joints.
         grid_step: edge of a grid cell in [m].
-        walls: planes with a grid.
+        wall: the plane with a grid.
         forward: whether the crank turns in the positive direction.
         up: unit vector that points up, (3,).
         normals: normals of links that all move in one plane; None for others.
@@ -243,14 +243,11 @@ class DrawnModel:
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera, look.up, look.angles)
         self._clear_walls()
-        if look.projections:
-            corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
-            balls, radii = np.vstack([balls, corners]), np.append(radii, np.zeros(len(corners)))
         lines = bool(look.caption) + bool(self.distant.label) + (ghost is not None) + len(self.arrows)
         free = foot(look.size, lines) if look.notes else 0.0
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
         self.grid_step = cameras.nice(self.camera.height / 9.0)
-        self.walls = self._walls()
+        self.wall = backdrop(mechanism, self.camera, self.up, self.low, self.high, self.grid_step)
         self.model = plainly_compiled(self._spec())
         scenery.set_height(self.model, CAMERA, self.camera)
         self.data = mujoco.MjData(self.model)
@@ -287,17 +284,10 @@ class DrawnModel:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def missing_light(self, wall: Wall) -> float:
-        """Return the emission for which a slanted wall looks as white as a frontal one."""
-        if self.look.projections:
-            lit, _ = scenery.brightness(self.camera, wall.normal, 0.0, self._facing.normal)
-            return 0.97 - lit
-        return 0.25 * (1.0 - float(wall.normal @ self.camera.back))
-
-    def thrown(self, path: Array, wall: Wall) -> Array:
-        """Return a path projected onto a wall, with an invisible distance from it."""
-        height = (path - wall.point) @ wall.normal - 0.15 * self.radius
-        return path - height[:, None] * wall.normal
+    @property
+    def missing_light(self) -> float:
+        """The emission for which a slanted wall looks as white as a frontal one."""
+        return 0.25 * (1.0 - float(self.wall.normal @ self.camera.back))
 
     def _shapes(self) -> dict[str, list[Shape]]:
         """The bodies of links that the look gives, else those drawn from the joints."""
@@ -348,20 +338,11 @@ class DrawnModel:
             self.low = np.where(self.up > 0.5, keep, self.low)
             self.high = np.where(self.up < -0.5, top, self.high)
 
-    def _walls(self) -> list[Wall]:
-        if self.look.projections:
-            return corner(self.camera, self.low, self.high)
-        return [backdrop(self.mechanism, self.camera, self.up, self.low, self.high, self.grid_step)]
-
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
         scenery.prepare(spec, self.camera, middle)
-        scenery.add_light(spec, self.camera, middle, self._facing.normal, shadow=False)
-        if look.projections:
-            depth = 2.0 * self.camera.height + 2.0 * float(np.linalg.norm(self.high - self.low))
-            scenery.add_sheet(spec, self.camera, depth)
-        for i, wall in enumerate(self.walls):
-            scenery.add_grid(spec, f"wall{i}", wall, self.grid_step, self.missing_light(wall))
+        scenery.add_light(spec, self.camera, middle, self.wall.normal, shadow=False)
+        scenery.add_grid(spec, "wall", self.wall, self.grid_step, self.missing_light)
         for shape in self.shapes[GROUND]:
             scenery.add_shape(spec, spec.worldbody, shape)
         for link in self.links:
@@ -377,18 +358,13 @@ class DrawnModel:
         return spec
 
     @property
-    def _facing(self) -> Wall:
-        """The wall that faces the camera most directly; the lamp is set for it."""
-        return max(self.walls, key=lambda wall: float(wall.normal @ self.camera.back))
-
-    @property
     def stands_on_wall(self) -> bool:
         """Whether the backdrop supports the mechanism; on a distant wall a shadow only confuses."""
-        if self.look.projections or self.look.overlay > 1:
+        if self.look.overlay > 1:
             return False
         if self.normals:
-            return abs(float(self.normals[GROUND] @ self.walls[0].normal)) > 0.9
-        return self.look.camera == "iso" and abs(float(self.up @ self.walls[0].normal)) > 0.9
+            return abs(float(self.normals[GROUND] @ self.wall.normal)) > 0.9
+        return self.look.camera == "iso" and abs(float(self.up @ self.wall.normal)) > 0.9
 
 
 def _body(link: str, copy: int) -> str:

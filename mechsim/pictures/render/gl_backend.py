@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 from mujoco.rendering.classic import gl_context
 
-from mechsim.errors import InputError, MissingToolError, require_extra
+from mechsim.errors import MissingToolError, require_extra
 
 # order of trial; macOS and Windows have one back end each
 ORDER = {"linux": ("egl", "osmesa"), "darwin": ("cgl",), "win32": ("glfw",)}.get(sys.platform, ("glfw",))
@@ -55,29 +55,21 @@ class Backend:
         return f"{self.name}: {self.driver}, {'software' if self.software else 'hardware'}"
 
 
-def choose(forced: str | None = None) -> Backend:
-    """Return the back end for rendering: the forced one, else the first of EGL and OSMesa that works.
+def choose() -> Backend:
+    """Return the back end for rendering: that of MUJOCO_GL, else the first of EGL and OSMesa that works.
 
     Raises:
-        InputError: for a name this platform does not know, or one this process can no longer use.
         MissingToolError: where none works; names the package that brings one, or the extra of mechsim.
     """
-    if forced is not None and forced not in ORDER:
-        raise InputError(f"there is no OpenGL back end {forced!r} here; choose from {', '.join(ORDER)}")
     require_extra("pictures", "PIL")
     current = _current_backend()
-    if forced and current and forced != current:
-        raise InputError(
-            f"this process already draws with {current}; start another one to draw with {forced}"
-        )
-    requested = forced or current
-    for name in (requested,) if requested else _preferred():
-        backend = probe(name)
-        if backend:
+    names = (current,) if current else _preferred()
+    for name in names:
+        if backend := probe(name):
             return backend
-    tried = requested or " and ".join(ORDER)
-    packages = " or ".join(PACKAGES[name] for name in ORDER if name in PACKAGES and requested in (None, name))
+    packages = " or ".join(PACKAGES[name] for name in names if name in PACKAGES)
     remedy = f"; install the system package {packages}" if packages else ""
+    tried = " and ".join(names)
     raise MissingToolError(f"no picture can be drawn: OpenGL by {tried} does not work here{remedy}")
 
 

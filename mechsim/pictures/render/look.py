@@ -1,4 +1,4 @@
-"""Contents of a picture: size, camera, paths, labels, projections, overlaid positions."""
+"""Contents of a picture: size, camera, paths, labels, overlaid positions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism, Up, require_axis
+from mechsim.model.mechanism import Up, require_axis
 from mechsim.shapes.camera import PRESETS, Angles
 from mechsim.shapes.shape import Shape
 from mechsim.units import option, parse_names
@@ -35,13 +35,10 @@ class Look:
     Attributes:
         size: (width, height) in pixels.
         camera: "iso", "shaft" (along the crank shaft), "top" or "side".
-        backend: OpenGL back end to force; None takes the first that works.
         paths: of tracked points: True or "grow" draws them behind the points, "tail" only the last
             quarter of a turn, so that a full turn can be played in a loop, "whole" all at once.
         labels: whether tracked points have labels.
         notes: whether the picture has a scale bar, name and crank angle.
-        direction: whether an arrow shows the direction in which the crank rotates.
-        projections: tracked points whose paths are also projected onto the planes XY, XZ and YZ.
         overlay: number of positions drawn together over the whole motion; 1 draws one in each frame.
         arrows: what arrows show: "velocity" and "acceleration" of tracked points, "force" and "moment"
             where they were given.
@@ -58,23 +55,14 @@ class Look:
         (640, 480), "Width and height in pixels.", read=parse_pixels, text="960x720"
     )
     camera: str = option("iso", "View: iso, shaft, top or side.")
-    backend: str | None = option(None, "OpenGL back end: egl or osmesa. Default: the first that works.")
-    paths: bool | Paths = option(True, "Draw the paths of tracked points.")
-    labels: bool = option(True, "Write the names of tracked points.")
+    paths: bool | Paths = True
+    labels: bool = True
     notes: bool = True
-    direction: bool = option(False, "Show the direction in which the crank rotates.")
-    projections: tuple[str, ...] = option(
-        (),
-        "Also draw the projections of these points' paths on the coordinate planes.",
-        read=parse_names,
-        name="--project",
-        metavar="POINTS",
-    )
     overlay: int = option(1, "Positions overlaid in a picture.", name="--positions")
     arrows: tuple[Arrow, ...] = option(
         (), "Draw arrows of velocity, acceleration, force or moment.", read=parse_names, metavar="KINDS"
     )
-    magnify: float | None = option(None, "Factor on the error shown by --from both. Default: a power of ten.")
+    magnify: float | None = None
     caption: str = ""
     bodies: Mapping[str, Sequence[Shape]] | None = None
     closures: tuple[str, ...] = ()
@@ -107,15 +95,6 @@ class Look:
         if isinstance(self.paths, str):
             return self.paths
         return "grow" if self.paths else None
-
-    def check(self, mechanism: Mechanism) -> None:
-        """Raise InputError for a requested point that the mechanism does not track."""
-        for name in self.projections:
-            if name not in mechanism.points:
-                raise InputError(
-                    f"{mechanism.name} has no point {name!r} to project; "
-                    f"choose from {', '.join(mechanism.points)}"
-                )
 
 
 def changed(look: Look | None, options: dict[str, Any]) -> Look:

@@ -229,16 +229,6 @@ def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, grid_step: float, emiss
     plane.contype = plane.conaffinity = 0
 
 
-def add_sheet(spec: mujoco.MjSpec, camera: Camera, depth: float) -> None:
-    """Add a plain sheet normal to a camera, `depth` behind it: MuJoCo's own background is black."""
-    spec.add_material(name="paper", specular=0.0, shininess=0.0, emission=1.0, rgba=(*PAPER, 1.0))
-    sheet = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, material="paper")
-    sheet.pos = camera.position - depth * camera.back
-    sheet.size = [4.0 * camera.height, 4.0 * camera.height, 1.0]
-    sheet.quat = quaternion(np.column_stack([camera.right, camera.up, camera.back]))
-    sheet.contype = sheet.conaffinity = 0
-
-
 def add_camera(spec: mujoco.MjSpec, name: str, camera: Camera) -> None:
     """Add a camera with parallel projection; `set_height` gives one above `HIGHEST` its height."""
     view = spec.worldbody.add_camera(name=name, pos=camera.position)
@@ -267,20 +257,16 @@ def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array,
     light.castshadow = shadow
 
 
-def brightness(
-    camera: Camera, normal: Array, emission: float, lamp_over: Array | None = None
-) -> tuple[float, float]:
+def brightness(camera: Camera, normal: Array, emission: float) -> tuple[float, float]:
     """Return the brightness of a white wall relative to its colour, in the lamp's light and in its shadow.
 
     Args:
         camera: the camera with the headlight.
         normal: unit vector off the wall.
         emission: light of its own.
-        lamp_over: normal of the wall that the lamp was set for, if another.
     """
     unlit = emission + AMBIENT + HEADLIGHT * max(0.0, float(normal @ camera.back))
-    along = light_direction(camera, normal if lamp_over is None else lamp_over)
-    return unlit + LAMP * max(0.0, -float(normal @ along)), unlit
+    return unlit + LAMP * max(0.0, -float(normal @ light_direction(camera, normal))), unlit
 
 
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
