@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, loops
+from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.errors import MechsimError
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 
 # their loops assemble only with parallel axes or under Bennett's condition
@@ -78,3 +81,38 @@ def test_the_correction_is_no_larger_than_the_error():
     joints[-1] = replace(joints[-1], b=tilted)
     result = corrected(replace(whole, joints=tuple(joints)))
     assert 0.3e-6 < largest_change(result)[1] < 3e-6 * (1.0 + 1e-6)
+
+
+def row_of_four_bars(count: int) -> Mechanism:
+    """Return four-bars in a row, of which the rocker of each is the crank of the next."""
+    tips = [(i + 0.2 * (-1.0) ** i, 1.0 + 0.1 * (i % 3), 0.0) for i in range(count + 1)]
+    joints = [
+        Joint(
+            f"A{i}", "revolute", End("ground", (float(i), 0.0, 0.0)), End(f"crank{i}", (float(i), 0.0, 0.0))
+        )
+        for i in range(count + 1)
+    ]
+    for i in range(count):
+        joints += [
+            Joint(f"{name}{i}", "revolute", End(f"crank{k}", tips[k]), End(f"rod{i}", tips[k]))
+            for name, k in (("B", i), ("C", i + 1))
+        ]
+    links = [Link(f"crank{i}") for i in range(count + 1)] + [Link(f"rod{i}") for i in range(count)]
+    points = {"P": (f"crank{count}", tips[count])}
+    return Mechanism("row", tuple(links), tuple(joints), "A0", points)
+
+
+@pytest.mark.parametrize("count", [1, 24])
+def test_a_long_row_of_exact_loops_is_not_changed(count):
+    """Its smallest singular value falls as 1 / count, as that of a loop with rounded angles."""
+    row = row_of_four_bars(count)
+    assert corrected(row).mechanism is row
+    # Gruebler: three degrees of freedom of each link, without two in each joint
+    assert driver_determinacy(row).dofs == 3 * (2 * count + 1) - 2 * (3 * count + 1)
+
+
+def test_one_rounded_axis_in_a_row_is_corrected():
+    row = row_of_four_bars(2)
+    joints = list(row.joints)
+    joints[-1] = replace(joints[-1], b=replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), reference=None))
+    assert largest_change(corrected(replace(row, joints=tuple(joints))))[1] > 0.3e-6

@@ -31,7 +31,7 @@ from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import VIRTUAL_PREFIX, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, pivot_columns, significant
 
 # largest correction of a point relative to the characteristic length, and of an axis in [rad]
 MAX_CORRECTION = 1e-4
@@ -40,6 +40,9 @@ MAX_CORRECTION = 1e-4
 # rounded angles
 MAX_ANGLE, USUAL_ANGLE = 0.005, float(np.deg2rad(15.0))
 ANGLE_TOLERANCE = 2.0 * MAX_ANGLE
+# normal part of an equation's gradient, relative to those of its loop, above which it is independent: ten
+# times that of equations with rounded angles
+INDEPENDENT = 0.1
 # error of an angle that is rounding of its evaluation, in [rad]
 EXACT = 1e-9
 # sweeps over the pairs of axes of a link: each changes the angles corrected before by their product, 1e-6
@@ -101,6 +104,8 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     """
     loops, guess = _loops_and_guess(mechanism)
     if not loops.rows:
+        return Corrected(mechanism)
+    if all(_is_exact(loops, q) for q in generic_poses(loops, guess, PROBES, RANK_TOLERANCE)):
         return Corrected(mechanism)
     nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
     if not _inconsistent(loops, _joined(nearly), ANGLE_TOLERANCE):
@@ -287,6 +292,35 @@ def _inconsistent(loops: TreeLoops, q: Coordinates, tolerance: float) -> bool:
     values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
     nearly_redundant = significant(values) & ~significant(values, tolerance, tolerance)
     return bool((np.abs(residual) > ROUNDING).any() or nearly_redundant.any())
+
+
+def _is_exact(loops: TreeLoops, q: Coordinates) -> bool:
+    """Whether loops close, and each equation is independent of those of earlier loops, or depends on them.
+
+    In a row of n loops the smallest singular value falls as 1/n. The part of an equation's gradient that is
+    normal to those before it does not; it is compared with the longest of its loop, of lengths or angles.
+    """
+    residual, jacobian, _ = loops.linearise(q)
+    if not np.abs(residual).max() <= ROUNDING:
+        return False
+    basis, groups = np.zeros((0, loops.count)), [(len(cut.lengths), cut.rows) for cut in loops.cuts]
+    first = 0
+    for lengths, rows in [*groups, *[(1, 1)] * len(loops.couplings)]:
+        block = jacobian[first : first + rows, :, 0]
+        norms, first = np.linalg.norm(block, axis=1), first + rows
+        longest = np.repeat(
+            [norms[:lengths].max(initial=FLOOR), norms.max(initial=FLOOR)], [lengths, rows - lengths]
+        )
+        rest = block / longest[:, None]
+        # the second projection removes the rounding of the first
+        for _ in range(2):
+            rest = rest - rest @ basis.T @ basis
+        order, sizes = pivot_columns(rest.T)
+        if ((sizes > RANK_TOLERANCE) & (sizes < INDEPENDENT)).any():
+            return False
+        new = rest[order[: int((sizes >= INDEPENDENT).sum())]]
+        basis = np.concatenate([basis, np.linalg.qr(new.T)[0].T])
+    return True
 
 
 def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float) -> set[str]:
