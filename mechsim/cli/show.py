@@ -74,6 +74,7 @@ class ShowJson(TypedDict):
     links: list[str]
     joints: list[Joint]
     couplings: list[Coupling]
+    belts: dict[str, dict[str, Any]]
     locked: dict[str, float]
     limits: dict[str, list[float | None]]
     mobility: int | Determinacy
@@ -172,6 +173,11 @@ def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
     print_table("Joints", ("joint", "kind", "links"), joints)
     couplings = [(law.name, _sum(law.left_terms), _polynomial(law)) for law in data["couplings"]]
     print_table("Couplings", ("coupling", "driven", "equals"), couplings)
+    belts = [
+        (name, belt["length"], ", ".join(map(_degrees, belt["wraps"])))
+        for name, belt in data["belts"].items()
+    ]
+    print_table("Belts", ("belt", "length [m]", "wrap angles [deg], from the driver on"), belts)
     limits = [
         (name, *("none" if end is None else _text(end) for end in ends), mechanism.unit(name))
         for name, ends in data["limits"].items()

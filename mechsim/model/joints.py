@@ -51,6 +51,24 @@ class Gear:
 
 
 @dataclass(frozen=True, slots=True)
+class Belt:
+    """Pulleys of a belt or chain, in [m].
+
+    Attributes:
+        radii: of driver and driven pulley.
+        length: of the belt, if stated; else 0.
+        tensioner: point of the shaft of a pulley that presses on the outside, on side a of the joints; or
+            None.
+        tensioner_radius: of this pulley.
+    """
+
+    radii: tuple[float, float]
+    length: float = 0.0
+    tensioner: Vector | None = None
+    tensioner_radius: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Coupling:
     """left - zeros[0] = p(right - zeros[1]), where left and right are weighted sums of coordinates.
 
@@ -65,6 +83,7 @@ class Coupling:
             tangential. None for an ideal transmission without teeth.
         function: takes the place of p; the coefficients are then empty.
         repeats: whether the function repeats after a revolution of the right side, as that of a cam.
+        belt: pulleys of a belt or chain, for its length and its picture.
         rope: whether it is a rope under tension, the left side its path and the right one empty.
     """
 
@@ -80,6 +99,7 @@ class Coupling:
     function: CouplingFunction | None = None
     rope: bool = False
     repeats: bool = False
+    belt: Belt | None = None
 
     def __post_init__(self) -> None:
         counts = (1, MAX_DEGREE + 1) if self.function is None else (0, 0)

@@ -10,6 +10,7 @@ import numpy as np
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
+from mechsim.model.belts import belts_of
 from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
@@ -97,6 +98,7 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
         "links": [link.name for link in mechanism.links],
         "joints": mechanism.joints,
         "couplings": mechanism.laws,
+        "belts": {b.name: {"length": b.length, "wraps": b.wraps.tolist()} for b in belts_of(mechanism)},
         "locked": dict(mechanism.locked),
         "limits": {
             name: [None if abs(end) == np.inf else end for end in ends] for name, ends in limits.items()

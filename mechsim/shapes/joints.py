@@ -235,6 +235,10 @@ def link_shapes(
         if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
     draw_gears(canvas)
+    if any(coupling.belt for coupling in mechanism.couplings):
+        from mechsim.shapes.belts import draw_belts
+
+        draw_belts(canvas)
     draw_contacts(canvas)
     return canvas.out
 

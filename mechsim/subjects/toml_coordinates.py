@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.files import read
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
-from mechsim.model.joints import Coupling, Gear, state_variable
+from mechsim.model.joints import Belt, Coupling, Gear, state_variable
 from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
@@ -304,7 +304,7 @@ _KEYS_OF_KIND = {
     "travel": ("phase", "pressure_angle"),
     "coefficients": ("zeros", "turns", "pressure_angle"),
     "function": ("zeros", "turns", "periodic"),
-    "radii": ("crossed", "phase"),
+    "radii": ("crossed", "phase", "length", "tensioner"),
     "rope": ("length", "path"),
 }
 
@@ -492,7 +492,11 @@ def _belt(
     if not min(table["radii"]) > 0.0:
         raise coordinates.error((*path, "radii"), "is no pair of radii above 0; give driver and driven")
     ratio = table["radii"][0] / table["radii"][1] * (-1.0 if table.get("crossed") else 1.0)
-    return Coupling(name, driven, driver, (phase, ratio), turns=True)
+    pulley = table.get("tensioner", {"at": None, "radius": 0.0})
+    if pulley["at"] and not pulley["radius"] > 0.0:
+        raise coordinates.error((*path, "tensioner", "radius"), "is no radius above 0; enlarge it")
+    belt = Belt(tuple(table["radii"]), table.get("length", 0.0), pulley["at"], pulley["radius"])
+    return Coupling(name, driven, driver, (phase, ratio), turns=True, belt=belt)
 
 
 def _zero(coordinates: FileCoordinates, side: Side, written: Any, path: KeyPath) -> float:

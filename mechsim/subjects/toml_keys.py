@@ -346,8 +346,13 @@ _COUPLING = Table(
         "periodic": Boolean("whether the table repeats after its last row"),
         "radii": ListOf(Number("m", "a radius"), "of a belt or chain: radii of driver and driven", 2),
         "crossed": Boolean("whether the belt is crossed"),
+        "tensioner": Table(
+            {"at": vector("m", "its centre on the link of the shafts"), "radius": Number("m", "its radius")},
+            "pulley that presses on the outside of a belt",
+            ("at", "radius"),
+        ),
         "rope": TableOf(Number("1", "in SI"), "of a rope: change of its path per coordinate, by coordinate"),
-        "length": Number("m", "of a rope"),
+        "length": Number("m", "of a rope or belt"),
         "path": Number("m", "of a rope: length of its path where its coordinates are 0"),
         "phase": JointNumber("driven coordinate at zero of the driver's; default 0"),
         "zeros": ListOf(

@@ -134,7 +134,7 @@ def mechanism_of(
     source, read = coordinates.values.source, coordinates.read
     start, guess_coordinates = start_of(coordinates, drivers)
     gears, couplings = couplings_of(coordinates)
-    return Mechanism(
+    mechanism = Mechanism(
         name=read["name"],
         links=tuple(links_of(source, read)),
         joints=tuple(joint_of(source, name, entry) for name, entry in read["joints"].items()),
@@ -151,6 +151,12 @@ def mechanism_of(
         guess_coordinates=guess_coordinates,
         up=_up(read),
     )
+    if any(coupling.belt for coupling in couplings):
+        from mechsim.model.belts import belts_of
+
+        # rejects pulleys that overlap
+        list(belts_of(mechanism))
+    return mechanism
 
 
 def formula_path(source: TomlSource, formula: str) -> str:

@@ -284,6 +284,11 @@ def _coupling(coupling: Coupling) -> dict[str, Any]:
     if coupling.rope:
         return {"rope": coupling.left_terms, "length": coupling.coefficients[0]}
     sides = {"driven": coupling.left, "driver": coupling.right}
+    if (belt := coupling.belt) is not None:
+        pulley = {} if belt.tensioner is None else {"at": belt.tensioner, "radius": belt.tensioner_radius}
+        table = {"radii": belt.radii, "crossed": coupling.ratio < 0.0, "phase": coupling.coefficients[0]}
+        table |= {"length": belt.length, "tensioner": pulley}
+        return _stated(sides | table, crossed=False, phase=0.0, length=0.0, tensioner={})
     table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle")
     table |= _function(coupling.function)
     defaults = {"driver": {}, "zeros": (0.0, 0.0), "turns": False, "pressure_angle": None}

@@ -57,3 +57,14 @@ def planetary_gear(angle, p):
     planet = angle * (1.0 - p["teeth_ring"] / p["teeth_planet"])
     sun = angle * (1.0 + p["teeth_ring"] / p["teeth_sun"])
     return {"axle": axle, "planet": axle + on_circle(planet, p["planet"]), "sun": on_circle(sun, p["sun"])}
+
+
+def belt_drive(angle, p):
+    """Return a point on each pulley: belts keep the ratio of the radii, a crossed one the opposite sense."""
+    fan, pump = p["motor"] / p["fan"], -p["motor"] / p["pump"]
+    x, y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    return {
+        "motor": on_circle(angle, p["motor"]),
+        "fan": rim(fan * angle, p["fan"], x, y, (150.0, 60.0, 0.0)),
+        "pump": rim(pump * angle, p["pump"], x, y, (-120.0, 50.0, 0.0)),
+    }

@@ -62,7 +62,7 @@ SUPPORTED: dict[type, set[str]] = {
     Load: {"location", "force"},
     Couple: {"link", "moment"},
     LoadProfile: {"over", "value", "width"},
-    Coupling: {"name", "left", "right", "coefficients", "zeros", "turns", "pressure_angle", "rope"},
+    Coupling: {"name", "left", "right", "coefficients", "zeros", "turns", "pressure_angle", "rope", "belt"},
     Joint: {"name", "kind", "a", "b", "cross_angle", "lead", "without_reference"},
     End: {"link", "point", "axis", "reference", "has_reference"},
     Kind: {"slides", "turns", "helical"},

@@ -36,7 +36,7 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
     for coupling in mechanism.couplings:
         gap = gap_of(mechanism, coupling)
         if gap and gap not in present:
-            link = Link(VIRTUAL_PREFIX + gap, inertia=Inertia(0.0, ORIGIN, (ORIGIN,) * 3))
+            link = Link(VIRTUAL_PREFIX + gap, inertia=Inertia(0.0, ORIGIN, (ORIGIN, ORIGIN, ORIGIN)))
             straight = mechanism.unit(next(iter(coupling.left_terms))) == "m" or coupling.rope
             kind = PRISMATIC if straight else REVOLUTE
             links.append(link)
