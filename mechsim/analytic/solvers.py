@@ -120,6 +120,11 @@ class KinematicSolver:
         return "loop equations" if self.closed_form is None else "closed form"
 
     @property
+    def has_formula(self) -> bool:
+        """Whether a formula gives its motion, or FILE.py:FUNCTION a part of it."""
+        return self.closed_form is not None or bool(self.formula)
+
+    @property
     def theories(self) -> frozenset[str]:
         """Studies that exist only for some mechanisms: "coupler line", "velocity plan"."""
         return frozenset() if self.closed_form is None else self.closed_form.theories
@@ -179,6 +184,13 @@ class KinematicSolver:
         if self.closed_form is not None:
             changes = {"parameters": {}, "change_point": "smooth"} | changes
         return replace(self, **{"described": mechanism, "closed_form": None} | changes)
+
+    def by_loop_equations(self, angles: ArrayLike) -> "KinematicSolver":
+        """Return the solver by its loop equations, in its assembly mode at the first crank angle."""
+        if self.closed_form is None:
+            return self
+        started = self.starting_at(angles)
+        return started.with_mechanism(started.mechanism, change_point=started.change_point)
 
     def with_closed_guess(self) -> Self:
         """Return the solver with a guess that closes the loops, as the start of formulas does."""

@@ -54,8 +54,7 @@ def print_finding_lines(findings: Sequence[Finding] | None) -> None:
 
 # method of a verdict -> description of its comparison
 METHODS = {
-    "closed form": "analytic formula vs loop equations",
-    "formula": "known solution vs loop equations",
+    "formula": "formula vs loop equations",
     "pose": "MuJoCo, solved poses",
     "step": "MuJoCo, stepped",
     "as published": "MuJoCo, the file's own settings",

@@ -45,11 +45,10 @@ OUTCOMES = {
 # method of a check -> what is compared with what
 METHODS = {
     "": ("Model", "the given formula or table"),
-    "closed form": ("Analytic formula", "loop equations"),
-    "formula": ("Known solution", "loop equations"),
-    "pose": ("Analytic solution", "MuJoCo, solved poses"),
-    "step": ("Analytic solution", "MuJoCo, time-stepped"),
-    "as published": ("Analytic solution", "MuJoCo, the file's own settings"),
+    "formula": ("Formula", "loop equations"),
+    "pose": ("Loop equations", "MuJoCo, solved poses"),
+    "step": ("Loop equations", "MuJoCo, time-stepped"),
+    "as published": ("Loop equations", "MuJoCo, the file's own settings"),
 }
 
 

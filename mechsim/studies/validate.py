@@ -10,21 +10,17 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from mechsim.analytic import loops
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, BudgetError
 from mechsim.files import plain
 from mechsim.model.finding import Finding, Outcome, by_severity, counted_findings, most_severe
-from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, select_instants
+from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import CrankProfile, State, interval_around, swing
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
-from mechsim.numerics.rounding import EPS
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import NotSteppedError
@@ -45,15 +41,13 @@ from mechsim.verdict.checks import (
     Check,
     Verdict,
     check_of,
-    checks_of,
     combined,
     concluded,
     first_lines,
-    tolerances_of,
 )
 from mechsim.verdict.crosscheck import crosscheck
-from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import RecordInstants, Requested, Tolerance
+from mechsim.verdict.quantities import stroke_of
+from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
 # Tolerance on positions of a stepped run, relative to the stroke: with 1,000 steps per revolution every
 # catalogue mechanism satisfies it (largest error measured: 2.6e-9), and a link 0.1 % long exceeds it 1e5
@@ -78,12 +72,12 @@ class Validation:
     Attributes:
         solver: the model.
         verdict: of all methods and variants.
-        exact: analytic motion at instants spread evenly over the range.
+        exact: motion by the loop equations at instants spread evenly over the range.
         poses: MuJoCo's configurations, solved one by one.
         run: MuJoCo's run in time; that of solved configurations if none was stepped.
         seconds: duration of the validation in [s].
         quick: True if no run was stepped.
-        formula: comparison with the formula that the model's file names; None without a formula.
+        formula: comparison with the model's own formula; None without a formula.
         published: run of an MJCF file with its own settings; None for other models, or if none was stepped.
         file_findings: findings in an MJCF file, the most severe first; None for other models.
     """
@@ -172,10 +166,9 @@ def case_of(
     budget: float = BUDGET,
     progress: Progress = no_progress,
 ) -> Validation:
-    """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
+    """Validate one mechanism: formula, solved poses and a stepped run against the loop equations.
 
-    Without a closed form, loop equations and MuJoCo are compared, and both with the formula of its file,
-    which is run.
+    The formula of a file is run. Without a formula, loop equations and MuJoCo are compared.
 
     Args:
         model: the mechanism; a parametric model allows the cause of a formula's error to be determined.
@@ -223,12 +216,11 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
     solver = solver.starting_at(profile.angles)
     speed = solver.motion_laws.path_speed(speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
-    exact = solver.solve_along(angles, speed)
+    loops = solver.by_loop_equations(angles)
+    exact = loops.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
-    if exact.source != "loop equations":
-        verdicts[exact.source] = against_loops(solver, exact)
     formula = None
-    if solver.formula:
+    if solver.has_formula:
         formula = compare_model(designs, speed=speed, tolerance=tolerance, stepped=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # the drive error is meaningful only at constant crank speed
@@ -236,7 +228,7 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
     published, findings = None, scene_findings(solver)
     progress("poses", 0.0)
     poses = run = simulated(solver, profile, method="pose", progress=lambda text, _: progress(text, 0.0))
-    verdicts["pose"] = crosscheck(poses.motion, solver, speed=crank_speed)
+    verdicts["pose"] = crosscheck(poses.motion, loops, speed=crank_speed, assemblies=solver)
     if not quick:
         position = position_tolerance(exact, solver.mechanism, tolerance)
         try:
@@ -307,8 +299,8 @@ def _of_published(published: PublishedRun, allowed: Tolerance) -> Verdict:
 def _stepped(
     solver: KinematicSolver, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
 ) -> tuple[Run, Verdict]:
-    """Return a run in time with mechsim's settings, and its verdict."""
-    limit = allowed.value
+    """Return a run in time with mechsim's settings, and its verdict by the loop equations."""
+    limit, loops = allowed.value, solver.by_loop_equations(profile.angles)
     follows_laws = not solver.motion_laws.crank
     stepped = profile if follows_laws else _between_change_points(solver, profile, speed)
     runs = 0
@@ -324,7 +316,14 @@ def _stepped(
     if not run.estimate <= limit:
         run = simulated(solver, stepped, tolerance=limit, **with_budget)
     crank_speed = speed if stepped.steady and not follows_laws else None
-    verdict = crosscheck(run.motion, solver, tolerance=limit, speed=crank_speed, bounds={"position": allowed})
+    verdict = crosscheck(
+        run.motion,
+        loops,
+        tolerance=limit,
+        speed=crank_speed,
+        bounds={"position": allowed},
+        assemblies=solver,
+    )
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo's state became invalid")
     elif not verdict.passed and run.tolerance_report is not None and run.tolerance_report.reason:
@@ -384,7 +383,7 @@ def validate(
     Args:
         model: a name, a file, a MuJoCo object, a mechanism, what `load` returns, or a parametric model.
         against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; it is run. None compares
-            the closed form or the formula that the model's file names, the loop equations, and MuJoCo.
+            the model's own formula, the loop equations, and MuJoCo.
         set: parameter -> value, as for `load`.
         drive: coordinate -> motion law, as for `load`.
         duration: of the motion laws, as for `load`.
@@ -450,33 +449,5 @@ def validate_all(
     return cases
 
 
-# distance from a change point in [rad] within which steps and rates are not compared
+# distance from a change point in [rad] within which steps are not compared
 CHANGE_POINT_DISTANCE = 0.05
-
-
-def against_loops(solver: KinematicSolver, exact: Motion) -> Verdict:
-    """Check the closed form by the loop equations, an independent method."""
-    mechanism = solver.mechanism
-    poses = {name: Pose(link.position, link.rotation) for name, link in exact.links.items()}
-    points = np.array(solver.change_points())
-    if len(points):
-        # at a change point the loop equations do not determine rates; solved poses check it
-        apart = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > CHANGE_POINT_DISTANCE
-        exact = select_instants(exact, apart)
-        poses = {name: pose.select(apart) for name, pose in poses.items()}
-    position_residuals, axis_residuals = loops.residual_norms(mechanism, poses, exact.angle)
-    loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
-    closed = Tolerance(
-        8 * EPS * mechanism.characteristic_length, "m", "8 rounding errors of the longest link"
-    )
-    rotated = Tolerance(32 * EPS, "rad", "8 rounding errors of an angle of 4 rad")
-    checks = [
-        check_of("loop", "", position_residuals, exact.angle, closed),
-        check_of("axes and gears", "", axis_residuals, exact.angle, rotated),
-    ]
-    scales = motion_scales(stroke_of(exact), float(np.abs(exact.speed).max()), reach_of(exact))
-    for kind in ("velocity", "acceleration"):
-        rows = (QUANTITIES[kind],)
-        allowed = tolerances_of(rows, "closed form", scales, Requested())
-        checks += checks_of(rows, loop_rates, exact, allowed, conditioning_of(mechanism, exact))
-    return concluded(checks)

@@ -199,5 +199,5 @@ def test_dynamics_accepts_names_files_and_mujoco_objects(source):
 def test_validate_runs_every_method_without_a_formula():
     result = ms.validate("four_bar", stepped=False)
     assert result.passed
-    assert {check.method for check in result.checks} == {"closed form", "pose"}
+    assert {check.method for check in result.checks} == {"formula", "pose"}
     assert ms.validate("four_bar", stepped=False, speed="1rpm").why == result.why

@@ -158,7 +158,7 @@ def test_a_passed_file_with_findings_is_marked_and_lists_all(section, tmp_path):
 
 
 def test_the_first_screen_lists_the_methods_that_were_run(section, tmp_path):
-    posed = replace(section, name="posed", checks=(check(method="pose"), check(1e-12, method="closed form")))
+    posed = replace(section, name="posed", checks=(check(method="pose"), check(1e-12, method="formula")))
     steps = {"rssr": passed_result(), "posed": {**passed_result(), "steps": 0}}
     text = Reader(
         report.write_report(tmp_path, results(**steps), [section, posed]).read_text(encoding="utf-8")

@@ -71,7 +71,7 @@ def test_a_description_alone_runs_no_code_and_is_solved_by_its_loop_equations(wr
 
 def test_validation_runs_the_formulas_of_a_description(written, tmp_path):
     written()
-    assert "closed form" in str({check.method for check in validate(str(tmp_path / "inverted.toml")).checks})
+    assert "formula" in str({check.method for check in validate(str(tmp_path / "inverted.toml")).checks})
     # the formulas keep the old place of the lever's pivot
     written('"pivot_x+ground"', '"pivot_x+1.01*ground"')
     assert not validate(str(tmp_path / "inverted.toml"), stepped=False).passed

@@ -285,7 +285,7 @@ def test_rates_of_user_functions_have_wider_tolerances():
     assert user["acceleration"] > 10.0 * closed["acceleration"]
 
 
-def test_the_conditioning_of_the_exact_motion_has_priority():
+def test_tolerances_widen_by_the_worse_conditioning_of_both_motions():
     class Solver:
         def __init__(self, reported=None, links=True):
             self.exact = replace(
@@ -307,6 +307,7 @@ def test_the_conditioning_of_the_exact_motion_has_priority():
         return check.tolerance / next(item.tolerance for item in sound if item.kind == "velocity")
 
     assert widened(Solver(0.125 * WELL_CONDITIONED * UNIT)) == pytest.approx(8.0**power)
+    assert widened(Solver(WELL_CONDITIONED * UNIT)) == pytest.approx(2.0**power)
     assert widened(Solver()) == pytest.approx(4.0**power)
     assert widened(Solver(links=False)) == pytest.approx(2.0**power)
 

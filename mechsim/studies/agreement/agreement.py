@@ -14,9 +14,12 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import plain
 from mechsim.model.finding import Finding, Outcome
+from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
+from mechsim.model.quantities import quantity
+from mechsim.model.quantity import record_columns
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.candidate import (
@@ -158,12 +161,13 @@ def compare_model(
 
     Args:
         designs: the model; its parameters are suspects of a difference.
-        against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
-            that the model's file names. The function is run.
+        against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None compares the model's
+            own formula with its loop equations. The function is run.
         speed: of a crank, in [rad/s].
         tolerance: on positions, in [m]; other quantities scale with it. None takes 1e-8 of the workspace, and
-            rounding for the formula that the model's file names.
-        stepped: whether MuJoCo also steps the model, to attribute the error of a run to its sources.
+            rounding for the model's own formula.
+        stepped: whether MuJoCo also steps the model, to attribute the error of a run to its sources; of the
+            model's own formula, only if it fails.
 
     Raises:
         InputError: for a model, a function or a table that cannot be used.
@@ -174,7 +178,7 @@ def compare_model(
     result = agreement(
         evaluation, candidates, source, tolerance, designs, function=ask is not None, exact_formula=exact
     )
-    if not stepped:
+    if not stepped or (exact and result.passed):
         return result
     from mechsim.studies.agreement.attribution import attribution_data
 
@@ -243,6 +247,22 @@ def agreement(
     )
 
 
+def values_by_formulas(solver: KinematicSolver) -> Callable[..., dict[str, Array]]:
+    """Return the formulas of a solver as a function of the crank's motion, like that of a file."""
+
+    def formula(angle: Array, speed: Array, acceleration: Array) -> dict[str, Array]:
+        motion = solver.whole_motion(angle, speed, acceleration)
+        values = {name: joint.value for name, joint in motion.joints.items()}
+        for name, point in motion.points.items():
+            values |= {name: point.position, f"{name}.v": point.velocity, f"{name}.a": point.acceleration}
+        turned = [f"angle:{GROUND},{link}" for link in motion.links if link not in motion.spinning]
+        for angle_of_link in (quantity(name, solver.described) for name in turned):
+            values[angle_of_link.name] = angle_of_link.number(record_columns(motion, [angle_of_link]))
+        return values
+
+    return formula
+
+
 def parametric(
     model: Any,
     set: Mapping[str, str | float] | None,
@@ -262,7 +282,8 @@ def _candidates(
 ) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
     """Return a formula or a table: its name, evaluation points, values there, and the function to call."""
     if against is None:
-        against = solver.formula
+        against = values_by_formulas(solver) if solver.closed_form is not None else solver.formula
+        solver = solver.by_loop_equations(evaluation_points(solver, speed).angle)
         if not against:
             raise InputError(
                 f"no formula to compare {solver.name} with; give a function, FILE.py:FUNC or FILE.csv"

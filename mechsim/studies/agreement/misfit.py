@@ -68,7 +68,7 @@ EXACT_TOLERANCES = FormulaTolerances(
     velocities=(8192 * EPS, 3),
     accelerations=(65536 * EPS, 5),
     forces=(1e-10, 5),
-    reason="{part:.0e} of the motion's {scale:.3g} {unit} (rounding; the gallery's formulas have 2e-15)",
+    reason="{part:.0e} of the motion's {scale:.3g} {unit} (rounding; formulas have 2e-15)",
 )
 REQUESTED = "requested"
 
