@@ -138,7 +138,7 @@ def crosscheck(
             the stroke for a stepped motion, and rounding for solved poses.
         bounds: tolerances that replace those of `quantities`, by name ("position", "velocity", ...).
         speed: requested crank speed, in [rad/s]; the default is the constant speed of the analytic motion.
-        assemblies: solver that knows the assembly modes; None takes that of the analytic side.
+        assemblies: solver that has all assembly modes; None takes that of the analytic side.
 
     Returns:
         The verdict. The error of the drive has separate checks. Tolerances apply to each instant; they are
@@ -173,8 +173,8 @@ def crosscheck(
     motion_laws = getattr(solver, "motion_laws", CRANK)
     if motion.drivers and not motion_laws.crank:
         checks += checks_of(DRIVERS, motion, _under_motion_laws(motion, motion_laws), allowed)
-    knowing = assemblies or solver
-    other = None if knowing is None else lambda: elsewhere(motion, exact, knowing)
+    assembled = assemblies or solver
+    other = None if assembled is None else lambda: elsewhere(motion, exact, assembled)
     return concluded(checks, other, instants_of(motion).unit)
 
 
@@ -248,8 +248,8 @@ def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Ar
     by_poses = getattr(solver, "conditioning", None)
     if exact.conditioning is None and by_poses is not None and exact.links:
         return by_poses(exact)
-    known = [motion.conditioning for motion in (simulated, exact) if motion.conditioning is not None]
-    return np.min(known, axis=0) if known else None
+    conditionings = [motion.conditioning for motion in (simulated, exact) if motion.conditioning is not None]
+    return np.min(conditionings, axis=0) if conditionings else None
 
 
 def _at_constant_speed(simulated: Motion, speed: float) -> Motion:

@@ -11,7 +11,7 @@ from mechsim.simulation.mjcf import generator
 from mechsim.studies.agreement import diagnosis
 
 MODELS = Path(ms.catalog.models())
-# mechanism: file of its formula, a line of it and a wrong one, and a wrong dimension. The formula of the first
+# mechanism: file of its formula, a line of it and a wrong one, and a wrong dimension. That of the first
 # gives link frames, those of the others points
 MECHANISMS = {
     "four_bar": (

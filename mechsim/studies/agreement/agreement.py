@@ -173,8 +173,11 @@ def compare_model(
         InputError: for a model, a function or a table that cannot be used.
         AssemblyError: if the loops do not close.
     """
+    exact, model, with_formulas = against is None, designs.make({}), designs
+    if against is None:
+        against, angles = own_formula(model), evaluation_points(model, speed).angle
+        designs = replace(designs, make=lambda values: with_formulas.make(values).by_loop_equations(angles))
     source, evaluation, candidates, ask = _candidates(designs.make({}), against, speed)
-    exact = against is None
     result = agreement(
         evaluation, candidates, source, tolerance, designs, function=ask is not None, exact_formula=exact
     )
@@ -247,20 +250,28 @@ def agreement(
     )
 
 
-def values_by_formulas(solver: KinematicSolver) -> Callable[..., dict[str, Array]]:
-    """Return the formulas of a solver as a function of the crank's motion, like that of a file."""
+def own_formula(solver: KinematicSolver) -> Against:
+    """Return the formulas that solve a mechanism as a function of the crank's motion, or FILE.py:FUNC.
+
+    Raises:
+        InputError: for a model without a formula.
+    """
 
     def formula(angle: Array, speed: Array, acceleration: Array) -> dict[str, Array]:
         motion = solver.whole_motion(angle, speed, acceleration)
         values = {name: joint.value for name, joint in motion.joints.items()}
         for name, point in motion.points.items():
             values |= {name: point.position, f"{name}.v": point.velocity, f"{name}.a": point.acceleration}
-        turned = [f"angle:{GROUND},{link}" for link in motion.links if link not in motion.spinning]
-        for angle_of_link in (quantity(name, solver.described) for name in turned):
+        names = [f"angle:{GROUND},{link}" for link in motion.links if link not in motion.spinning]
+        for angle_of_link in (quantity(name, solver.described) for name in names):
             values[angle_of_link.name] = angle_of_link.number(record_columns(motion, [angle_of_link]))
         return values
 
-    return formula
+    if solver.closed_form is None and not solver.formula:
+        raise InputError(
+            f"no formula to compare {solver.name} with; give a function, FILE.py:FUNC or FILE.csv"
+        )
+    return solver.formula or formula
 
 
 def parametric(
@@ -278,16 +289,9 @@ def parametric(
 
 
 def _candidates(
-    solver: KinematicSolver, against: Against | None, speed: float
+    solver: KinematicSolver, against: Against, speed: float
 ) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
     """Return a formula or a table: its name, evaluation points, values there, and the function to call."""
-    if against is None:
-        against = values_by_formulas(solver) if solver.closed_form is not None else solver.formula
-        solver = solver.by_loop_equations(evaluation_points(solver, speed).angle)
-        if not against:
-            raise InputError(
-                f"no formula to compare {solver.name} with; give a function, FILE.py:FUNC or FILE.csv"
-            )
     if isinstance(against, str | Path) and str(against).lower().endswith(".csv"):
         source, table = str(against), read_table(str(against))
         evaluation, used = points_of_table(solver, table, speed, source)
