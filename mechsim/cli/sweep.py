@@ -20,7 +20,6 @@ from mechsim.errors import InputError, OutputError
 from mechsim.files import resolved_path
 from mechsim.model.limits import require_count
 from mechsim.model.masses import masses_of, with_inertia
-from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.measures import RELEASED
 from mechsim.studies.sweep.subject import SweptSubject
@@ -75,21 +74,12 @@ class SweepOptions:
     )
     samples: int | None = option(None, "Configurations in a turn, or over the motion laws. [default: 72]")
     speed: Speed = "600rpm"
-    method: str | None = option(
-        None,
-        "step integrates every design in MuJoCo, as any integrator or constraint setting does. Default: "
-        "formulas and loop equations.",
-        metavar="step",
-    )
-    check: int = option(0, "Check N random designs by the other method.", metavar="N")
+    check: int = option(0, "Check N random designs against MuJoCo.", metavar="N")
     resume: bool = option(False, "Continue an interrupted sweep.", name="--resume")
-    scheduler: str | None = option(
-        None, "Dask scheduler. Default: threads of this process.", metavar="tcp://HOST:PORT"
-    )
 
 
 class SweepJson(WithMasses):
-    """Size and duration of a sweep, and designs that the other method checked."""
+    """Size and duration of a sweep, and designs that MuJoCo checked."""
 
     model: str
     output: str
@@ -102,7 +92,7 @@ class SweepJson(WithMasses):
 @command
 def sweep(
     source: ModelOptions,
-    output: Annotated[str, output_file("Table to write: .nc, .zarr, .parquet or .csv.")],
+    output: Annotated[str, output_file("Table to write: .nc, .parquet or .csv.")],
     options: SweepOptions,
     *,
     stated: Stated,
@@ -122,10 +112,6 @@ def sweep(
     # --duration sets the duration of the runs
     duration = arguments.pop("duration") if released else None
     subject, dimensions = swept_designs(source.model, changed_parameters(source.sets), **arguments)
-    if options.method not in (None, "step"):
-        raise InputError(
-            f"there is no method {options.method!r} of a sweep; known is step, formulas without it"
-        )
     task = swept_task(
         subject,
         _ranges(options, subject, dimensions),
@@ -134,7 +120,6 @@ def sweep(
         sample=options.sample,
         samples=options.samples,
         speed=crank_speed(options.speed),
-        settings=Settings() if options.method == "step" else None,
         initial=dict(release.initial),
         until=release.until,
         **({"duration": duration} if released else {}),
@@ -142,7 +127,7 @@ def sweep(
     _exclude_without_effect(stated, task)
     require_count("the designs of --check", options.check, task.designs.count, "check fewer", least=0)
     with progress("sweep", None) as report:
-        result = run_sweep(task, output, resume=options.resume, scheduler=options.scheduler, progress=report)
+        result = run_sweep(task, output, resume=options.resume, progress=report)
     seconds = time.perf_counter() - start
     checked = check_sweep(task, result, options.check) if options.check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()
@@ -168,7 +153,7 @@ def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
     if not any(measure.turns for measure in measures):
         stated.exclude(["speed", "samples"], "on these measures, which need no driven motion")
     moving = measures.rated or measures.loaded or measures.includes("function") or measures.facts
-    stated.exclude(["speed"], "on measures of positions", not moving and task.settings is None)
+    stated.exclude(["speed"], "on measures of positions", not moving)
 
 
 def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[str, str]) -> dict[str, Any]:
@@ -190,8 +175,7 @@ def _require_writable(output: str) -> None:
         OutputError: if the folder does not exist.
     """
     suffix_of(output)
-    if not output.lower().endswith(".zarr"):
-        resolved_path(output)
+    resolved_path(output)
     folder = Path(output).parent
     if not folder.is_dir():
         raise OutputError(f"cannot write {output!r}: there is no folder {str(folder)!r}; create it first")
@@ -199,7 +183,7 @@ def _require_writable(output: str) -> None:
 
 def _print_checked(checked: CheckedDesigns) -> None:
     print_text(
-        f"{checked.passed} of {checked.count} designs agree with {checked.method}; the largest error of a "
+        f"{checked.passed} of {checked.count} designs agree with MuJoCo's poses; the largest error of a "
         f"point is {number(checked.worst, 3)} m"
     )
     for design, reason in checked.failed.items():

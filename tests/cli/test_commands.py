@@ -379,7 +379,7 @@ def test_a_default_run_imports_neither_scipy_nor_plotting() -> None:
 @pytest.mark.long
 def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
-    assert not usual & {"pint", "dask", "scipy", "matplotlib", "mediapy", "mujoco"}
+    assert not usual & {"pint", "xarray", "scipy", "matplotlib", "mediapy", "mujoco"}
 
 
 @pytest.mark.long

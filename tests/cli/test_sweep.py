@@ -2,7 +2,6 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from mechsim.analytic.solvers import KinematicSolver
@@ -99,16 +98,3 @@ def test_a_sweep_file_is_plotted(mechsim, tmp_path):
     assert (answer.code, "has no measure 'range:nothing'" in answer.err) == (2, True)
     answer = mechsim("plot", "out.nc", "--kind", "torque", "-o", "none.svg")
     assert (answer.code, "choose from map, parallel, pareto" in answer.err) == (2, True)
-
-
-@pytest.mark.slow
-def test_torques_of_stepped_designs_use_the_compliance_of_dynamics(mechsim):
-    """At the compliance for positions, 1e-8, the relative torque error of rack_steering was 4e-6."""
-    angles = [f"at:{angle}deg:torque" for angle in (7.2, 36.0, 54.0, 79.2, 198.0, 342.0)]
-    arguments = ("--vary", "radius=5mm:6mm:2", "--samples", "100", *(f"--measure={item}" for item in angles))
-    for name, method in (("exact.csv", ()), ("stepped.csv", ("--method", "step"))):
-        assert mechsim("sweep", "rack_steering", *arguments, *method, "-o", name).code == 0
-    exact, stepped = (
-        np.array([read_sweep(name)[item].values for item in angles]) for name in ("exact.csv", "stepped.csv")
-    )
-    assert np.abs(stepped - exact).max() < 1e-6 * np.sqrt((exact**2).mean())

@@ -148,9 +148,9 @@ def test_extras_are_installed_from_the_sources_of_an_installation_from_sources(o
 
 def test_doctor_reports_a_missing_library_of_every_extra(monkeypatch, capsys):
     spec = "mechsim.cli.doctor.find_spec"
-    monkeypatch.setattr(spec, lambda name: None if name in ("dask", "yaml") else object())
+    monkeypatch.setattr(spec, lambda name: None if name in ("netCDF4", "yaml") else object())
     cli.load_command("doctor").callback()
     output = capsys.readouterr().out
-    assert "dask (sweep)" in output
+    assert "netCDF4 (sweep)" in output
     assert "yaml (robots)" in output
     assert "nothing is missing" not in output

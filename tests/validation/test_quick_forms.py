@@ -41,7 +41,6 @@ QUICK = (
     "speed/loop_speed.py",
     "speed/pose_speed.py",
     "speed/step_overhead.py 1 10",
-    "speed/stepped_sweep_speed.py 100 1",
     "speed/sweep_speed.py 0.0001",
 )
 

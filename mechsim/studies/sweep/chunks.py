@@ -1,4 +1,4 @@
-"""Chunks of a sweep as Dask tasks: in this process by the local scheduler, or on a cluster."""
+"""Chunks of a sweep: measured by threads, and stored in files until all have ended."""
 
 import hashlib
 import json
@@ -7,22 +7,19 @@ import shutil
 import threading
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mechsim._version import __version__
-from mechsim.analytic.derivatives.dimensions import numbers_of
 from mechsim.errors import InputError, OutputError
 from mechsim.files import atomic_path
 from mechsim.numerics.resources import size_text
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.release import Release
 from mechsim.studies.sweep.methods import by_one_formula, measured_designs
-from mechsim.studies.sweep.subject import OfPython, OfToml
-from mechsim.studies.sweep.table import library
 from mechsim.studies.sweep.task import Measured, SweepTask
 
 
@@ -31,14 +28,13 @@ def identity(task: SweepTask) -> str:
     designs = task.designs
     description = {
         "version": __version__,
-        "subject": _subject(task),
+        "subject": task.subject.identity,
         "spread": designs.spread,
         "designs": {name: _hash(values.tobytes()) for name, values in designs.values.items()},
         "order": [*designs.values],
         "measures": [_measure(values.name, values.subject, values.kind) for values in task.measures],
         "samples": task.samples,
         "speed": repr(task.path_speed),
-        "settings": repr(task.settings),
         "release": None if task.release is None else _release(task.release),
     }
     return _hash(json.dumps(description, sort_keys=True).encode())
@@ -49,28 +45,8 @@ def _release(release: Release) -> list[Any]:
     return [sorted(release.initial.items()), *end]
 
 
-def _subject(task: SweepTask) -> str:
-    make, mechanism = task.subject.make, task.subject.solver.mechanism
-    if task.subject.closed is not None:
-        return repr((task.subject.closed.name, sorted(task.subject.closed.values.items())))
-    if isinstance(make, OfToml):
-        return repr((make.model.source.document, sorted(make.fixed.items())))
-    if isinstance(make, OfPython):
-        return repr((sorted(make.fixed.items()), make.model.rpartition(":")[2], _file(make.model)))
-    motion_laws = task.subject.solver.motion_laws
-    drivers = mechanism.drivers if motion_laws.crank else (*motion_laws.drivers, repr(motion_laws.duration))
-    return repr((task.subject.name, drivers, _hash(numbers_of(mechanism).tobytes())))
-
-
 def _measure(name: str, subject: str, kind: str) -> str:
-    if kind != "function":
-        return name
-    return name + _file(subject)
-
-
-def _file(address: str) -> str:
-    """Return the hash of a Python file, given FILE.py:OBJECT."""
-    return _hash(Path(address.rpartition(":")[0]).read_bytes())
+    return name if kind != "function" else name + _hash(Path(subject.rpartition(":")[0]).read_bytes())
 
 
 def _hash(data: bytes) -> str:
@@ -179,117 +155,43 @@ def require_disk(output: Path, designs: int, each: float) -> None:
         )
 
 
-# designs in a chunk: by one formula, stepped together, by loop equations together, and one at a time
-BY_FORMULA, STEPPED, BY_LOOPS, SINGLE = 8192, 512, 256, 64
+# designs in a chunk: by one formula, by loop equations together, and one at a time
+BY_FORMULA, BY_LOOPS, SINGLE = 8192, 256, 64
 # largest number of chunks in a sweep: more designs make longer chunks
 MAX_CHUNKS = 20_000
-# connection timeout of a scheduler in [s]; chunks queued on a cluster for each of its threads
-TIMEOUT, CHUNKS_PER_THREAD = 10.0, 4
 
 Keep = Callable[[int, Measured], None]
 
 
 def chunk_bounds(task: SweepTask) -> list[tuple[int, int]]:
-    """Return the first design of each chunk, and the one after its last; the same for every scheduler."""
+    """Return the first design of each chunk, and the one after its last."""
     count = task.designs.count
-    if task.settings is not None:
-        usual = SINGLE if task.like is None else STEPPED
-    else:
-        usual = BY_FORMULA if by_one_formula(task) else SINGLE if task.loops is None else BY_LOOPS
+    usual = BY_FORMULA if by_one_formula(task) else SINGLE if task.loops is None else BY_LOOPS
     length = max(usual, -(-count // MAX_CHUNKS))
     return [(low, min(low + length, count)) for low in range(0, count, length)]
 
 
-def run_chunks(
-    task: SweepTask, chunks: Sequence[tuple[int, int, int]], keep: Keep, scheduler: Any = None
-) -> None:
-    """Measure chunks of a sweep and store each one when it ends.
+def run_chunks(task: SweepTask, chunks: Sequence[tuple[int, int, int]], keep: Keep) -> None:
+    """Measure chunks of a sweep by threads and store each one when it ends.
 
     Args:
         task: the sweep.
         chunks: number, first design, and the one after the last, of each.
         keep: called with number and result of each chunk by one thread at a time.
-        scheduler: None for Dask's own in this process, by threads; "synchronous"; the address of a
-            scheduler, tcp://...; or a `distributed.Client`.
-
-    Raises:
-        InputError: for a scheduler that does not answer.
-        MissingToolError: if Dask is not installed.
     """
-    dask = library("dask")
-    if scheduler is None or scheduler in ("threads", "synchronous"):
-        _run_local(dask, task, chunks, keep, scheduler or "threads")
-    else:
-        _run_on_cluster(task, chunks, keep, scheduler)
-
-
-def _run_local(
-    dask: Any, task: SweepTask, chunks: Sequence[tuple[int, int, int]], keep: Keep, scheduler: str
-) -> None:
     lock = threading.Lock()
 
-    def run(number: int, low: int, high: int) -> None:
+    def run(chunk: tuple[int, int, int]) -> None:
+        number, low, high = chunk
         measured_values = measured_designs(task, low, high)
         with lock:
             keep(number, measured_values)
 
-    tasks = [dask.delayed(run, pure=False, traverse=False)(*chunk) for chunk in chunks]
-    # before threads start: each thread would restore the state that it finds
-    with quiet():
-        dask.compute(*tasks, scheduler=scheduler, num_workers=os.cpu_count())
-
-
-def _run_on_cluster(
-    task: SweepTask, chunks: Sequence[tuple[int, int, int]], keep: Keep, scheduler: Any
-) -> None:
-    distributed = library("distributed")
-    own = isinstance(scheduler, str)
-    client = _answering(distributed, scheduler) if own else scheduler
+    pool = ThreadPoolExecutor(os.cpu_count())
     try:
-        with client.as_current():
-            _sent(distributed, client, task, chunks, keep)
+        # before threads start: each thread would restore the state that it finds
+        with quiet():
+            for _ in pool.map(run, chunks):
+                pass
     finally:
-        if own:
-            client.close()
-
-
-def _sent(
-    distributed: Any, client: Any, task: SweepTask, chunks: Sequence[tuple[int, int, int]], keep: Keep
-) -> None:
-    """Send chunks to a cluster, a few in advance; chunks of a lost worker are sent again."""
-    waiting = list(reversed(chunks))
-    ahead = CHUNKS_PER_THREAD * max(1, sum(client.nthreads().values()))
-    under_way: dict[Any, int] = {}
-
-    def send() -> list[Any]:
-        sent: list[Any] = []
-        while waiting and len(under_way) < ahead:
-            number, low, high = waiting.pop()
-            # each chunk holds only its own designs: shared data would be lost with the worker that holds it
-            own = replace(task.designs, values=task.designs.rows(low, high), spread="list")
-            future = client.submit(measured_designs, replace(task, designs=own), 0, high - low, pure=False)
-            under_way[future] = number
-            sent.append(future)
-        return sent
-
-    ended = distributed.as_completed(send())
-    for future in ended:
-        keep(under_way.pop(future), future.result())
-        for more in send():
-            ended.add(more)
-
-
-def _answering(distributed: Any, address: str) -> Any:
-    """Return a client of a scheduler.
-
-    Raises:
-        InputError: if no scheduler answers.
-    """
-    try:
-        return distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {address} within {TIMEOUT:g} s ({type(error).__name__}); "
-            "start one "
-            "with `dask scheduler`, or leave out --scheduler"
-        ) from None
+        pool.shutdown(cancel_futures=True)

@@ -29,13 +29,8 @@ from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
-from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.sweep.measures import FACTS, MeasureError, Turns
-from mechsim.studies.sweep.stepped_runs import (
-    released_alone,
-    stepped_alone,
-    stepped_together,
-)
+from mechsim.studies.sweep.released_runs import released_alone
 from mechsim.studies.sweep.task import (
     CrankRows,
     Measured,
@@ -57,9 +52,7 @@ def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     rows = task.designs.rows(low, high)
     result = nothing_measured(task, high - low)
     remaining = np.arange(high - low)
-    if task.settings is not None:
-        remaining = _stepped(task, rows, result)
-    elif formula := by_one_formula(task):
+    if formula := by_one_formula(task):
         remaining = _formula(task, formula, rows, result)
     elif task.loops is not None:
         remaining = _loops(task, rows, result)
@@ -154,19 +147,6 @@ def _turns(
     return Turns(designs, poses, motion, more, facts or {})
 
 
-def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
-    """Measure designs by stepping them together where possible; return the others."""
-    formula, every = formula_of_many(task.subject.closed, rows), np.arange(len(result.outcome))
-    if formula is None:
-        return stepped_together(task, rows, every, result)
-    valid, turning_ranges = _turning_ranges(formula, rows)
-    if turning_ranges is None:
-        return every
-    index = valid[~turning_ranges.uncertain & turning_ranges.full & turning_ranges.clear]
-    remaining = stepped_together(task, rows, index, result)
-    return np.union1d(remaining, np.setdiff1d(every, index))
-
-
 def _facts(task: SweepTask, turning_ranges: object) -> dict[str, Array]:
     """Return properties of designs that need no motion."""
     widths, ends = ranges(turning_ranges)  # pyright: ignore[reportArgumentType]
@@ -208,7 +188,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
         assembled = assembled_designs(task, rows)
         if assembled is None:
             return every
-        started, index = assembled.started, assembled.which
+        started, index = assembled
         motion, valid = many_motion(task.loops, started, angles, task.path_speed, task.measures.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return every
@@ -270,7 +250,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
     for i in index:
         row = np.array([i])
         try:
-            made = task.subject.make({name: float(values[i]) for name, values in rows.items()})
+            made = task.subject.design_family.make({name: float(values[i]) for name, values in rows.items()})
             solver = made.with_closed_guess()
             facts = facts_alone(task, solver) | released_alone(task, solver)
             for name, value in facts.items():
@@ -320,14 +300,9 @@ def measured_alone(
             raise no_crank_range_error(solver.name)
         return {measure.name: facts[measure.name] for measure in task.measures}, "passed", ""
     arc = swing_arc(solver)
-    if task.settings is not None:
-        values, outcome, reason = stepped_alone(task, solver)
-    else:
-        crank = task.revolution if arc is None else task.within(*arc)
-        values, outcome, reason = _solved_alone(task, solver, facts, crank), "passed", ""
-    if arc is not None and outcome == "passed":
-        outcome, reason = "swings", swings_between(*arc)
-    return values, outcome, reason
+    crank = task.revolution if arc is None else task.within(*arc)
+    values = _solved_alone(task, solver, facts, crank)
+    return (values, "passed", "") if arc is None else (values, "swings", swings_between(*arc))
 
 
 def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:
@@ -378,8 +353,6 @@ def require_measurable(task: SweepTask) -> None:
         InputError: for such a measure, with a remedy.
     """
     solver = task.subject.solver
-    if task.settings is not None:
-        _require_stepped(task)
     for measure in task.measures:
         if measure.kind == "assemblies" and solver.assemblies(solver.mechanism.start) is None:
             raise InputError(
@@ -390,20 +363,3 @@ def require_measurable(task: SweepTask) -> None:
             solver.required_transmission_angle([solver.mechanism.start])
     if any(not measure.released for measure in task.measures):
         solver.motion_laws.require_drivers(solver.mechanism)
-
-
-def _require_stepped(task: SweepTask) -> None:
-    """Reject measures that stepped motions do not contain."""
-    mechanism = task.subject.solver.mechanism
-    cut = [name for joint in cut_loops(mechanism, splits=True).cuts for name in joint.coordinates]
-    for measure in task.measures:
-        if not measure.turns or (measure.quantity is not None and measure.quantity.uses("formula")):
-            raise InputError(f"{measure.name} needs formulas; leave out --method step, or this measure")
-        missing = [] if measure.quantity is None else [*{*measure.quantity.subjects("joint")} & {*cut}]
-        if missing:
-            available = [name for joint in mechanism.joints for name in joint.coordinates if name not in cut]
-            raise InputError(
-                f"{measure.name}: MuJoCo's model is cut at {missing[0]}, and its states do not contain it; "
-                f"stepped motions contain {', '.join(available)}"
-            )
-    _ = task.records

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +16,10 @@ from mechsim.analytic.dynamics.dynamic_run import Initial
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import no_crank_range_error, within_range
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
-from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.run import simulate
-from mechsim.simulation.settings import Settings
 from mechsim.studies.release import DURATION, Release
 from mechsim.studies.sweep.chunks import (
     EXTRA_BYTES,
@@ -42,8 +41,8 @@ from mechsim.studies.sweep.designs import (
 )
 from mechsim.studies.sweep.measures import RELEASED, measures
 from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
-from mechsim.studies.sweep.stepped_runs import prescribed_motion, released_alone
-from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept_subject
+from mechsim.studies.sweep.released_runs import released_alone
+from mechsim.studies.sweep.subject import SweptSubject, swept_subject
 from mechsim.studies.sweep.table import (
     HASH_ATTRIBUTE,
     column_name,
@@ -75,10 +74,8 @@ def sweep(
     set: Mapping[str, str | float] | None = None,
     samples: int | None = None,
     speed: float | str = 1.0,
-    settings: Settings | None = None,
     output: str | Path | None = None,
     resume: bool = False,
-    scheduler: Any = None,
     progress: Progress = no_progress,
     initial: Mapping[str, Initial] | None = None,
     until: str | None = None,
@@ -96,13 +93,8 @@ def sweep(
         set: parameter -> its value if it does not vary, as for `load`.
         samples: number of poses in a revolution, or over the motion laws of drivers; None for 72.
         speed: crank speed in [rad/s], or text, as "600rpm".
-        settings: settings of stepped runs in MuJoCo, instead of formulas and loop equations. Without a
-            compliance, the measures determine it. Poses are then a subset of the steps, about 72 by default,
-            and the number of steps per revolution is rounded to a multiple of them. An automatic `jacobian`
-            is dense, so that results are the same on every machine.
-        output: .nc, .zarr, .parquet or .csv to write, chunk by chunk.
+        output: .nc, .parquet or .csv to write, chunk by chunk.
         resume: whether to continue a stopped sweep.
-        scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
         progress: called with a description and the finished fraction, 0 to 1.
         initial: initial state of measures of runs and vibrations, as `mechsim.dynamics.run` takes it.
         until: event that ends these runs.
@@ -128,12 +120,11 @@ def sweep(
         set=set,
         samples=samples,
         speed=speed,
-        settings=settings,
         initial=initial,
         until=until,
         **options,
     )
-    return run_sweep(task, output, resume=resume, scheduler=scheduler, progress=progress)
+    return run_sweep(task, output, resume=resume, progress=progress)
 
 
 def swept_designs(
@@ -143,7 +134,7 @@ def swept_designs(
 ) -> tuple[SweptSubject, dict[str, str]]:
     """Return the subject and its variable parameters: parameter -> SI unit, empty if none is declared."""
     subject = model if isinstance(model, SweptSubject) else swept_subject(model, set, **options)
-    if isinstance(subject.make, OfPython):
+    if subject.unitless:
         return subject, dict.fromkeys(subject.design_family.dimensions, "")
     return subject, parameter_units(subject.design_family, subject.solver)
 
@@ -158,18 +149,14 @@ def swept_task(
     set: Mapping[str, str | float] | None = None,
     samples: int | None = None,
     speed: float | str = 1.0,
-    settings: Settings | None = None,
     initial: Mapping[str, Initial] | None = None,
     until: str | None = None,
     **options: Any,
 ) -> SweepTask:
     """Return a checked sweep that has not started; arguments as for `sweep`."""
-    least = 1 if settings is None else 2
-    if samples is None:
-        steps = SAMPLES if settings is None else settings.steps_per_turn
-        samples = -(-steps // max(1, steps // SAMPLES))
-    if not least <= samples <= MAX_SAMPLES:
-        raise InputError(f"{samples} poses in a motion; give {least} to {MAX_SAMPLES:,}")
+    samples = SAMPLES if samples is None else samples
+    if not 1 <= samples <= MAX_SAMPLES:
+        raise InputError(f"{samples} poses in a motion; give 1 to {MAX_SAMPLES:,}")
     texts = [measure] if isinstance(measure, str) else list(measure)
     released = any(text.partition(":")[0] in RELEASED for text in texts)
     if (initial or until) and not released:
@@ -182,35 +169,14 @@ def swept_task(
     designs = _designs(subject, vary or {}, design, sample, parameters)
     rate = float(units.si(speed, "rad/s", "the speed"))
     measures_read = measures(texts, subject.solver.mechanism, subject.solver.motion_laws)
-    if settings is not None and settings.jacobian == "auto":
-        settings = replace(settings, jacobian="dense")
     release = None
     if released:
         seconds = units.si(DURATION if duration is None else duration, "s", "the duration")
         acting = dynamic_model(subject.solver)
         release = Release(model=acting, initial=initial or {}, duration=float(seconds), until=until)
-    task = _with_compliance_for_forces(
-        SweepTask(subject, designs, measures_read, int(samples), rate, settings, release)
-    )
+    task = SweepTask(subject, designs, measures_read, int(samples), rate, release)
     require_measurable(task)
     return task
-
-
-def _with_compliance_for_forces(task: SweepTask) -> SweepTask:
-    """Return a sweep with the compliance of `dynamics` if forces of separately stepped designs are measured.
-
-    Designs stepped together keep the compliance that positions need: a lower one left an error of 2e-5 in the
-    torque of a Bennett linkage, whose constraints are redundant, and improved no other mechanism.
-    """
-    settings = task.settings
-    if (
-        settings is None
-        or settings.compliance is not None
-        or not task.measures.loaded
-        or task.like is not None
-    ):
-        return task
-    return replace(task, settings=replace(settings, compliance=HARD.compliance))
 
 
 def _designs(
@@ -239,7 +205,6 @@ def run_sweep(
     output: str | Path | None = None,
     *,
     resume: bool = False,
-    scheduler: Any = None,
     progress: Progress = no_progress,
 ) -> Dataset:
     """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
@@ -274,7 +239,7 @@ def run_sweep(
     remaining = [(i, *ends) for i, ends in enumerate(chunks) if i not in finished]
     try:
         if remaining:
-            run_chunks(task, remaining, keep, scheduler)
+            run_chunks(task, remaining, keep)
     except InputError:
         if folder is not None and not count_finished:
             # a sweep that cannot start leaves no files
@@ -324,17 +289,15 @@ RELATIVE_TOLERANCE_AT_ENDS = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class CheckedDesigns:
-    """Result of a comparison of designs with the other method.
+    """Result of a comparison of designs with MuJoCo's poses.
 
     Attributes:
-        method: name of the other method.
         count: number of designs compared.
         passed: number of designs that agree.
         worst: the largest position error of any tracked point, in [m].
         failed: index in the sweep -> reason why the design does not agree.
     """
 
-    method: str
     count: int
     passed: int
     worst: float
@@ -342,9 +305,7 @@ class CheckedDesigns:
 
 
 def check_sweep(task: SweepTask, result: Dataset, count: int) -> CheckedDesigns:
-    """Measure random built designs again, and compare their motions with the other method.
-
-    The other method is MuJoCo's poses for formulas and loop equations, and those for stepped designs.
+    """Measure random built designs again, and compare their motions with MuJoCo's poses.
 
     Args:
         task: the sweep.
@@ -357,7 +318,7 @@ def check_sweep(task: SweepTask, result: Dataset, count: int) -> CheckedDesigns:
     for i in np.sort(selected):
         row = task.designs.rows(int(i), int(i) + 1)
         try:
-            made = task.subject.make({name: float(values[0]) for name, values in row.items()})
+            made = task.subject.design_family.make({name: float(values[0]) for name, values in row.items()})
             solver = made.with_closed_guess()
             distance, reason = _compared(task, solver)
             worst, reason = (
@@ -368,26 +329,24 @@ def check_sweep(task: SweepTask, result: Dataset, count: int) -> CheckedDesigns:
             reason = str(error)
         if reason:
             failed[int(i)] = reason
-    return CheckedDesigns(_other_method(task), len(selected), len(selected) - len(failed), worst, failed)
-
-
-def _other_method(task: SweepTask) -> str:
-    if task.settings is None:
-        return "MuJoCo's poses"
-    return f"the {task.subject.solver.method}"
+    return CheckedDesigns(len(selected), len(selected) - len(failed), worst, failed)
 
 
 def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
     """Return the largest position error between both methods in [m], and the reason if they differ."""
-    prescribed = prescribed_motion(solver, task.path_speed)
-    if task.settings is None:
-        run = simulate(solver, samples=task.samples, method="pose", **prescribed)
+    arcs = solver.crank_range() if solver.motion_laws.crank else None
+    if arcs is None:
+        prescribed: dict[str, Any] = {"motion_laws": solver.motion_laws}
+    elif arcs.full:
+        prescribed = {"speed": task.path_speed}
+    elif arcs.arcs:
+        prescribed = {"profile": within_range(solver.mechanism, arcs, task.path_speed)}
     else:
-        run = simulate(solver, samples=task.intervals, method="step", settings=task.settings, **prescribed)
-    motion = run.motion
-    exact = solver.solve_as(motion)
+        raise no_crank_range_error(solver.name)
+    run = simulate(solver, samples=task.samples, method="pose", **prescribed)
+    exact = solver.solve_as(run.motion)
     verdict = crosscheck(run, exact)
-    distance = max(float(errors.max()) for errors in motion.position_errors(exact).values())
+    distance = max(float(errors.max()) for errors in run.motion.position_errors(exact).values())
     return distance, "" if verdict.passed else verdict.outcome
 
 

@@ -32,7 +32,7 @@ def library(name: str) -> Any:
         return import_module(name)
 
 
-SUFFIXES = (".nc", ".zarr", ".parquet", ".csv")
+SUFFIXES = (".nc", ".parquet", ".csv")
 # names of text columns
 TEXTS = ("outcome", "reason")
 # the attribute with the hash of the sweep
@@ -105,21 +105,18 @@ def require_libraries(path: str | Path | None) -> None:
     Raises:
         MissingToolError: for a missing library.
     """
-    needed = {".nc": ("netCDF4",), ".zarr": ("zarr",), ".parquet": ("pyarrow",)}
-    for name in ("dask", "xarray", *needed.get("" if path is None else suffix_of(path), ())):
+    needed = {".nc": ("netCDF4",), ".parquet": ("pyarrow",)}
+    for name in ("xarray", *needed.get("" if path is None else suffix_of(path), ())):
         library(name)
 
 
 def write_sweep(path: str | Path, result: "Dataset") -> None:
-    """Write a sweep as .nc, .zarr, .parquet or .csv atomically; equal sweeps give equal bytes.
+    """Write a sweep as .nc, .parquet or .csv atomically; equal sweeps give equal bytes.
 
     Raises:
         OutputError: if it cannot be written.
     """
     kind = suffix_of(path)
-    if kind == ".zarr":
-        _write_zarr(Path(path), result)
-        return
     with atomic_path(path) as temporary:
         if kind == ".nc":
             result.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
@@ -128,19 +125,6 @@ def write_sweep(path: str | Path, result: "Dataset") -> None:
         else:
             table = library("pandas").DataFrame(design_columns(result))
             table.to_csv(temporary, index=False, na_rep="nan", lineterminator="\n")
-
-
-def _write_zarr(path: Path, result: "Dataset") -> None:
-    import shutil
-
-    temporary = path.with_name(f".{path.name}.new")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        result.to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
-        shutil.rmtree(path, ignore_errors=True)
-        temporary.replace(path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
@@ -182,9 +166,6 @@ def read_sweep(path: str | Path) -> "Dataset":
     try:
         if kind == ".nc":
             with xarray.open_dataset(path, engine="netcdf4") as file:
-                result = file.load()
-        elif kind == ".zarr":
-            with xarray.open_zarr(path) as file:
                 result = file.load()
         else:
             result = _read_parquet(path) if kind == ".parquet" else _from_columns(_read_csv(path), {}, [], {})

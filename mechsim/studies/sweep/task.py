@@ -1,10 +1,10 @@
 """A sweep task, as workers receive it: subject, designs with their assembled poses, and measures."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,16 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.many_designs import allowed, can_be_started, closed_form_starts
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
-from mechsim.errors import InputError, MechsimError
+from mechsim.errors import MechsimError
 from mechsim.model.design_arrays import StartedDesigns, similar_designs
-from mechsim.model.forces import Forces, forces_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import SWING_FRACTION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.design_models import SharedModel, shared_model
-from mechsim.simulation.recording import CHUNK
-from mechsim.simulation.settings import Settings
 from mechsim.studies.release import Release
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
@@ -34,8 +30,6 @@ OUTCOMES = (
     "diverged",
     "underdetermined",
     "overdetermined",
-    "failed",
-    "changed assembly",
     "swings",
 )
 # outcomes of designs that were built
@@ -44,8 +38,6 @@ PASSED = 0
 # distance of the first and last pose from the dead centres of a crank that swings, as a fraction of its
 # reachable range
 END_DISTANCE = 1e-10
-# largest distance of an angle from a recorded instant, relative to the recording interval
-RECORD_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +59,6 @@ class SweepTask:
         measures: evaluated for each design.
         samples: number of poses in a revolution, or over motion laws.
         speed: crank speed in [rad/s]; motion laws have their own.
-        settings: settings of stepped runs in MuJoCo; None for formulas and loop equations.
         release: initial state of measures of runs and vibrations; None without such measures.
     """
 
@@ -76,12 +67,7 @@ class SweepTask:
     measures: MeasureSet
     samples: int
     speed: float
-    settings: Settings | None = None
     release: Release | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        # cached properties are computed again after unpickling
-        return {measure.name: getattr(self, measure.name) for measure in fields(self)}
 
     @property
     def path_speed(self) -> float:
@@ -150,66 +136,6 @@ class SweepTask:
         with suppress(MechsimError):
             return shared_loops(solver.mechanism, self.measures.joints, solver.motion_laws)
         return None
-
-    @cached_property
-    def like(self) -> SharedModel | None:
-        """The model with which designs are stepped together; None if they are stepped one at a time."""
-        solver = self.subject.solver
-        measures = self.measures
-        single = measures.includes("function") or measures.uses("link") or self.samples > CHUNK
-        if self.settings is None or single or not solver.motion_laws.crank:
-            return None
-        if measures.loaded and not self._weighed:
-            return None
-        with suppress(MechsimError):
-            return shared_model(solver.mechanism, self.forces.gravity if measures.loaded else None)
-        return None
-
-    @property
-    def forces(self) -> Forces:
-        """Forces on the nominal subject."""
-        return forces_of(self.subject.solver)
-
-    @property
-    def _weighed(self) -> bool:
-        """Whether the drive torque against gravity and inertia is the only force measured."""
-        plain = self.forces == Forces(gravity=self.forces.gravity)
-        return plain and self.measures.force_columns == {"torque"} and not self.measures.accelerated
-
-    @property
-    def intervals(self) -> int:
-        """Number of intervals between the poses of a stepped motion, whose last pose is the end."""
-        return self.samples if self.subject.solver.motion_laws.crank else self.samples - 1
-
-    @property
-    def steps_per_pose(self) -> int:
-        """Steps from one pose to the next."""
-        assert self.settings is not None
-        return -(-self.settings.steps_per_turn // self.samples)
-
-    @cached_property
-    def records(self) -> NDArray[np.intp]:
-        """Indices of the recorded instants of the poses in a stepped motion, in the order of `angles`.
-
-        Raises:
-            InputError: for an angle of a measure at which no instant is recorded.
-        """
-        motion_laws, solver = self.subject.solver.motion_laws, self.subject.solver
-        start = solver.mechanism.start if motion_laws.crank else 0.0
-        interval = motion_laws.length / self.intervals
-        result = np.arange(self.samples)
-        for angle in self.angle_index:
-            index = (angle - start) / interval
-            if abs(index - round(index)) > RECORD_TOLERANCE:
-                rate, unit = motion_laws.rate, motion_laws.unit
-                raise InputError(
-                    f"no instant is recorded at {angle / rate:.6g} {unit}, only every "
-                    f"{interval / rate:.6g} {unit}; choose --samples so that a pose lies there"
-                )
-            # the last record of a full revolution equals the first
-            rows = self.samples if motion_laws.crank else self.samples + 1
-            result = np.append(result, round(index) % rows)
-        return result
 
     def values(self, turns: Turns) -> dict[str, Array]:
         """Return all measures of designs from their motions: name -> (designs,)."""
@@ -283,46 +209,31 @@ def nothing_measured(task: SweepTask, count: int) -> Measured:
 Rows = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class AssembledDesigns:
-    """Designs of equal topology with their initial poses.
-
-    Attributes:
-        started: their dimensions and poses as arrays.
-        which: their indices in the requested designs.
-        mechanisms: the mechanisms if requested, otherwise empty.
-    """
-
-    started: StartedDesigns
-    which: Rows
-    mechanisms: Sequence[Mechanism] = ()
-
-
-def assembled_designs(
-    task: SweepTask, rows: Mapping[str, Array], *, with_mechanisms: bool = False
-) -> AssembledDesigns | None:
-    """Return the designs that can be made and have equal topology; None if there are none.
+def assembled_designs(task: SweepTask, rows: Mapping[str, Array]) -> tuple[StartedDesigns, Rows] | None:
+    """Return the designs that can be made and have equal topology, with their initial poses and indices.
 
     Args:
         task: the sweep.
         rows: parameter -> its value in each design.
-        with_mechanisms: whether to return the mechanisms too, except those with other forces.
+
+    Returns:
+        None if there are none.
     """
     formula = task.subject.closed
     if formula is not None and can_be_started(formula, rows):
-        return _by_formula(formula, rows, with_mechanisms=with_mechanisms)
-    mechanisms = [*_made(task, rows)]
+        return _by_formula(formula, rows)
+    designs, mechanisms = task.subject.design_family, list[Mechanism | None]()
+    for i in range(len(next(iter(rows.values())))):
+        mechanisms.append(None)
+        with suppress(MechsimError, ArithmeticError, ValueError):
+            design = {name: float(values[i]) for name, values in rows.items()}
+            # an unassembled one is made faster; formulas have the guess
+            mechanisms[i] = designs.describe(design) if formula is None else designs.make(design).mechanism
     started, which = similar_designs(task.subject.solver.mechanism, mechanisms)
-    if started is None:
-        return None
-    return AssembledDesigns(
-        started, which, [mechanism for i in which if (mechanism := mechanisms[i]) is not None]
-    )
+    return None if started is None else (started, which)
 
 
-def _by_formula(
-    formula: ClosedForm, rows: Mapping[str, Array], *, with_mechanisms: bool
-) -> AssembledDesigns | None:
+def _by_formula(formula: ClosedForm, rows: Mapping[str, Array]) -> tuple[StartedDesigns, Rows] | None:
     valid = np.flatnonzero(allowed(formula, rows))
     while len(valid):
         designs = closed_form_starts(formula, {name: values[valid] for name, values in rows.items()})
@@ -330,25 +241,6 @@ def _by_formula(
             [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
         )
         if assembled.all():
-            chosen = valid if with_mechanisms else valid[:0]
-            mechanisms = [
-                formula.with_dimensions(_row(rows, int(i)), checked=False).described for i in chosen
-            ]
-            return AssembledDesigns(designs, valid, mechanisms)
+            return designs, valid
         valid = valid[assembled]
     return None
-
-
-def _row(rows: Mapping[str, Array], i: int) -> dict[str, float]:
-    return {name: float(values[i]) for name, values in rows.items()}
-
-
-def _made(task: SweepTask, rows: Mapping[str, Array]) -> Iterator[Mechanism | None]:
-    """Yield designs; None for those that cannot be made or have other forces."""
-    for i in range(len(next(iter(rows.values())))):
-        mechanism = None
-        with suppress(MechsimError, ArithmeticError, ValueError):
-            solver = task.subject.make(_row(rows, i))
-            same_forces = forces_of(solver) == task.forces
-            mechanism = solver.mechanism if same_forces or not task.measures.loaded else None
-        yield mechanism

@@ -14,7 +14,7 @@ MEASURES = ["range:rocker", "crank_range"]
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("ending", ["nc", "zarr", "parquet", "csv"])
+@pytest.mark.parametrize("ending", ["nc", "parquet", "csv"])
 def test_a_written_sweep_reads_back(tmp_path, ending):
     path = tmp_path / f"out.{ending}"
     result = ms.sweep("four_bar", VARY, MEASURES, output=path)
@@ -34,8 +34,8 @@ def stopped_after(monkeypatch, count):
     """Stop sweeps after this many chunks."""
     run = chunks.run_chunks
 
-    def short(task, chunk_list, keep, scheduler=None):
-        run(task, chunk_list[:count], keep, "synchronous")
+    def short(task, chunk_list, keep):
+        run(task, chunk_list[:count], keep)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(chunks, "BY_FORMULA", 4)
@@ -104,14 +104,7 @@ def test_designs_beyond_memory_or_disk_are_rejected(tmp_path, monkeypatch):
 
 
 def test_a_missing_library_is_reported_with_its_install_command(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "dask", None)
+    monkeypatch.setitem(__import__("sys").modules, "xarray", None)
     with pytest.raises(ms.MechsimError) as caught:
         ms.sweep("four_bar", VARY, MEASURES)
-    assert str(caught.value).startswith(f"dask is not installed; {install_command('sweep')}")
-
-
-def test_an_unreachable_scheduler_is_rejected(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunks, "TIMEOUT", 0.2)
-    with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        ms.sweep("four_bar", VARY, MEASURES, scheduler="tcp://127.0.0.1:9", output=tmp_path / "out.nc")
-    assert list(tmp_path.iterdir()) == []
+    assert str(caught.value).startswith(f"xarray is not installed; {install_command('sweep')}")
