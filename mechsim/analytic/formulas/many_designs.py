@@ -127,14 +127,6 @@ def crank_ranges(formula: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRa
     return CrankRanges(finite & (least > TOUCHING * scale), uncertain, harmonics, clear)
 
 
-def closes_at(formula: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
-    """Return which designs close at all of some crank angles (p,) in [rad], (n,)."""
-    designs = len(next(iter(varied.values())))
-    with np.errstate(all="ignore"):
-        discriminants = many(formula, varied, len(angles)).discriminant(np.tile(angles, designs))
-    return np.all(discriminants.reshape(designs, -1) > 0.0, axis=1)
-
-
 def ranges(cranks: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
     """Return the width of the crank ranges, (n,) in [rad], and the number of dead centres, (n,).
 

@@ -1,15 +1,13 @@
 """Monte Carlo over tolerances, by expansions in the dimensions that some solved mechanisms verify."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import Dimension
-from mechsim.analytic.formulas.closed_form import ClosedForm
-from mechsim.analytic.formulas.many_designs import Bools, allowed, closes_at, formula_of_many, solved
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
@@ -158,102 +156,6 @@ def solves(count: int) -> int:
     return count * (count + 1)
 
 
-# number of poses solved together, whose arrays fit into a core's cache; numbers in memory at a time
-BLOCK, MAX_NUMBERS = 8192, 6_400_000
-# largest number of poses, and weight of a pose with rates: about two seconds on one core
-MAX_POSES, RATE_WEIGHT = 10_000_000, 5
-
-
-@dataclass(frozen=True)
-class FormulaSamples:
-    """Random mechanisms within tolerances, solved by one formula.
-
-    Attributes:
-        solved: the quantities and tolerances.
-        formula: formulas of the nominal mechanism.
-        fractions: deviations relative to the tolerances, (n, p), of mechanisms that can be assembled.
-    """
-
-    solved: DesignSolver
-    formula: ClosedForm
-    fractions: Array
-
-    def blocks(self) -> Iterator[Block]:
-        """Yield columns of the quantities, (k,), and the deviations in them of all mechanisms, (n, k)."""
-        angles, columns = self.solved.moved.angles, self.solved.columns
-        step = max(1, MAX_NUMBERS // (len(self.fractions) * len(columns)))
-        for first in range(0, len(angles), step):
-            indices = np.arange(first, min(first + step, len(angles)))
-            which = np.concatenate([indices + i * len(angles) for i in range(len(columns))])
-            yield which, self.solved.differences(self._values(angles[indices]), which)
-
-    def _values(self, angles: Array) -> Array:
-        """Return the quantities at some angles, (n, columns * angles)."""
-        columns, speed = self.solved.columns, self.solved.moved.rate
-        quantities = [self.solved.moved.quantity(name) for name in columns]
-        rates = any(quantity.order > 0 for quantity in quantities)
-        joints = any(quantity.uses("joint") for quantity in quantities)
-        out = np.empty((len(self.fractions), len(columns), len(angles)))
-        for rows in _blocks(len(self.fractions), len(angles)):
-            varied = _varied(self.solved, self.fractions[rows])
-            columns_known = dict(
-                solved(self.formula, varied, angles, speed, rates=rates, joints=joints).columns()
-            )
-            for i, quantity in enumerate(quantities):
-                out[rows, i] = quantity.number(columns_known).reshape(-1, len(angles))
-        return out.reshape(len(out), -1)
-
-
-def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaSamples, Bools] | None:
-    """Return mechanisms solved by one formula, and which of all cannot be assembled, (n,).
-
-    None without such a formula, or if it would take too long.
-
-    Args:
-        solved_by: the quantities and tolerances.
-        fractions: deviations relative to the tolerances, (n, p).
-    """
-    formula = formula_of_many(solved_by.moved.solver.closed_form, solved_by.bounds)
-    angles, columns = solved_by.moved.angles, solved_by.columns
-    quantities = [solved_by.moved.quantity(name) for name in columns]
-    poses = (
-        len(fractions)
-        * len(angles)
-        * (RATE_WEIGHT if any(quantity.order > 0 for quantity in quantities) else 1)
-    )
-    if poses > MAX_POSES or formula is None:
-        return None
-    columns_known = solved(
-        formula, _varied(solved_by, fractions[:1]), angles[:1], 1.0, rates=True, joints=True
-    )
-    if (
-        not {column.name for quantity in quantities for column in quantity.columns}
-        <= dict(columns_known.columns()).keys()
-    ):
-        return None
-    # near change points the formula cannot select a branch for each design
-    if formula.change_points():
-        return None
-    valid = allowed(formula, _varied(solved_by, fractions))
-    for rows in _blocks(len(fractions), len(angles)):
-        valid[rows] &= closes_at(formula, _varied(solved_by, fractions[rows]), angles)
-    return FormulaSamples(solved_by, formula, fractions[valid]), ~valid
-
-
-def _blocks(count: int, poses: int) -> Iterator[slice]:
-    step = max(1, BLOCK // poses)
-    return (slice(first, first + step) for first in range(0, count, step))
-
-
-def _varied(solved: DesignSolver, fractions: Array) -> dict[str, Array]:
-    """Return the dimensions of mechanisms: name -> (n,) in SI."""
-    values = solved.moved.designs.values()
-    return {
-        name: values[name] + fractions[:, i] * tolerance
-        for i, (name, tolerance) in enumerate(solved.bounds.items())
-    }
-
-
 # quantiles of the samples at the ends of the reported interval
 QUANTILES = (0.025, 0.975)
 # number of solved samples that verify an expansion, and number solved if no expansion is accurate enough
@@ -318,10 +220,9 @@ def sample_tolerances(
 ) -> Sampled:
     """Return statistics of random mechanisms within tolerances.
 
-    Each mechanism is solved if one formula applies to all. Otherwise an expansion to first or second order
-    is used if its error, for some solved mechanisms, is below a fiftieth of the standard deviation. If
-    neither is accurate enough, fewer mechanisms are drawn and each is solved. Clearances count to first
-    order.
+    An expansion to first or second order is used if its error, for some solved mechanisms, is below a
+    fiftieth of the standard deviation. If neither is accurate enough, fewer mechanisms are drawn and each is
+    solved. Clearances count to first order.
 
     Args:
         solved: solves the mechanisms.
@@ -337,16 +238,6 @@ def sample_tolerances(
     """
     random, width = np.random.default_rng(seed), derivative.shape[1]
     fractions = _fractions(random, count, len(derivative), tolerances)
-    ends = np.concatenate([np.eye(len(derivative)), -np.eye(len(derivative))])
-    if (
-        len(derivative)
-        and (samples := formula_samples(solved, np.concatenate([ends, fractions]))) is not None
-    ):
-        whole, unassembled = samples
-        _require_assembled(solved, ends, unassembled[: len(ends)])
-        whole, unassembled = replace(whole, fractions=whole.fractions[len(ends) :]), unassembled[len(ends) :]
-        sampling = Sampling(count, int(unassembled.sum()), 0, 0.0, seed)
-        return _statistics(whole.blocks(), len(whole.fractions), width, plays, random, sampling)
     checked = fractions[: MAX_VERIFIED if len(derivative) else 0]
     exact, failed = _each(solved, checked, advance)
     spread = _spread(derivative * tolerances.spread, len(solved.columns))
@@ -360,16 +251,6 @@ def sample_tolerances(
     exact, failed = _each(solved, fractions[:MAX_SOLVED], advance)
     sampling = Sampling(len(failed), int(failed.sum()), 0, 0.0, seed)
     return _statistics(iter([(ALL_COLUMNS, exact)]), len(exact), width, plays, random, sampling)
-
-
-def _require_assembled(solved: DesignSolver, ends: Array, unassembled: NDArray[np.bool_]) -> None:
-    """Reject tolerances for which one dimension at its bound prevents assembly."""
-    if unassembled.any():
-        worst = solved.text(ends[int(np.argmax(unassembled))])
-        raise InputError(
-            f"the tolerances allow no assembly: with {worst} the loops do not close along the whole motion; "
-            "reduce the tolerances"
-        )
 
 
 def _spread(derivative: Array, columns: int) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.studies.sensitivity.monte_carlo import DesignSolver, formula_samples
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import path_bands, tolerance_study
@@ -91,30 +90,6 @@ def test_samples_are_solved_if_the_expansion_is_inaccurate(monkeypatch):
     result = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
     study = tolerance_study(result, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=100)
     assert (study.sampled.sampling.order, study.sampled.samples) == (0, 20)
-
-
-@pytest.mark.slow
-def test_every_sample_is_solved_if_a_closed_form_exists():
-    result = table(quantities=("C", "rocker", "C.vx"))
-    moved, bounds = result.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}
-    values = np.concatenate([*result.values.values()])
-    angular = np.repeat([result.units[item] == "rad" for item in result.values], len(result))
-    solved = DesignSolver(moved, [*result.values], bounds, values, angular)
-    fractions = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
-    # the last sample cannot be assembled: its crank is too long
-    samples, unassembled = formula_samples(solved, np.concatenate([fractions, [[30.0, 0.0, 0.0]]]))
-    assert unassembled.tolist() == [False] * 40 + [True]
-    samples_off = np.empty((40, len(values)))
-    for which, block in samples.blocks():
-        samples_off[:, which] = block
-    exact = np.array([solved.deviations(item) for item in fractions])
-    assert np.abs(samples_off - exact).max() <= 1e-12
-    study = tolerance_study(result, bounds, samples=5_000)
-    assert (study.sampled.sampling.order, study.sampled.sampling.solved, study.sampled.sampling.failed) == (
-        0,
-        5_000,
-        0,
-    )
 
 
 @pytest.mark.long
