@@ -182,7 +182,15 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
     """
     columns = [(gap * frame_a[..., COLUMN[axis]]).sum(-1) for axis in kind.slides]
     if kind.crossed:
-        columns += _crossed_angles(cross_angle, frame_a, frame_b)
+        relative = np.swapaxes(frame_a, -1, -2) @ frame_b
+        first = angle_of(relative[..., 1, 2], relative[..., 0, 2])
+        c, s = np.cos(first), np.sin(first)
+        back = np.zeros_like(relative)  # inverse of the rotation about a's axis
+        back[..., 0, 0], back[..., 0, 1] = c, s
+        back[..., 1, 0], back[..., 1, 1] = -s, c
+        back[..., 2, 2] = 1.0
+        rest = crossed_at_zero(cross_angle).T @ back @ relative
+        columns += (first, angle_of(rest[..., 1, 0], rest[..., 0, 0]))
     elif not kind.ball and kind.turns:
         x_of_b = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's reference seen from a
         columns.append(angle_of(x_of_b[..., 1], x_of_b[..., 0]))
@@ -211,18 +219,6 @@ def crossed_at_zero(cross_angle: float) -> Array:
     c, s = np.cos(cross_angle), np.sin(cross_angle)
     axis, x = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
     return np.column_stack([x, np.cross(axis, x), axis])
-
-
-def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
-    relative = np.swapaxes(frame_a, -1, -2) @ frame_b
-    first = angle_of(relative[..., 1, 2], relative[..., 0, 2])
-    c, s = np.cos(first), np.sin(first)
-    back = np.zeros_like(relative)  # inverse of the rotation about a's axis
-    back[..., 0, 0], back[..., 0, 1] = c, s
-    back[..., 1, 0], back[..., 1, 1] = -s, c
-    back[..., 2, 2] = 1.0
-    rest = crossed_at_zero(cross_angle).T @ back @ relative
-    return first, angle_of(rest[..., 1, 0], rest[..., 0, 0])
 
 
 def _about_z(angle: float | Array) -> Array:

@@ -274,19 +274,15 @@ def _rate_of_point(letter: str, order: int) -> "Callable[[Mechanism, str], Any]"
     """Return the derivation of the magnitude of a point's velocity or acceleration."""
 
     def derive(mechanism: Mechanism, point: str) -> tuple[Sequence[Column], Function, str]:
+        if point not in moving_points(mechanism):
+            raise unknown(point, mechanism)
         return (
-            quantity(f"{point}.{letter}", _with_point(point, mechanism)).columns,
+            quantity(f"{point}.{letter}", mechanism).columns,
             _length,
             f"m/s{'2'[: order - 1]}",
         )
 
     return derive
-
-
-def _with_point(point: str, mechanism: Mechanism) -> Mechanism:
-    if point not in moving_points(mechanism):
-        raise unknown(point, mechanism)
-    return mechanism
 
 
 def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -129,7 +129,18 @@ def fit_dimensions(
     names = dimension_names(subject, vary)
     subject.designs.require_independent(names)
     if offset:
-        _require_offset(subject, named.values())
+        # reject an unknown crank zero that the measurement cannot determine
+        name = subject.designs.name
+        if not subject.offset:
+            raise InputError(
+                f"{name} has no single crank without a motion law, so no crank zero; leave the offset out"
+            )
+        acting = subject.loading.acting(subject.solver)
+        if (acting.loads or acting.couples or acting.crank_torque) and subject.loaded(named.values()):
+            raise InputError(
+                f"{name}: forces under loads that follow the crank do not determine its zero; "
+                "leave out the forces or the loads"
+            )
         names.append(subject.offset)
     if measured.count < len(names):
         raise InputError(
@@ -150,21 +161,6 @@ def fit_dimensions(
         max_nfev=MAX_MECHANISMS,
     )
     return problem.result(solution.x, solution.status > 0)
-
-
-def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
-    """Reject an unknown crank zero that the measurement cannot determine."""
-    name = moved.designs.name
-    if not moved.offset:
-        raise InputError(
-            f"{name} has no single crank without a motion law, so no crank zero; leave the offset out"
-        )
-    acting = moved.loading.acting(moved.solver)
-    if (acting.loads or acting.couples or acting.crank_torque) and moved.loaded(columns):
-        raise InputError(
-            f"{name}: forces under loads that follow the crank do not determine its zero; "
-            "leave out the forces or the loads"
-        )
 
 
 class _Problem:

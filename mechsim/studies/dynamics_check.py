@@ -1,6 +1,6 @@
 """Comparison of MuJoCo's dynamics with the formulas at the states that the run reached."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -195,10 +195,16 @@ def crosscheck_forward(
     return concluded(checks)
 
 
-def _stepper(
-    section: DynamicRun, dynamic_model: DynamicModel, initial: InitialValues, progress: Progress
-) -> Callable[[int], SteppedRun]:
-    """Return the function: number of steps between two instants -> run in MuJoCo from the section's start."""
+def _compared_with_mujoco(
+    run: DynamicRun,
+    section: DynamicRun,
+    dynamic_model: DynamicModel,
+    initial: InitialValues,
+    tolerance: float | None,
+    progress: Progress,
+) -> list[Check] | Verdict:
+    """Return the checks of a section of a run; a verdict if MuJoCo diverges or misses the tolerance."""
+    # the function: number of steps between two instants -> run in MuJoCo from the section's start
     joints, driving = section.motion.joints, section.driving
     start = start_of(
         dynamic_model.mechanism,
@@ -211,19 +217,10 @@ def _stepper(
         activation=section.activation[:, 0],
     )
     prescribed = {name: dynamic_model.solver.motion_laws.by_name[name] for name in driving}
-    return lambda substeps: start.stepped(section.time, substeps, None, prescribed, progress)
-
-
-def _compared_with_mujoco(
-    run: DynamicRun,
-    section: DynamicRun,
-    dynamic_model: DynamicModel,
-    initial: InitialValues,
-    tolerance: float | None,
-    progress: Progress,
-) -> list[Check] | Verdict:
-    """Return the checks of a section of a run; a verdict if MuJoCo diverges or misses the tolerance."""
-    times, stepped = section.time, _stepper(section, dynamic_model, initial, progress)
+    times, stepped = (
+        section.time,
+        lambda substeps: start.stepped(section.time, substeps, None, prescribed, progress),
+    )
     intervals = len(run.time) - 1
     steps = -(-run.steps // STEPS_IN_C) if run.executed == "C" else run.steps
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * steps) // intervals

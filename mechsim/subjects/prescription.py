@@ -214,7 +214,18 @@ def _motion_laws(
 ) -> MotionLaws:
     """Return the motion laws of all drivers; `CRANK` without any law."""
     if laws:
-        states = _states(mechanism, laws, written)
+        # the parsed motion laws of drivers
+        starts: dict[str, float] = {}
+
+        def start(name: str) -> Callable[[], float]:
+            def value() -> float:
+                if not starts:
+                    starts.update(start_poses(mechanism)[1])
+                return starts[name]
+
+            return value
+
+        states = {name: _state(mechanism, name, law, start(name), written) for name, law in laws.items()}
         return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
     if requested is not None:
         raise InputError(
@@ -222,21 +233,6 @@ def _motion_laws(
             "give --drive COORDINATE=LAW too; a run from an initial state is mechsim dynamics forward"
         )
     return CRANK
-
-
-def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: WrittenUnits) -> dict[str, State]:
-    """Return the parsed motion laws of drivers."""
-    starts: dict[str, float] = {}
-
-    def start(name: str) -> Callable[[], float]:
-        def value() -> float:
-            if not starts:
-                starts.update(start_poses(mechanism)[1])
-            return starts[name]
-
-        return value
-
-    return {name: _state(mechanism, name, law, start(name), written) for name, law in laws.items()}
 
 
 def duration_of(requested: float | None, stated: float | None, states: Mapping[str, State]) -> float:

@@ -7,7 +7,6 @@ from typing import Any, get_args
 from mechsim.errors import InputError
 from mechsim.model.actuators import NO_LIMIT, Actuator
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import State
 from mechsim.model.motors import Controller
 from mechsim.subjects.law_text import control_law, parse_motion_law
 from mechsim.subjects.toml_keys import JOINT_MOTORS
@@ -101,8 +100,27 @@ def _motor(values: Values, name: str, entry: Mapping[str, Any], unit: Unit, path
         case "dc":
             return _direct_current(entry, common)
         case _:
-            law = _target(values, name, entry["target"], unit, path)
-            return _controlled(entry, law, common)
+            written = entry["target"]
+            text = f"{written:.17g}+0*t" if not isinstance(written, str) else written
+            law = parse_motion_law(
+                text,
+                f"motor {name}",
+                unit,
+                lambda: 0.0,
+                default_unit=values.in_si(1.0, unit),
+                parameters=values.parameters,
+            )
+            # a controller kp e + kd e' + ki w of the error e = target - q, with w' = e
+            proportional, derivative = entry["proportional"], entry.get("derivative", 0.0)
+            integral = entry.get("integral", 0.0)
+            return Actuator(
+                control=law,
+                gain=(integral, 0.0, 0.0),
+                bias=(0.0, -proportional, -derivative),
+                direct=(proportional, derivative),
+                inflow=(1.0, 0.0, -1.0, 0.0) if integral else None,
+                **common,
+            )
 
 
 def _direct_current(entry: Mapping[str, Any], common: dict[str, Any]) -> Actuator:
@@ -122,32 +140,6 @@ def _direct_current(entry: Mapping[str, Any], common: dict[str, Any]) -> Actuato
         )
     inflow = (1.0 / inductance, -resistance / inductance, 0.0, -constant / inductance)
     return Actuator(control=law, gain=(constant, 0.0, 0.0), inflow=inflow, **common)
-
-
-def _controlled(entry: Mapping[str, Any], law: State, common: dict[str, Any]) -> Actuator:
-    """Return a controller kp e + kd e' + ki w of the error e = target - q, with w' = e."""
-    proportional, derivative = entry["proportional"], entry.get("derivative", 0.0)
-    integral = entry.get("integral", 0.0)
-    return Actuator(
-        control=law,
-        gain=(integral, 0.0, 0.0),
-        bias=(0.0, -proportional, -derivative),
-        direct=(proportional, derivative),
-        inflow=(1.0, 0.0, -1.0, 0.0) if integral else None,
-        **common,
-    )
-
-
-def _target(values: Values, name: str, written: Any, unit: Unit, path: KeyPath) -> State:
-    text = f"{written:.17g}+0*t" if not isinstance(written, str) else written
-    return parse_motion_law(
-        text,
-        f"motor {name}",
-        unit,
-        lambda: 0.0,
-        default_unit=values.in_si(1.0, unit),
-        parameters=values.parameters,
-    )
 
 
 def _general(values: Values, name: str, entry: Mapping[str, Any]) -> Actuator:

@@ -197,7 +197,10 @@ class Values:
             case Text(options=options):
                 return self._text(value, options, path)
             case ListOf(item=item, count=count):
-                return self._list(value, item, count, path)
+                expected = "a list" if count is None else f"a list of {count}"
+                fits = isinstance(value, list) and count in (None, len(value))
+                self._require(fits, value, f"{expected}, each {item.about}", path)
+                return tuple(self.checked(item, entry, (*path, i)) for i, entry in enumerate(value))
             case TableOf(value_type=item):
                 entries = self._table(value, path).items()
                 return {name: self.checked(item, entry, (*path, name)) for name, entry in entries}
@@ -334,12 +337,6 @@ class Values:
         if options and value not in options:
             raise self.source.error(path, f"is {shown(value)}; it can be {', '.join(options)}")
         return value
-
-    def _list(self, value: Any, item: KeyType, count: int | None, path: KeyPath) -> tuple[Any, ...]:
-        expected = "a list" if count is None else f"a list of {count}"
-        fits = isinstance(value, list) and count in (None, len(value))
-        self._require(fits, value, f"{expected}, each {item.about}", path)
-        return tuple(self.checked(item, entry, (*path, i)) for i, entry in enumerate(value))
 
     def _known_keys(self, value: Any, keys: Table, path: KeyPath) -> dict[str, Any]:
         table = self._table(value, path)

@@ -39,7 +39,6 @@ from mechsim.simulation.mjcf_reader.inertias_and_forces import (
     with_inertias,
 )
 from mechsim.simulation.mjcf_reader.kinematic_tree import (
-    Carrier,
     KinematicTree,
     kinematic_tree,
     link_name,
@@ -215,12 +214,17 @@ def read_model(
     values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
     locked = _locked_values(model, compiled_file.lock, values)
     driven_names = driven(model, drivers, list(locked), describe_only or lint)
+    # tracked points in the frames of links: name -> link and position
+    carrier_of = {model.body(b).name: tree.carriers[b] for b in range(model.nbody)}
     mechanism = Mechanism(
         name=spec.modelname or "model",
         links=with_outlines(model, tree),
         joints=(*tree.joints, *loops.joints),
         driver=driven_names[0] if len(driven_names) == 1 else driven_names,
-        points=_link_points(model, tree.carriers, points),
+        points={
+            name: (carrier_of[body].link, carrier_of[body].point(position))
+            for name, (body, position) in points.items()
+        },
         guess=poses(model, tree, start),
         couplings=tuple(loops.couplings),
         locked=locked,
@@ -310,17 +314,6 @@ def _compiled(
     require_numbers(path, spec, model, start)
     with_meshes = parsed_model if lint else None
     return _CompiledFile(path, spec, model, start, remarks, fixed, lock, with_meshes, tuple(unread))
-
-
-def _link_points(
-    model: mujoco.MjModel, carriers: Sequence[Carrier], points: Mapping[str, BodyPoint]
-) -> dict[str, tuple[str, Vector]]:
-    """Return tracked points in the frames of links: name -> link and position."""
-    carrier_of = {model.body(b).name: carriers[b] for b in range(model.nbody)}
-    return {
-        name: (carrier_of[body].link, carrier_of[body].point(position))
-        for name, (body, position) in points.items()
-    }
 
 
 def _fixed_joints(

@@ -111,7 +111,21 @@ def read_sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointCha
     Returns:
         The closures, the changes of joints, and findings on keys that are not read.
     """
-    file = _sidecar(path)
+    with needs("robots"):
+        import yaml
+    text = read_text(path, "a file with loop closures", MAX_BYTES)
+    try:
+        # without constructors of types, which raise errors of their own
+        loader = yaml.BaseLoader(text)
+        root: Any = loader.get_single_node()
+        content: Any = loader.construct_document(root) if isinstance(root, yaml.MappingNode) else {}
+    except (yaml.YAMLError, RecursionError) as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", None)
+        where = "" if line is None else f", line {line + 1}"
+        raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
+    file = Sidecar(
+        path, content, {key.value: key.start_mark.line + 1 for key, _ in (root.value if content else ())}
+    )
     for (name, *more), reader in SIDECARS.items():
         if isinstance(file.content.get(name), list):
             closures, changes = reader(tree, file)
@@ -132,24 +146,6 @@ def read_sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointCha
     first = [names[0] for names in SIDECARS]
     key = next((name for name in first if name in file.content), "")
     raise file.error(key, f"it has no list {' or '.join(first)}; write closed_loop: [[FRAME, FRAME]]")
-
-
-def _sidecar(path: str) -> Sidecar:
-    with needs("robots"):
-        import yaml
-    text = read_text(path, "a file with loop closures", MAX_BYTES)
-    try:
-        # without constructors of types, which raise errors of their own
-        loader = yaml.BaseLoader(text)
-        root: Any = loader.get_single_node()
-        content: Any = loader.construct_document(root) if isinstance(root, yaml.MappingNode) else {}
-    except (yaml.YAMLError, RecursionError) as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", None)
-        where = "" if line is None else f", line {line + 1}"
-        raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
-    return Sidecar(
-        path, content, {key.value: key.start_mark.line + 1 for key, _ in (root.value if content else ())}
-    )
 
 
 def _scikit_robot(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], JointChanges]:

@@ -1,7 +1,7 @@
 """Components of the difference between a stepped run and candidate data: formula, compliance, step, drive."""
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -132,7 +132,14 @@ def _at_instants(
     keep = run.time <= time[-1] + 2.0 * float(run.model.opt.timestep)
     qpos = cubic_interpolation(run.time[keep], run.qpos[keep], time)
     recorded = replace(run, time=time, qpos=qpos, qvel=np.zeros((len(time), run.qvel.shape[1])))
-    joints = _coordinates(scene, run.model, qpos)
+    # joint name -> coordinate (n,) of the hinges and slides of a scene
+    single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    names = [joint.name for joint in scene.mechanism.joints[: run.model.njnt]]
+    joints = {
+        name: qpos[:, int(run.model.jnt_qposadr[i])]
+        for i, name in enumerate(names)
+        if int(run.model.jnt_type[i]) in single
+    }
     drivers = {
         name: replace(
             motion,
@@ -153,17 +160,6 @@ def _at_instants(
         else:
             raise InputError(f"a run of {solver.name} does not contain {compared.subject}")
     return RunAtInstants(exact, tuple(values))
-
-
-def _coordinates(scene: UserScene, model: mujoco.MjModel, qpos: Array) -> Mapping[str, Array]:
-    """Return joint name -> coordinate (n,) of the hinges and slides of a scene."""
-    single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    names = [joint.name for joint in scene.mechanism.joints[: model.njnt]]
-    return {
-        name: qpos[:, int(model.jnt_qposadr[i])]
-        for i, name in enumerate(names)
-        if int(model.jnt_type[i]) in single
-    }
 
 
 def _nearest_revolution(value: Array, reference: Array) -> Array:

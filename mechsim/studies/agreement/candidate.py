@@ -163,7 +163,15 @@ def read_candidate(name: str, value: object, reader: QuantityReader, where: Mapp
         InputError: for an unknown name, a wrong shape or values that are not finite.
     """
     who, count = reader.who, len(next(iter(where.values())))
-    values = _numbers(name, value, who, count)
+    try:
+        array = np.asarray(value)
+        values = np.real(array).astype(np.float64)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{who} gives no numbers for {name!r}; give an array of shape ({count}, 3) or ({count},)"
+        ) from None
+    if np.iscomplexobj(array):
+        raise InputError(f"{who} gives complex numbers for {name!r}; give real numbers, as with .real")
     named = reader.read(name, None if values.ndim == 1 else values.shape[-1] if values.ndim == 2 else 0)
     width = max(1, len(named.axes))
     if values.shape not in ((count, width), (count,) if width == 1 else (count, width)):
@@ -176,19 +184,6 @@ def read_candidate(name: str, value: object, reader: QuantityReader, where: Mapp
         position = ", ".join(f"{driver} = {column[first]:.6g}" for driver, column in where.items())
         raise InputError(f"{who} gives no finite value for {name!r} at {position}; give one for every pose")
     return Candidate(named, values)
-
-
-def _numbers(name: str, value: object, who: str, count: int) -> Array:
-    try:
-        array = np.asarray(value)
-        values = np.real(array).astype(np.float64)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{who} gives no numbers for {name!r}; give an array of shape ({count}, 3) or ({count},)"
-        ) from None
-    if np.iscomplexobj(array):
-        raise InputError(f"{who} gives complex numbers for {name!r}; give real numbers, as with .real")
-    return values
 
 
 def _further_arguments(

@@ -41,7 +41,7 @@ def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> E
         crank = solver.mechanism.crank.name
         steady = evaluation.angle, evaluation.speed, evaluation.acceleration
         if crank in changes:
-            steady = changes[crank](_constant(steady))(evaluation.angle)
+            steady = changes[crank](lambda _: steady)(evaluation.angle)
         angle, speed, acceleration = steady
         angle = _within_a_period(evaluation, angle)
         return replace(evaluation, angle=angle, speed=speed, acceleration=acceleration)
@@ -57,10 +57,6 @@ def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> E
     return replace(evaluation, solved=solver.solve_as(replace(evaluation.motion, joints=joints)))
 
 
-def _constant(values: tuple[Array, Array, Array]) -> State:
-    return lambda _: values
-
-
 def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
     """Return crank angles moved near the start by whole periods, if the motion is periodic."""
     solver = evaluation.solver
@@ -68,21 +64,6 @@ def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
     if not solver.crank_range().full or np.abs(displacement).max() < 2.5 * solver.period:
         return angle
     return solver.mechanism.start + displacement % solver.period
-
-
-def _linear(scale: float, offset: float) -> LawChange:
-    def change(state: State) -> State:
-        def moved(time: Array) -> tuple[Array, Array, Array]:
-            value, rate, second = state(time)
-            return scale * value + offset, scale * rate, scale * second
-
-        return moved
-
-    return change
-
-
-def _late(lag: float) -> LawChange:
-    return lambda state: lambda time: state(time - lag)
 
 
 def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Values:
@@ -95,7 +76,14 @@ def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Value
 
 
 def _scaled_driver(misfit: Misfit, driver: str, scale: float, offset: float) -> Values:
-    return _under_other_laws(misfit, {driver: _linear(scale, offset)})
+    def change(state: State) -> State:
+        def moved(time: Array) -> tuple[Array, Array, Array]:
+            value, rate, second = state(time)
+            return scale * value + offset, scale * rate, scale * second
+
+        return moved
+
+    return _under_other_laws(misfit, {driver: change})
 
 
 def _unit(misfit: Misfit, driver: str) -> str:
@@ -228,7 +216,7 @@ def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
     return sized(
         "phase",
         driver,
-        lambda lag: _under_other_laws(misfit, {driver: _late(lag)}),
+        lambda lag: _under_other_laws(misfit, {driver: lambda state: lambda time: state(time - lag)}),
         lambda lag: f"the motion law of {driver} is out of phase, late by {lag:.6g} s",
         1e-4 * duration,
         starts=[fraction * duration for fraction in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)],

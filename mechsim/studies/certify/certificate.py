@@ -207,17 +207,13 @@ def proven_segments(
         failed = failed.select(~final)
         waiting += [failed.select(batch) for batch in batches(len(failed)) if len(batch)]
     segments = join(proven)
-    return segments.select(np.argsort(segments.low)), _merged(rest), count > MAX_SEGMENTS
-
-
-def _merged(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals in ascending order; adjacent intervals are merged."""
+    # intervals in ascending order; adjacent intervals are merged
     merged: list[tuple[float, float]] = []
-    for low, high in sorted(intervals):
+    for low, high in sorted(rest):
         if merged and low <= merged[-1][1]:
             low = merged.pop()[0]
         merged.append((low, high))
-    return merged
+    return segments.select(np.argsort(segments.low)), merged, count > MAX_SEGMENTS
 
 
 def _certificate(

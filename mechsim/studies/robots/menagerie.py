@@ -85,7 +85,14 @@ def with_servos(
     if mechanism.has_crank:
         # a servo needs no virtual drive inertia
         spec.joint(CRANK).armature = forces.flywheel
-        _rename_joint(spec, CRANK, names[0])
+        # rename a joint, also in the couplings that refer to it
+        new = names[0]
+        spec.joint(CRANK).name = new
+        for equality in spec.equalities:
+            if equality.type == mujoco.mjtEq.mjEQ_JOINT:
+                equality.name1, equality.name2 = (
+                    new if reference == CRANK else reference for reference in (equality.name1, equality.name2)
+                )
     limit_joints(spec, ranges)
     for spring in forces.joint_springs:
         _use_joint_spring(spec, spring)
@@ -111,16 +118,6 @@ def _driver_joints(mechanism: Mechanism) -> list[str]:
     if not mechanism.drivers:
         raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
     return list(mechanism.drivers)
-
-
-def _rename_joint(spec: mujoco.MjSpec, name: str, new: str) -> None:
-    """Rename a joint, also in the couplings that refer to it."""
-    spec.joint(name).name = new
-    for equality in spec.equalities:
-        if equality.type == mujoco.mjtEq.mjEQ_JOINT:
-            equality.name1, equality.name2 = (
-                new if reference == name else reference for reference in (equality.name1, equality.name2)
-            )
 
 
 def _use_joint_spring(spec: mujoco.MjSpec, spring: JointSpring) -> None:
@@ -156,7 +153,13 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
     )
     rest = np.zeros(len(values))
     points = loops.whole_motion(laws.times, rest, rest).points
-    sites = _site_positions(path, qpos)
+    # the positions of the sites, name -> (n, 3) in [m]
+    model = path.loops.model
+    position, rotation, _ = path.loops.posed.poses(qpos)
+    sites = {
+        model.site(i).name: position[:, body] + rotation[:, body] @ model.site_pos[i]
+        for i, body in enumerate(model.site_bodyid.tolist())
+    }
     gaps = [
         np.linalg.norm(points[name].position[1:] - sites[name], axis=1).max()
         for name in points
@@ -187,16 +190,6 @@ def _drawn(path: StraightPath) -> Array:
     high = np.where(limited, np.minimum(high, home + reach), home + reach)
     qpos, valid = path.reach(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
     return qpos[valid]
-
-
-def _site_positions(path: StraightPath, qpos: Array) -> dict[str, Array]:
-    """Return the positions of the sites, name -> (n, 3) in [m]."""
-    model = path.loops.model
-    position, rotation, _ = path.loops.posed.poses(qpos)
-    return {
-        model.site(i).name: position[:, body] + rotation[:, body] @ model.site_pos[i]
-        for i, body in enumerate(model.site_bodyid.tolist())
-    }
 
 
 def _nearest_first(values: Array, start: Array) -> list[int]:

@@ -206,7 +206,11 @@ def scene_of(
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
     start = (data.qpos if qpos is None else qpos).copy(), data.qvel.copy()
     if joint_laws:
-        start = _start_of_laws(closure, model, start[0], joint_laws)
+        # the assembled state and the velocities at the start of motion laws
+        first = {name: [float(values[0]) for values in law(np.zeros(1))] for name, law in joint_laws.items()}
+        closed = closure.moved_to(start[0], {name: value for name, (value, _, _) in first.items()})
+        speeds = {name: rate for name, (_, rate, _) in first.items()}
+        start = closed, closure.rates(closed, speeds, model.jnt_dofadr.tolist(), model.nv)
     return UserScene(
         read.path,
         model,
@@ -311,13 +315,3 @@ def with_scaled_tolerance(
     spec.option.tolerance *= plain.stat.meaninertia / driven.stat.meaninertia
     driven.opt.tolerance = spec.option.tolerance
     return driven
-
-
-def _start_of_laws(
-    closure: ExactClosure, model: mujoco.MjModel, qpos: Array, laws: Mapping[str, State]
-) -> tuple[Array, Array]:
-    """Return the assembled state and the velocities at the start of motion laws."""
-    first = {name: [float(values[0]) for values in law(np.zeros(1))] for name, law in laws.items()}
-    closed = closure.moved_to(qpos, {name: value for name, (value, _, _) in first.items()})
-    speeds = {name: rate for name, (_, rate, _) in first.items()}
-    return closed, closure.rates(closed, speeds, model.jnt_dofadr.tolist(), model.nv)

@@ -141,7 +141,14 @@ class TurnMeasure:
         if self.kind == "function":
             return _function_values(self.subject, turns)
         if self.kind == "stroke":
-            return _stroke(turns, self.subject)
+            # the largest distance of two positions on the path of a point, (designs,) in [m]
+            x, y, z = (turns.column(f"{self.subject}.{axis}") for axis in AXES)
+            largest = np.zeros(turns.designs, x.dtype)
+            for shift in range(1, turns.poses // 2 + 1):
+                # each pair once: poses that differ by a cyclic shift
+                dx, dy, dz = (axis_values - np.roll(axis_values, shift, 1) for axis_values in (x, y, z))
+                np.maximum(largest, (dx * dx + dy * dy + dz * dz).max(1), out=largest)
+            return np.sqrt(largest)
         assert self.quantity is not None
         values = turns.values(self.quantity)
         if self.kind == "at":
@@ -225,17 +232,6 @@ def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
         raise InputError(f"{mechanism.name} has no joint {rest!r}{suggestion(rest, joints)}")
     quantity = numeric_quantity(rest, mechanism)
     return TurnMeasure(text, "range", quantity.unit, quantity)
-
-
-def _stroke(turns: Turns, point: str) -> Array:
-    """Return the largest distance of two positions on the path of a point, (designs,) in [m]."""
-    x, y, z = (turns.column(f"{point}.{axis}") for axis in AXES)
-    largest = np.zeros(turns.designs, x.dtype)
-    for shift in range(1, turns.poses // 2 + 1):
-        # each pair once: poses that differ by a cyclic shift
-        dx, dy, dz = (axis_values - np.roll(axis_values, shift, 1) for axis_values in (x, y, z))
-        np.maximum(largest, (dx * dx + dy * dy + dz * dz).max(1), out=largest)
-    return np.sqrt(largest)
 
 
 class MeasureError(InputError):

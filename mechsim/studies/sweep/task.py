@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.many_designs import allowed, can_be_started, closed_form_starts
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import MechsimError
@@ -221,7 +220,16 @@ def assembled_designs(task: SweepTask, rows: Mapping[str, Array]) -> tuple[Start
     """
     formula = task.subject.closed
     if formula is not None and can_be_started(formula, rows):
-        return _by_formula(formula, rows)
+        valid = np.flatnonzero(allowed(formula, rows))
+        while len(valid):
+            designs = closed_form_starts(formula, {name: values[valid] for name, values in rows.items()})
+            assembled = np.all(
+                [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
+            )
+            if assembled.all():
+                return designs, valid
+            valid = valid[assembled]
+        return None
     designs, mechanisms = task.subject.design_family, list[Mechanism | None]()
     for i in range(len(next(iter(rows.values())))):
         mechanisms.append(None)
@@ -231,16 +239,3 @@ def assembled_designs(task: SweepTask, rows: Mapping[str, Array]) -> tuple[Start
             mechanisms[i] = designs.describe(design) if formula is None else designs.make(design).mechanism
     started, which = similar_designs(task.subject.solver.mechanism, mechanisms)
     return None if started is None else (started, which)
-
-
-def _by_formula(formula: ClosedForm, rows: Mapping[str, Array]) -> tuple[StartedDesigns, Rows] | None:
-    valid = np.flatnonzero(allowed(formula, rows))
-    while len(valid):
-        designs = closed_form_starts(formula, {name: values[valid] for name, values in rows.items()})
-        assembled = np.all(
-            [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
-        )
-        if assembled.all():
-            return designs, valid
-        valid = valid[assembled]
-    return None
