@@ -6,9 +6,7 @@ import pytest
 from scene_texts import FINGER
 from studies.test_reduction import LIMIT, observed, scene
 
-from mechsim.studies.reduction.candidates import joint_polynomials
 from mechsim.studies.reduction.candidates.bodies import fused_bodies, with_candidate
-from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import (
     add_weight,
     loose_chains,
@@ -16,31 +14,6 @@ from mechsim.studies.reduction.candidates.rods import (
     rods_as_lengths,
 )
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
-
-SIDE = """<body name="{0}" pos="0 {1} 0"><inertial mass="{2}" pos="0.03 0 0" diaginertia="1e-5 1e-5 1e-5"/>
-<joint name="{0}" axis="0 0 1" damping="0.01" armature="1e-4"/></body>"""
-HANDS = """<mujoco><worldbody>{0}{1}</worldbody>
-<tendon><fixed name="both"><joint joint="left" coef="0.5"/><joint joint="right" coef="0.5"/></fixed></tendon>
-<equality><joint joint1="left" joint2="right"/></equality>
-<actuator><position name="servo" tendon="both" kp="2" kv="0.05"/></actuator></mujoco>"""
-
-
-SMALL_BODY = """<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>"""
-
-
-def hands(masses=(0.1, 0.1)):
-    return HANDS.format(SIDE.format("left", 0.1, masses[0]), SIDE.format("right", -0.1, masses[1]))
-
-
-def test_only_an_exact_mirrored_mechanism_is_removed_without_error(tmp_path):
-    for masses, same in (((0.1, 0.1), True), ((0.1, 0.3), False)):
-        evaluator = ReducedSceneEvaluator.from_scene(
-            *scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",))
-        )
-        (removal,) = mirrored_mechanisms(observed(evaluator))
-        reduced_model = evaluator.scene(with_candidate(evaluator.spec, removal))
-        assert [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)] == ["left"]
-        assert (evaluator.errors(reduced_model).trajectory < 1e-12) is same
 
 
 def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):
@@ -102,46 +75,3 @@ def test_an_added_mass_updates_centre_and_moments(tmp_path):
     assert np.allclose(centre * (own[0] + mass), own[0] * own[1] + mass * position)
     origin = axes @ np.diag(model.body_inertia[body]) @ axes.T + about(own[0] + mass, centre)
     assert np.allclose(origin, np.diag(own[2]) + about(own[0], own[1]) + about(mass, position), atol=1e-18)
-
-
-def test_the_best_polynomial_has_minimum_degree_and_chebyshev_error():
-    x = np.linspace(-1.0, 1.0, 2001)
-    # the error of the best cubic for x^4 is T4 / 8; degree 4 is exact
-    fit = joint_polynomials.best_polynomial(x, x**4, 1e-6)
-    assert fit.degree() == 4
-    assert np.abs(fit(x) - x**4).max() < 1e-7
-    quartic = joint_polynomials.best_polynomial(x, x**5, 1e-2)
-    # the error of the best quartic for x^5 is T5 / 16
-    assert np.abs(quartic(x) - x**5).max() == pytest.approx(1 / 16, rel=0.05)
-    assert joint_polynomials.best_polynomial(x, np.sin(9 * x), 1e-6) is None
-    assert joint_polynomials.best_polynomial(x, 2.0 + 3.0 * x, 1e-6).degree() == 1
-
-
-def test_a_loop_becomes_joint_polynomials_with_reflected_inertia(tmp_path):
-    rigid = FINGER.replace('<joint name="swing" stiffness="0.05" damping="0.001"/>', "")
-    stiff = rigid.replace(
-        'solref="0.005 1" solimp="0.95 0.99 0.001"', 'solref="0.004 1" solimp="0.9999 0.9999"'
-    )
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, stiff, track=("P,lever@0,0.06,0",)))
-    needed, all_of_them = joint_polynomials.loops_as_polynomials(observed(evaluator))
-    reduced_model = evaluator.scene(with_candidate(evaluator.spec, all_of_them))
-    assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)
-    assert evaluator.errors(reduced_model).trajectory < 2 * LIMIT
-    spec = with_candidate(evaluator.spec, needed)
-    reduced_model = evaluator.scene(spec)
-    assert (reduced_model.model.nv, reduced_model.model.neq) == (2, 1)
-    assert evaluator.errors(reduced_model).trajectory < 1e-4
-    relations = joint_polynomials.joint_polynomials_of(observed(evaluator), "knuckle")
-    reflected_inertia = [
-        np.mean(
-            [
-                joint_polynomials.reflected(model, relations, angle)
-                for angle in np.linspace(relations.low, relations.high, 41)
-            ],
-            0,
-        )
-        for model in (evaluator.named, reduced_model.model)
-    ]
-    # the removed rod contributes a tenth of the inertia
-    assert reflected_inertia[1] == pytest.approx(reflected_inertia[0], rel=1e-6, abs=1e-9)
-    assert reduced_model.model.dof_armature[0] > 1.05 * evaluator.named.dof_armature[0]

@@ -112,7 +112,7 @@ def set_in_spec(spec: mujoco.MjSpec, parameters: Sequence[Parameter], values: Ar
     """Change parameters in a specification.
 
     Raises:
-        NotApplicable: if an element is missing, such as a loop that a polynomial replaces.
+        NotApplicable: if an element is missing, such as a loop that another candidate replaces.
     """
     try:
         spec.copy_back(with_parameters(plainly_compiled(spec), parameters, values))

@@ -16,8 +16,6 @@ from mechsim.studies.reduction.candidates.elements import (
     springs,
     visual_elements,
 )
-from mechsim.studies.reduction.candidates.joint_polynomials import loops_as_polynomials
-from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_lengths
 from mechsim.studies.reduction.candidates.stepping import cheaper_steps
 from mechsim.studies.reduction.reduced_scene import Evidence
@@ -28,11 +26,9 @@ CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
     limits,
     actuators,
     disconnected_bodies,
-    mirrored_mechanisms,
     redundant_equalities,
     locked_joints,
     passive_chains,
-    loops_as_polynomials,
     rods_as_lengths,
     fused_bodies,
     springs,
