@@ -35,6 +35,7 @@ GATES = {
     ("shapes.joints", "shapes.belts"): "a belt",
     ("subjects.toml_reader", "model.belts"): "belts in TOML",
     ("subjects.toml_reader", "subjects.toml_curves"): "curves or cams in TOML",
+    ("subjects.toml_reader", "subjects.toml_backlash"): "backlash of joints in TOML",
     ("subjects.mjcf_source", "simulation.findings"): "a MODEL in MJCF",
 }
 # commands of the core, and those that only read MuJoCo models

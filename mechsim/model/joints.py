@@ -13,7 +13,7 @@ from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array, polynomial
-from mechsim.numerics.inputs import number, numbers, require
+from mechsim.numerics.inputs import at_least_zero, number, numbers, require
 
 if TYPE_CHECKING:
     from mechsim.model.curves import CouplingFunction
@@ -85,6 +85,8 @@ class Coupling:
         repeats: whether the function repeats after a revolution of the right side, as that of a cam.
         belt: pulleys of a belt or chain, for its length and its picture.
         rope: whether it is a rope under tension, the left side its path and the right one empty.
+        backlash: play between its flanks, in the unit of the left side; in a prescribed motion the left side
+            is in the middle.
     """
 
     JSON: ClassVar[tuple[str, ...]] = ("name", "driven=left_terms", "driver=right_terms", "coefficients")
@@ -100,6 +102,7 @@ class Coupling:
     rope: bool = False
     repeats: bool = False
     belt: Belt | None = None
+    backlash: float = 0.0
 
     def __post_init__(self) -> None:
         counts = (1, MAX_DEGREE + 1) if self.function is None else (0, 0)
@@ -108,6 +111,7 @@ class Coupling:
                 f"coupling {self.name!r} has {len(self.coefficients)} coefficients; "
                 f"give {counts[0]} to {counts[1]}, constant first"
             )
+        at_least_zero(f"backlash of coupling {self.name!r}", self.backlash)
         numbers = [*self.coefficients, *self.zeros, *self.left_terms.values(), *self.right_terms.values()]
         if not np.isfinite([number(value) for value in numbers]).all():
             raise InputError(f"coupling {self.name!r} has coefficients {numbers}; give finite numbers")

@@ -185,7 +185,9 @@ def crosscheck_forward(
             motion=select_instants(run.motion, rows),
             driving={name: effort[rows] for name, effort in run.driving.items()},
         )
-        mechanism = without_gaps(dynamic_model.mechanism, segment.closed)
+        joints = section.motion.joints
+        closed = {gap: float(joints[gap].value[0]) for gap in segment.closed}
+        mechanism = without_gaps(dynamic_model.mechanism, closed)
         model = replace(dynamic_model, mechanism=mechanism)
         compared = _compared_with_mujoco(run, section, model, initial, tolerance, progress)
         if isinstance(compared, Verdict):

@@ -1,7 +1,7 @@
 """Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 import numpy as np
@@ -315,9 +315,21 @@ def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[
     for name, table in coordinates.read.get("couplings", {}).items():
         path: KeyPath = ("couplings", name)
         with coordinates.values.source.error_context(path):
-            made.append(_coupling(coordinates, name, table, path))
+            coupling = _coupling(coordinates, name, table, path)
+            if "backlash" in table:
+                play = _zero(coordinates, table["driven"], table["backlash"], (*path, "backlash"))
+                coupling = replace(_law(name, coupling), backlash=play)
+            made.append(coupling)
     gears = tuple(coupling for coupling in made if isinstance(coupling, Gear))
     return gears, tuple(coupling for coupling in made if not isinstance(coupling, Gear))
+
+
+def _law(name: str, coupling: Gear | Coupling) -> Coupling:
+    """Return a coupling, or that of a gear pair."""
+    if isinstance(coupling, Coupling):
+        return coupling
+    terms, teeth = (coupling.phase, coupling.ratio), coupling.pressure_angle
+    return Coupling(name, coupling.driven, coupling.driver, terms, turns=True, pressure_angle=teeth)
 
 
 def _coupling(
@@ -332,7 +344,7 @@ def _coupling(
         )
         raise coordinates.error(path, reason)
     (kind,) = kind_keys
-    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind])
+    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *(() if kind == "rope" else ("backlash",)))
     if extra := [key for key in table if key not in allowed]:
         raise coordinates.error((*path, extra[0]), f"does not go with {kind!r}; leave it out")
     for side in ("driver", "driven"):

@@ -320,6 +320,7 @@ _JOINT = Table(
             "these by coordinate",
         ),
         "friction": _FRICTION,
+        "backlash": JointNumber("play between the joint and its motor; default 0"),
     },
     "a joint",
     ("kind", "a", "b"),
@@ -358,6 +359,7 @@ _COUPLING = Table(
         "zeros": ListOf(
             JointNumber("a coordinate"), "zero positions of driven and driver of a polynomial", 2
         ),
+        "backlash": JointNumber("of a gear, rack or belt: play of the driven coordinate; default 0"),
         "turns": Boolean("whether both sides of a polynomial may differ by whole revolutions"),
         "pressure_angle": Number(
             "rad", "pressure angle of a gear or rack, 0 to 90 deg; default 0: the tooth force is tangential"

@@ -67,6 +67,12 @@ class TomlModel(ModelSource):
         units_of = parameter_units(source.document) if changed else {}
         parameters = source.document.get("parameters", {})
         values = values_of(source).with_parameters(parameters, changed, units_of)
+        if any("backlash" in joint for joint in _tables(document, "joints")):
+            from mechsim.subjects.toml_backlash import with_backlash
+
+            values.checked(ROOT, document, ())
+            with source.error_context(("joints",)):
+                document = with_backlash(document)
         added: Sequence[Coupling] = ()
         contacts: Mapping[str, Contact] = {}
         if has_curves(document):
@@ -121,10 +127,14 @@ class TomlModel(ModelSource):
 
 def has_curves(document: Mapping[str, Any]) -> bool:
     """Whether a file has curves or cams, or joints on them."""
-    joints = document.get("joints")
-    entries: list[Any] = list(joints.values()) if isinstance(joints, dict) else []
-    kinds = [row.get("kind") for row in entries if isinstance(row, dict)]
+    kinds = [row.get("kind") for row in _tables(document, "joints")]
     return not {"curves", "cams"}.isdisjoint(document) or "curve" in kinds or "cam" in kinds
+
+
+def _tables(document: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+    """Return the tables of an entry of a file that is not checked."""
+    entries = document.get(key)
+    return [row for row in entries.values() if isinstance(row, dict)] if isinstance(entries, dict) else []
 
 
 def mechanism_of(

@@ -287,11 +287,11 @@ def _coupling(coupling: Coupling) -> dict[str, Any]:
     if (belt := coupling.belt) is not None:
         pulley = {} if belt.tensioner is None else {"at": belt.tensioner, "radius": belt.tensioner_radius}
         table = {"radii": belt.radii, "crossed": coupling.ratio < 0.0, "phase": coupling.coefficients[0]}
-        table |= {"length": belt.length, "tensioner": pulley}
-        return _stated(sides | table, crossed=False, phase=0.0, length=0.0, tensioner={})
-    table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle")
+        table |= {"length": belt.length, "tensioner": pulley, "backlash": coupling.backlash}
+        return _stated(sides | table, crossed=False, phase=0.0, length=0.0, backlash=0.0, tensioner={})
+    table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle", "backlash")
     table |= _function(coupling.function)
-    defaults = {"driver": {}, "zeros": (0.0, 0.0), "turns": False, "pressure_angle": None}
+    defaults = {"driver": {}, "zeros": (0.0, 0.0), "turns": False, "pressure_angle": None, "backlash": 0.0}
     return _stated(table, coefficients=(), periodic=False, **defaults)
 
 

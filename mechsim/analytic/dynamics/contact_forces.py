@@ -1,13 +1,17 @@
-"""Normal forces of contacts with curves and cams along a prescribed motion: lift-off, and what prevents it.
+"""Forces of contacts, ropes and flanks with backlash along a prescribed motion: lift-off, slackness, changes.
 
 The force on link b is N n with the normal n of the contact. A contact closed by force can only push and lifts
 off where N becomes negative (Norton, *Cam Design and Manufacturing Handbook*, ch. 15); if it is closed by
 form, the other flank carries there. A force F, or moment, on the follower towards the cam adds F / l to N,
 where the lever l is the normal displacement of the contact per lift.
+
+With backlash, the flank that carries changes where the force on the driven side changes its sign, without
+regard of the impact.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,11 +19,14 @@ from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.model.cams import Cam
 from mechsim.model.contacts import Contact
+from mechsim.model.joints import Coupling
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 
 # intervals into which one with a least force next to zero is divided
 FINER = 32
+# force of a coupling relative to the largest one of the drives that is rounding
+ROUNDING = 1e-13
 
 # times (n,) in [s] -> path parameter with its rate and second derivative
 State = Callable[[Array], tuple[Array, Array, Array]]
@@ -32,6 +39,7 @@ class ContactForce:
     Attributes:
         one_sided: whether the contact can only push, or a rope only pull.
         rope: whether it is the tension of a rope.
+        backlash: play between the flanks of a coupling, whose force on the driven side it is; 0 for others.
         least: least force in [N]; negative if the contact would pull.
         least_at: its time in [s].
         largest: largest force in [N].
@@ -43,6 +51,7 @@ class ContactForce:
 
     one_sided: bool
     rope: bool
+    backlash: float
     least: float
     least_at: float
     largest: float
@@ -59,6 +68,15 @@ class ContactForce:
             return (
                 f"{name}: the rope goes slack: its tension changes sign at {instants} s and would reach "
                 f"{self.least:.6g} N at {self.least_at:.6g} s"
+            )
+        if self.backlash:
+            instants = ", ".join(f"{time:.10g}" for time in self.changes)
+            changes = (
+                f"at {instants} s the other flank carries" if instants else "one flank carries all the time"
+            )
+            return (
+                f"{name}: {changes}, under {self.least:.6g} to {self.largest:.6g} N m or N; a change moves "
+                f"the driven side by {self.backlash:.6g} rad or m"
             )
         if not self.changes:
             if self.one_sided and self.least < 0.0:
@@ -85,20 +103,28 @@ def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str,
         times: instants between which changes of sign are located, rising, (n,) in [s].
     """
     mechanism = model.mechanism
-    ropes = [name for name, coupling in mechanism.named_laws.items() if coupling.rope]
-    names = [*mechanism.contacts, *ropes] if len(times) > 1 else []
-    return {name: _contact_force(model, state, times, name) for name in names}
+    laws = mechanism.named_laws.items()
+    opening = {law.name: (label, law) for label, law in laws if law.rope or law.backlash}
+    names = [*mechanism.contacts, *opening] if len(times) > 1 else []
+    return {name: _contact_force(model, state, times, name, *opening.get(name, ("", None))) for name in names}
 
 
-def _contact_force(model: DynamicModel, state: State, times: Array, name: str) -> ContactForce:
+def _contact_force(
+    model: DynamicModel, state: State, times: Array, name: str, label: str, law: Coupling | None
+) -> ContactForce:
+    """Return the force of a contact by its name, or of a coupling by the label of its law."""
     contact = model.mechanism.contacts.get(name)
 
     def force(instants: Array) -> tuple[Array, Array | None]:
         if contact is not None:
             return _normal_force(model, state, instants, contact)
         parameter, rate, second = state(instants)
-        # the multiplier of the path's length, which tension shortens
-        return -prescribed_along(model, parameter, rate, second, time=instants).forces.gears[name], None
+        # the multiplier of the left side; tension shortens that of a rope
+        forces = prescribed_along(model, parameter, rate, second, time=instants).forces
+        multiplier = forces.gears[label]
+        driving = np.abs([forces.torque, *forces.drives.values()]).max()
+        multiplier = np.where(np.abs(multiplier) <= ROUNDING * driving, 0.0, multiplier)
+        return (-multiplier if law is not None and law.rope else multiplier), None
 
     value, levers = force(times)
     preload = None if levers is None else max(0.0, float((-value * levers).max()))
@@ -110,14 +136,17 @@ def _contact_force(model: DynamicModel, state: State, times: Array, name: str) -
         times, value = np.append(times, between), np.append(value, force(between)[0])
     order = np.argsort(times, kind="stable")
     times, value = times[order], value[order]
+    acting = np.flatnonzero(value)
     changes = [
-        root(lambda time: float(force(np.array([time]))[0][0]), float(times[i]), float(times[i + 1]))
-        for i in np.flatnonzero(value[:-1] * value[1:] < 0.0)
+        root(lambda time: float(force(np.array([time]))[0][0]), float(times[i]), float(times[k]))
+        for i, k in pairwise(acting)
+        if value[i] * value[k] < 0.0
     ]
     first, last = int(np.argmin(value)), int(np.argmax(value))
     return ContactForce(
         one_sided=contact is None or contact.one_sided,
-        rope=contact is None,
+        rope=law is not None and law.rope,
+        backlash=0.0 if law is None else law.backlash,
         least=float(value[first]),
         least_at=float(times[first]),
         largest=float(value[last]),

@@ -21,7 +21,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
     Kinematics,
     with_locked_rows,
 )
-from mechsim.analytic.dynamics.gaps import gaps_of
+from mechsim.analytic.dynamics.gaps import gap_limits, gaps_of
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.errors import MechsimError
 from mechsim.model.joint_kinds import KINDS
@@ -437,10 +437,22 @@ def gap_indices(equations: EquationsOfMotion) -> dict[int, str]:
     return {equations.loops.tree.index_of[name]: name for name in gaps_of(equations.model.mechanism)}
 
 
+def gap_stops(equations: EquationsOfMotion) -> list[Stop]:
+    """Return the stops at which gaps are closed."""
+    tree, units = equations.loops.tree, equations.loops.units
+    ends = [(tree.index_of[name], limits) for name, limits in gap_limits(equations.model.mechanism).items()]
+    return [
+        Stop(index, limit / units[index], side)
+        for index, limits in ends
+        for limit, side in zip(limits, (-1.0, 1.0), strict=True)
+        if abs(limit) < np.inf
+    ]
+
+
 def stops_of(equations: EquationsOfMotion) -> tuple[Stop, ...]:
     """Return the stops of joints with a range, if the tree has their coordinate, and of closed gaps."""
     solver = equations.model.solver
-    stops = [Stop(index, 0.0, -1.0) for index in gap_indices(equations)]
+    stops = gap_stops(equations)
     for name, limits in solver.ranges.items():
         index = equations.loops.tree.index_of.get(name)
         if index is None or index not in equations.free:

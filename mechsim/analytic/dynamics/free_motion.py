@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import applied, loads
-from mechsim.analytic.dynamics.contacts import EventFunction, Stop, gap_indices
+from mechsim.analytic.dynamics.contacts import EventFunction, gap_stops
 from mechsim.analytic.dynamics.dynamic_run import (
     TOLERANCE,
     DynamicRun,
@@ -126,8 +126,9 @@ def free_run(
     q, rates = initial_state(equations, InitialValues({name: first}, {name: speed}))
     equations, rates = with_determined_motion(equations, q, rates)
     # the crank keeps away from the limits of joints, or the run fails
-    gaps = tuple(Stop(index, 0.0, -1.0) for index in gap_indices(equations))
-    integration = Integration(equations, q, rates, tolerance, gaps, progress=progress, budget=budget)
+    integration = Integration(
+        equations, q, rates, tolerance, tuple(gap_stops(equations)), progress=progress, budget=budget
+    )
     crank = CrankEnds(equations, first, speed, turns)
     expected = crank.expected_time(integration.kinematics()) if duration is None else duration
     latest = PATIENCE * expected if duration is None else duration

@@ -1,12 +1,15 @@
-"""Gaps of one-sided contacts and of ropes.
+"""Gaps of one-sided contacts, of ropes, and between flanks with backlash.
 
 A one-sided contact opens, and a rope goes slack, by a gap g: the law of a cam's lift s becomes s - g = f(q),
 a rope's path p + g = l. While it is closed g is 0, and its force pushes, or the rope pulls: 0 <= g, 0 <= F,
-g F = 0 (C. Glocker, *Set-Valued Force Laws*, 2001, ch. 3).
+g F = 0 (C. Glocker, *Set-Valued Force Laws*, 2001, ch. 3). A coupling with the backlash b has a flank on each
+side: left - g = p(right) with -b/2 <= g <= b/2, and a force only where g is at one of its ends.
 """
 
-from collections.abc import Container
+from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from mechsim.model.joint_kinds import PRISMATIC, REVOLUTE
 from mechsim.model.joints import Coupling, End, Joint
@@ -18,15 +21,31 @@ GAP = ".gap"
 
 
 def gap_of(mechanism: Mechanism, coupling: Coupling) -> str:
-    """Return the name of the gap that opens where a coupling of a rope or a cam ends; empty for others."""
+    """Return the name of the gap that opens where a coupling ends; empty for one that always holds."""
     name = coupling.name if coupling.rope else coupling.name.removesuffix(".law")
     contact = mechanism.contacts.get(name)
-    return name + GAP if coupling.rope or (contact is not None and contact.one_sided) else ""
+    opens = coupling.rope or coupling.backlash or (contact is not None and contact.one_sided)
+    return name + GAP if opens else ""
+
+
+def opens(mechanism: Mechanism) -> bool:
+    """Whether a mechanism has one-sided contacts, ropes or backlash."""
+    return any(gap_of(mechanism, coupling) for coupling in mechanism.couplings)
 
 
 def gaps_of(mechanism: Mechanism) -> list[str]:
     """Return the names of the gaps that are coordinates of a mechanism."""
     return [joint.name for joint in mechanism.joints if joint.name.endswith(GAP)]
+
+
+def gap_limits(mechanism: Mechanism) -> dict[str, tuple[float, float]]:
+    """Return gap -> the values at which it is closed, for the gaps that are coordinates of a mechanism."""
+    present, limits = gaps_of(mechanism), dict[str, tuple[float, float]]()
+    for coupling in mechanism.couplings:
+        if (gap := gap_of(mechanism, coupling)) in present:
+            half = 0.5 * coupling.backlash
+            limits[gap] = (-half, half) if half else (0.0, np.inf)
+    return limits
 
 
 def with_gaps(mechanism: Mechanism) -> Mechanism:
@@ -42,7 +61,7 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
             links.append(link)
             joints.append(Joint(gap, kind, End(GROUND, axis=EX), End(link.name, axis=EX)))
             sign = 1.0 if coupling.rope else -1.0
-            coupling = replace(coupling, left={**coupling.left_terms, gap: sign})
+            coupling = replace(coupling, left={**coupling.left_terms, gap: sign}, pressure_angle=None)
         couplings.append(coupling)
     return replace(
         mechanism,
@@ -53,8 +72,8 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
     )
 
 
-def without_gaps(mechanism: Mechanism, closed: Container[str]) -> Mechanism:
-    """Return a mechanism without coordinates of gaps, whose contacts are closed, or without a law."""
+def without_gaps(mechanism: Mechanism, closed: Mapping[str, float]) -> Mechanism:
+    """Return a mechanism without coordinates of gaps: closed contacts hold at a value, others have no law."""
     gaps, couplings = gaps_of(mechanism), list[Coupling]()
     for coupling in mechanism.couplings:
         gap = gap_of(mechanism, coupling)
@@ -62,7 +81,8 @@ def without_gaps(mechanism: Mechanism, closed: Container[str]) -> Mechanism:
             if gap not in closed:
                 continue
             terms = {name: weight for name, weight in coupling.left_terms.items() if name != gap}
-            coupling = replace(coupling, left=terms)
+            zeros = coupling.zeros[0] - coupling.left_terms[gap] * closed[gap], coupling.zeros[1]
+            coupling = replace(coupling, left=terms, zeros=zeros)
         couplings.append(coupling)
     return replace(
         mechanism,

@@ -22,6 +22,7 @@ from mechsim.analytic.dynamics.dynamic_run import (
 )
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, MANY_STEPS, Integration
+from mechsim.analytic.dynamics.gaps import opens
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
@@ -116,10 +117,10 @@ def _in_c(
 ) -> tuple[EquationsOfMotion, list[Array | None]] | None:
     """Return the states (samples, size) of each run that C integrates to its end; None if it integrates none.
 
-    Ranges, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
+    Ranges, gaps, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
     """
     values = _values(model, columns)
-    if values is None or getattr(model.solver, "ranges", {}):
+    if values is None or getattr(model.solver, "ranges", {}) or opens(model.mechanism):
         return None
     equations = equations_of_motion(model, dict.fromkeys([*values.coordinates, *values.rates], 0.0))
     q, rates = initial_state(equations, values)
