@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from model_files import model_mechanism
 
 from mechsim import catalog
 from mechsim.model.joints import Coupling, End, Joint
@@ -34,25 +35,7 @@ def rotation_about_z(angle):
 
 def five_bar() -> Mechanism:
     """Return a five-bar: arms of 50 mm on pivots 100 mm apart, rods of 90 mm that meet in P above them."""
-
-    def joint(name, a, at_a, b, at_b=0.0):
-        return Joint(name, "revolute", End(a, (at_a, 0.0, 0.0)), End(b, (at_b, 0.0, 0.0)))
-
-    return Mechanism(
-        "five-bar",
-        tuple(Link(name) for name in "abcd"),
-        (
-            joint("left", GROUND, 0.0, "a"),
-            joint("right", GROUND, 0.1, "d"),
-            joint("A", "a", 0.05, "b"),
-            joint("D", "d", 0.05, "c"),
-            joint("P", "b", 0.09, "c", 0.09),
-        ),
-        ("left", "right"),
-        {"P": ("b", (0.09, 0.0, 0.0))},
-        guess={"b": Pose(np.array([-0.02, 0.05, 0.0]), rotation_about_z(0.6))},
-        guess_coordinates={"left": 2.0, "right": 1.0},
-    )
+    return model_mechanism("driven_mechanisms_five_bar.toml")
 
 
 def circle_intersection(left, right):
@@ -89,19 +72,7 @@ def boom(**change) -> Mechanism:
 
 def rack_and_cam() -> Mechanism:
     """Return a rack and a cam follower, coupled to the crank linearly and by a polynomial."""
-    rack = Joint("rack", "prismatic", End(GROUND, axis=ALONG_X), End("bar", axis=ALONG_X))
-    cam = Joint("cam", "prismatic", End(GROUND, axis=ALONG_Y), End("follower", axis=ALONG_Y))
-    return Mechanism(
-        "rack and cam",
-        (Link("pinion"), Link("bar"), Link("follower", outline=((0.0, 0.0, 0.0), (0.05, 0.0, 0.0)))),
-        (Joint("crank", "revolute", End(GROUND), End("pinion", (0.01, 0.0, 0.0))), rack, cam),
-        "crank",
-        {"P": ("bar", (0.0, 0.0, 0.0)), "Q": ("follower", (0.0, 0.0, 0.0))},
-        couplings=(
-            Coupling("mesh", "rack", "crank", (0.001, 0.02)),
-            Coupling("cam", "cam", "crank", (0.0, 0.0, 0.01, 0.002, -0.001), zeros=(0.003, 0.1)),
-        ),
-    )
+    return model_mechanism("driven_mechanisms_rack_and_cam.toml")
 
 
 def nonlinear_rack() -> Mechanism:
@@ -138,18 +109,7 @@ def five_bar_with_cam() -> Mechanism:
 
 def press() -> Mechanism:
     """Return a screw with a guided nut."""
-    return Mechanism(
-        "press",
-        (Link("spindle"), Link("nut")),
-        (
-            Joint("crank", "revolute", End(GROUND), End("spindle")),
-            Joint("thread", "screw", End("spindle", (0.0, 0.0, 0.1)), End("nut"), lead=0.005),
-            Joint("guide", "prismatic", End(GROUND, (0.03, 0.0, 0.0)), End("nut", (0.03, 0.0, 0.0))),
-        ),
-        "crank",
-        {"P": ("nut", (0.0, 0.0, 0.0))},
-        guess={"nut": Pose(np.array([0.0, 0.0, 0.1]), np.eye(3))},
-    )
+    return model_mechanism("driven_mechanisms_press.toml")
 
 
 def table(*, backwards: bool) -> Mechanism:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from model_files import model_mechanism
 
 from mechsim import loops
 from mechsim.model.joints import End, Gear, Joint
@@ -18,104 +19,17 @@ def end_at(link: str, point: Vector = (0.0, 0.0, 0.0), axis: Vector = (0.0, 0.0,
 
 def rsup() -> Mechanism:
     """Spatial slider-crank R-S-U-P, the universal joint's axes crossing at 70 degrees."""
-    return placed(
-        Mechanism(
-            "rsup",
-            (Link("crank"), Link("rod"), Link("slider")),
-            (
-                Joint(
-                    "shaft", "revolute", end_at(GROUND, (0.01, 0.02, 0.03), (0.2, 0.1, 1.0)), end_at("crank")
-                ),
-                Joint("ball", "spherical", end_at("crank", (0.03, 0.004, 0.002)), end_at("rod")),
-                Joint(
-                    "cross",
-                    "universal",
-                    end_at("rod", (0.14, 0.01, -0.003), (0.1, 1.0, 0.2)),
-                    end_at("slider", axis=(0.3, 0.1, 1.0)),
-                    cross_angle=np.deg2rad(70.0),
-                ),
-                Joint(
-                    "slide", "prismatic", end_at(GROUND, (0.0, 0.01, 0.02), (1.0, 0.1, 0.2)), end_at("slider")
-                ),
-            ),
-            "shaft",
-            {"tip": ("crank", (0.03, 0.004, 0.002)), "cross": ("slider", (0.0, 0.0, 0.0))},
-            start=START,
-        ),
-        {
-            "crank": ((0.01, 0.02, 0.03), (-0.03, 0.22, 0.69)),
-            "rod": ((0.03, 0.042, 0.026), (-1.13, -0.17, -0.26)),
-            "slider": ((0.167, 0.027, 0.053), (1.01, 1.14, 1.36)),
-        },
-    )
+    return model_mechanism("mechanisms_rsup.toml")
 
 
 def rscr() -> Mechanism:
     """Spatial four-link R-S-C-R: the rod slides and turns in the lever."""
-    return placed(
-        Mechanism(
-            "rscr",
-            (Link("crank"), Link("rod"), Link("lever")),
-            (
-                Joint("shaft", "revolute", end_at(GROUND, axis=(0.1, 0.2, 1.0)), end_at("crank")),
-                Joint(
-                    "ball",
-                    "spherical",
-                    end_at("crank", (0.02, 0.003, 0.004)),
-                    end_at("rod", (0.05, 0.035, 0.0)),
-                ),
-                Joint(
-                    "sleeve",
-                    "cylindrical",
-                    end_at("lever", (0.01, 0.0, 0.0), (0.1, 1.0, 0.2)),
-                    end_at("rod", axis=(1.0, 0.1, 0.0)),
-                ),
-                Joint(
-                    "pivot", "revolute", end_at(GROUND, (0.09, 0.03, 0.02), (0.2, -0.1, 1.0)), end_at("lever")
-                ),
-            ),
-            "shaft",
-            {"ball": ("crank", (0.02, 0.003, 0.004)), "rod end": ("rod", (-0.04, 0.0, 0.0))},
-            start=START,
-        ),
-        {
-            "crank": ((0.0, 0.0, 0.0), (-0.15, 0.16, 0.69)),
-            "rod": ((-0.026, -0.03, 0.011), (-0.47, -0.18, 0.28)),
-            "lever": ((0.09, 0.03, 0.02), (-0.01, 0.23, -1.04)),
-        },
-    )
+    return model_mechanism("mechanisms_rscr.toml")
 
 
 def bennett() -> Mechanism:
     """Bennett's overconstrained spatial 4R: cut at a revolute joint, three of its six equations redundant."""
-    twist, other, length = 0.6, 1.1, 0.05
-    long_side = length * float(np.sin(other) / np.sin(twist))
-
-    def end(link: str, reach: float, angle: float) -> End:
-        return End(
-            link, (reach, 0.0, 0.0), (0.0, -float(np.sin(angle)), float(np.cos(angle))), (1.0, 0.0, 0.0)
-        )
-
-    return placed(
-        Mechanism(
-            "bennett",
-            (Link("crank"), Link("coupler"), Link("rocker")),
-            (
-                Joint("crank", "revolute", end(GROUND, length, twist), end("crank", 0.0, 0.0)),
-                Joint("A", "revolute", end("crank", long_side, other), end("coupler", 0.0, 0.0)),
-                Joint("B", "revolute", end("coupler", length, twist), end("rocker", 0.0, 0.0)),
-                Joint("rocker", "revolute", end(GROUND, 0.0, 0.0), end("rocker", long_side, other)),
-            ),
-            "crank",
-            {"B": ("rocker", (0.0, 0.0, 0.0)), "K": ("coupler", (0.02, 0.01, 0.03))},
-            start=START,
-        ),
-        {
-            "crank": ((0.05, 0.0, 0.0), (0.58, -0.21, 0.68)),
-            "coupler": ((0.11, 0.042, 0.029), (0.0, 1.79, -1.45)),
-            "rocker": ((0.077, 0.019, 0.0), (-0.18, 1.53, -2.5)),
-        },
-    )
+    return model_mechanism("mechanisms_bennett.toml")
 
 
 def geared_five_bar(ratio: float = -1.5) -> Mechanism:

@@ -5,12 +5,11 @@ from functools import cache
 import mechanisms
 import numpy as np
 import pytest
-from mechanisms import end_at
+from model_files import model_mechanism
 
 from mechsim import loops
 from mechsim.errors import InputError
-from mechsim.model.joints import Coupling, Gear, Joint
-from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 
 SPEED, ACCELERATION, STEP = 1.3, -2.1, 2e-3
@@ -22,137 +21,22 @@ MIDDLE = 4
 
 def rocking_slide() -> Mechanism:
     """Return a block on a table, driven by a crank pin and guided by a rocker, with inclined axes."""
-    return mechanisms.placed(
-        Mechanism(
-            "rocking slide",
-            (Link("crank"), Link("block"), Link("rocker")),
-            (
-                Joint("shaft", "revolute", end_at(GROUND), end_at("crank")),
-                Joint(
-                    "pin", "revolute", end_at("crank", (0.03, 0.0, 0.0)), end_at("block", (0.004, 0.002, 0.0))
-                ),
-                Joint(
-                    "slide",
-                    "prismatic",
-                    end_at("rocker", (0.01, 0.005, 0.0), (1.0, 0.2, 0.0)),
-                    end_at("block", (0.003, -0.001, 0.0), (1.0, 0.2, 0.0)),
-                ),
-                Joint("pivot", "revolute", end_at(GROUND, (-0.08, 0.01, 0.0)), end_at("rocker")),
-                Joint(
-                    "table", "planar", end_at(GROUND, (0.02, 0.01, 0.0)), end_at("block", (0.001, 0.002, 0.0))
-                ),
-            ),
-            "shaft",
-            {"P": ("block", (0.01, 0.02, 0.005))},
-            start=mechanisms.START,
-        ),
-        {
-            "crank": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.7)),
-            "block": ((0.02, 0.018, 0.0), (0.0, 0.0, 0.1)),
-            "rocker": ((-0.08, 0.01, 0.0), (0.0, 0.0, 0.1)),
-        },
-    )
+    return model_mechanism("rates_are_derivatives_rocking_slide.toml")
 
 
 def bevel_wheels() -> Mechanism:
     """Return wheels in series on a rotating arm, with inclined axes, geared to the arm."""
-    links = tuple(Link(name) for name in ("arm", "wheel", "idler"))
-    return mechanisms.placed(
-        Mechanism(
-            "bevel wheels",
-            links,
-            (
-                Joint(
-                    "shaft",
-                    "revolute",
-                    end_at(GROUND, (0.01, 0.0, 0.02), (0.2, 0.1, 1.0)),
-                    end_at("arm", axis=(0.2, 0.1, 1.0)),
-                ),
-                Joint(
-                    "wheel",
-                    "revolute",
-                    end_at("arm", (0.03, 0.01, 0.0), (1.0, 0.3, 0.4)),
-                    end_at("wheel", axis=(1.0, 0.3, 0.4)),
-                ),
-                Joint(
-                    "idler",
-                    "revolute",
-                    end_at("idler", axis=(0.1, 1.0, -0.6)),
-                    end_at("wheel", (0.01, 0.02, 0.0), (0.1, 1.0, -0.6)),
-                ),
-            ),
-            "shaft",
-            {"P": ("idler", (0.01, 0.02, 0.005))},
-            gears=(Gear("shaft", "wheel", -1.5, 0.4), Gear("wheel", "idler", 0.7, -0.2)),
-            start=mechanisms.START,
-        ),
-        {name.name: ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3)) for name in links},
-    )
+    return model_mechanism("rates_are_derivatives_bevel_wheels.toml")
 
 
 def racks() -> Mechanism:
     """Return a rack coupled to its rotating arm, and a second rack coupled nonlinearly to the first."""
-    names = ("arm", "rack", "second")
-    first, second = (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
-    return mechanisms.placed(
-        Mechanism(
-            "racks",
-            tuple(Link(name) for name in names),
-            (
-                Joint("shaft", "revolute", end_at(GROUND, (0.01, 0.0, 0.02)), end_at("arm")),
-                Joint(
-                    "rack", "prismatic", end_at("arm", (0.05, 0.01, 0.0), first), end_at("rack", axis=first)
-                ),
-                Joint(
-                    "second",
-                    "prismatic",
-                    end_at("rack", (0.0, 0.02, 0.01), second),
-                    end_at("second", (0.01, 0.0, 0.0), second),
-                ),
-            ),
-            "shaft",
-            {"P": ("second", (0.01, 0.02, 0.005))},
-            couplings=(
-                Coupling("rack", {"rack": 1.0}, {"shaft": 1.0}, (0.01, 0.03, -0.02)),
-                Coupling("second", {"second": 1.0}, {"rack": 1.0}, (0.01, -0.7, 4.0)),
-            ),
-            start=mechanisms.START,
-        ),
-        dict.fromkeys(names, ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3))),
-    )
+    return model_mechanism("rates_are_derivatives_racks.toml")
 
 
 def plate() -> Mechanism:
     """Return a plate on a wheel on an arm, with a coupling for each of its coordinates."""
-    names, axis, normal = ("arm", "wheel", "plate"), (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
-    return mechanisms.placed(
-        Mechanism(
-            "plate",
-            tuple(Link(name) for name in names),
-            (
-                Joint("shaft", "revolute", end_at(GROUND, (0.01, 0.0, 0.02)), end_at("arm")),
-                Joint(
-                    "wheel", "revolute", end_at("arm", (0.05, 0.01, 0.0), axis), end_at("wheel", axis=axis)
-                ),
-                Joint(
-                    "table",
-                    "planar",
-                    end_at("wheel", (0.0, 0.02, 0.01), normal),
-                    end_at("plate", (0.01, 0.0, 0.0), normal),
-                ),
-            ),
-            "shaft",
-            {"P": ("plate", (0.01, 0.02, 0.005))},
-            couplings=(
-                Coupling("wheel", "wheel", "shaft", (0.1, -0.6, 0.4)),
-                Coupling("across", "table.x", "wheel", (0.01, 0.02, -0.03)),
-                Coupling("along", "table.y", "table.x", (0.02, -0.7, 6.0)),
-                Coupling("turn", "table.turn", {"table.y": 9.0, "wheel": 0.5}, (0.2, 0.8, -0.5)),
-            ),
-            start=mechanisms.START,
-        ),
-        dict.fromkeys(names, ((0.01, 0.0, 0.02), (0.0, 0.0, 0.3))),
-    )
+    return model_mechanism("rates_are_derivatives_plate.toml")
 
 
 WITHOUT_GEARS = [*mechanisms.everything(), rocking_slide()]

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ball_joints import fourth_order_only
 from typed_call import Call
 
 from mechsim import __version__, catalog, cli, files
@@ -140,12 +139,6 @@ def test_mechsim_without_a_command_shows_the_help(mechsim: Call) -> None:
     assert "simulate" in answer.out
 
 
-def test_list_names_every_mechanism(mechsim: Call) -> None:
-    assert set(json.loads(mechsim("list", "--json").out)["mechanisms"]) == set(catalog.MECHANISMS)
-    for name in catalog.MECHANISMS:
-        assert name in mechsim("list").out
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
@@ -165,13 +158,6 @@ def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
     # the selected assembly mode is listed once
     assert sum(gap < 1e-12 for gap in gaps) == 1
     assert result["name"] in mechsim("show", name).out
-
-
-def test_show_lists_assur_groups_for_the_requested_driver(mechsim: Call) -> None:
-    groups = json.loads(mechsim("show", "warp_knitter", "--json").out)["assur_groups"]
-    assert [(group["class"], group["order"]) for group in groups] == [(3, 3)]
-    groups = json.loads(mechsim("show", "warp_knitter", "--driver", "rod5", "--json").out)["assur_groups"]
-    assert {group["class"] for group in groups} == {2}
 
 
 def test_show_reports_the_range_of_a_swinging_crank(mechsim: Call) -> None:
@@ -215,34 +201,11 @@ def test_simulate_prints_one_json_object_and_writes_time(mechsim: Call, tmp_path
     assert np.linalg.norm(gap, axis=1).max() <= 1e-6
 
 
-def test_simulate_with_default_settings_of_mujoco_reports_its_error(mechsim: Call) -> None:
-    words = ["simulate", "rssr", "--setting", "integrator=Euler", "--timestep", "1ms", "--compliance", "1"]
-    answer = mechsim(*words, "--setting", "solref=0.02,1", "--setting", "solimp=0.9,0.95,0.001", "--json")
-    output = json.loads(answer.out)
-    # the estimate shows the error of the default settings, above 0.1 mm
-    assert output["estimate"] > 1e-4
-    assert output["settings"]["timestep"] == 1e-3
-
-
 PARALLELOGRAM = [
     argument
     for text in ("ground=0.1", "crank=0.045", "coupler=0.1", "rocker=0.045")
     for argument in ("--set", text)
 ]
-
-
-def test_a_parallelogram_keeps_its_assembly_mode_over_a_turn(mechsim: Call, tmp_path: Path) -> None:
-    table = str(tmp_path / "turn.csv")
-    assert mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", table).code == 0
-    result = files.read(table)
-    exact = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
-    positions = exact.positions(result["angle"])["B"]
-    assert np.abs(result["B.x"] - positions[:, 0]).max() < 1e-12
-    shown = mechsim("show", "four_bar", *PARALLELOGRAM).out
-    assert "crank range: full turn" in shown
-    assert "change points of the crank: -180, 0 deg" in shown
-    solved = mechsim("solve", "four_bar", *PARALLELOGRAM, "-o", table)
-    assert solved.code == 0
 
 
 def test_branch_policy_keeps_the_branch_and_stepping_is_rejected(mechsim: Call, tmp_path: Path) -> None:
@@ -260,16 +223,6 @@ def test_branch_policy_keeps_the_branch_and_stepping_is_rejected(mechsim: Call, 
     reported = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
     assert reported.code == 2
     assert "starts at crank angle 0 rad, where two assemblies meet and dynamics alone do not" in reported.err
-
-
-def test_simulate_by_poses_is_exact_to_rounding(mechsim: Call, tmp_path: Path) -> None:
-    assert mechsim("simulate", "rssr", "--method", "pose", "--samples", "73", "-o", "run.csv").code == 0
-    table = files.read(tmp_path / "run.csv")
-    assert len(table["angle"]) == 73
-    exact = catalog.make("rssr").positions(table["angle"])["P3"]
-    gap = np.stack([table[f"P3.{axis}"] for axis in "xyz"], 1) - exact
-    # 1e-12 of the crank length
-    assert np.abs(gap).max() <= 1e-12 * 0.013
 
 
 def test_a_profile_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> None:
@@ -303,27 +256,11 @@ def test_validate_prints_only_the_documented_json(mechsim: Call) -> None:
             assert check["passed"] is (check["worst"] <= check["tolerance"])
 
 
-@pytest.mark.slow
-@fourth_order_only
-def test_validate_swings_a_crank_that_cannot_turn_fully(mechsim: Call) -> None:
-    answer = mechsim("validate", "rssr", "--set", "rocker=9mm", "--json")
-    assert answer.code == 0
-    assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "passed"
-
-
 def test_validate_reports_an_unassemblable_mechanism(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "--set", "coupler=1mm", "--json")
     assert answer.code == 2
     assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "cannot assemble"
     assert len(answer.err.strip().splitlines()) == 1
-
-
-def test_synthesize_finds_the_published_design(mechsim: Call) -> None:
-    words = ["--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm", "--json"]
-    output = json.loads(mechsim("synthesize", "looper", *words).out)
-    assert round(output["frame"] * 1e3, 1) == 35.4
-    assert round(np.rad2deg(output["frame_angle"]), 1) == 45.0
-    assert round(output["rocker"] * 1e3, 1) == 32.0
 
 
 def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
@@ -372,19 +309,9 @@ def test_help_imports_no_heavy_library() -> None:
 
 
 @pytest.mark.long
-def test_a_default_run_imports_neither_scipy_nor_plotting() -> None:
-    assert not loaded_by("simulate four_bar") & {"scipy", "matplotlib", "mediapy"}
-
-
-@pytest.mark.long
 def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
     assert not usual & {"pint", "xarray", "scipy", "matplotlib", "mediapy", "mujoco"}
-
-
-@pytest.mark.long
-def test_help_of_a_command_imports_no_solver() -> None:
-    assert not loaded_by(*(f"{name} -h" for name in cli.COMMANDS)) & HEAVY
 
 
 def test_a_killed_run_leaves_no_partial_file(tmp_path: Path) -> None:

@@ -52,12 +52,6 @@ def test_only_requested_settings_replace_those_of_the_file(mechsim):
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
 
 
-def test_a_tolerance_chooses_steps_and_compliance(mechsim):
-    reported = json.loads(mechsim(*COMMAND, "--tolerance", "1um", "--json").out)
-    assert reported["outcome"] == "passed"
-    assert reported["estimate"] <= 1e-6
-
-
 @pytest.mark.parametrize(
     ("arguments", "output"),
     [

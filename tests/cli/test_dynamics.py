@@ -1,7 +1,6 @@
 """`mechsim dynamics inverse` and `forward --turns`: JSON, files, exit codes, one line for invalid input."""
 
 import json
-import math
 
 import numpy as np
 import pytest
@@ -94,14 +93,6 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
     reported = json.loads(out)
     assert reported["fluctuation"] is None
     assert (code, reported["outcome"]) == (0, "passed")
-
-
-@pytest.mark.parametrize("motor", ["constant:0.5", "constant:500mNm", "constant:0.5 N m"])
-def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
-    arguments = ("four_bar", "--motor", motor, "--turns", "0.2", "--method", "none", "--json")
-    code, out, _ = run(capsys, monkeypatch, *arguments, analysis="forward")
-    assert code == 0
-    assert json.loads(out)["free"]["work"] == pytest.approx(0.5 * 0.4 * math.pi, rel=1e-9)
 
 
 @pytest.mark.long

@@ -6,8 +6,6 @@ import sys
 
 import pytest
 
-from mechsim import cli
-
 OLD = {
     "four_bar": "inverse four_bar",
     "four_bar --speed 600rpm --method none": "inverse four_bar --speed 600rpm --method none",
@@ -30,12 +28,6 @@ def test_an_old_spelling_gets_the_present_one(mechsim, old):
     assert error.endswith(f"write: mechsim dynamics {OLD[old]}\n")
 
 
-@pytest.mark.parametrize("present", OLD.values())
-def test_the_present_spelling_is_accepted(present):
-    name, *words = present.split()
-    cli.load_command(f"dynamics {name}").make_context(name, words)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "expected"), [("dynamics ", "forward"), ("dynamics inverse four_b", "four_bar")]
@@ -49,10 +41,3 @@ def test_a_shell_completes_analyses_and_their_models(words, expected):
     line = "import sys; sys.argv = ['mechsim']; from mechsim.cli import main; main()"
     completed = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True)
     assert expected in completed.stdout.split()
-
-
-def test_help_of_each_analysis_has_only_its_options(mechsim):
-    texts = {name: mechsim("dynamics", name, "--help").out for name in ("inverse", "forward", "statics")}
-    assert [name for name, text in texts.items() if "--speed" in text] == ["inverse"]
-    assert [name for name, text in texts.items() if "--until" in text] == ["forward"]
-    assert [name for name, text in texts.items() if "--assemblies" in text] == ["statics"]

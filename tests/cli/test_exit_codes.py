@@ -110,42 +110,6 @@ def test_a_keyboard_interrupt_is_no_encoder_error(
     assert list(tmp_path.iterdir()) == []
 
 
-def swallowing(number: signal.Signals, times: int) -> "subprocess.CompletedProcess[str]":
-    """Run a command whose destructors swallow a signal this many times, and wait for repeated signals."""
-    code = f"""
-import os, time
-from mechsim.cli import exit_codes
-class Held:
-    def __del__(self):
-        os.kill(os.getpid(), {int(number)})
-        time.sleep(0)
-def command():
-    for _ in range({times}):
-        Held()
-    time.sleep(60)
-code = exit_codes.exit_code(command)
-time.sleep(10 * exit_codes.RESEND_AFTER)
-raise SystemExit(code)
-"""
-    return subprocess.run(
-        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=False
-    )
-
-
-@pytest.mark.parametrize(
-    ("number", "times", "code"),
-    [
-        pytest.param(signal.SIGTERM, 1, 128 + signal.SIGTERM, marks=pytest.mark.slow),
-        (signal.SIGINT, 2, 130),
-    ],
-)
-def test_a_signal_swallowed_by_destructors_ends_the_command_once(
-    number: signal.Signals, times: int, code: int
-) -> None:
-    completed = swallowing(number, times)
-    assert (completed.returncode, completed.stderr) == (code, "mechsim: stopped\n")
-
-
 def test_an_ignored_signal_stays_ignored(tmp_path: Path) -> None:
     code = (
         "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"

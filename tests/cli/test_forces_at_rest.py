@@ -76,12 +76,6 @@ def test_certify_takes_open_chains(mechsim, tmp_path):
     assert data["tube"] == 0.0
 
 
-@pytest.mark.parametrize("command", ["solve", "simulate", "validate", "show", "certify", "dynamics inverse"])
-def test_other_commands_take_constant_laws(mechsim, command):
-    result = mechsim(*command.split(), "four_bar", "--drive", "crank=30deg")
-    assert result.code == 0
-
-
 def test_weight_acts_where_no_forces_are_stated(mechsim, tmp_path):
     """A pendulum with m g d = 2 kg * 9.81 m/s2 * 0.5 m, at rest at the horizontal and let go from it."""
     pendulum = tmp_path / "pendulum.toml"

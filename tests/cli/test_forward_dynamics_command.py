@@ -97,16 +97,6 @@ def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
 
 
 @pytest.mark.long
-def test_modes_are_computed_at_the_stable_equilibrium(command, facts):
-    _, stable = facts("modes", "--initial", "crank.q=-95deg")
-    code, result = facts("modes")
-    assert code == 0
-    assert result["stable"]
-    assert result["modes"][0]["frequency"] == pytest.approx(stable["modes"][0]["frequency"], rel=1e-9)
-    assert "modes about the stable equilibrium at crank -1.755" in command("modes")[1]
-
-
-@pytest.mark.long
 def test_tables_of_equilibria_and_modes_are_written(tmp_path, command):
     path = tmp_path / "table.csv"
     assert command("statics", "--method", "none", "-o", str(path))[0] == 0

@@ -6,19 +6,11 @@ import shlex
 import pytest
 
 from mechsim import cli
-from mechsim.cli import PANEL_OF, PANELS, examples
+from mechsim.cli import examples
 
 
 def help_of(name, mechsim):
     return mechsim(*name.split(), "--help").out
-
-
-def test_commands_are_listed_in_groups(mechsim):
-    out = mechsim("--help").out
-    heads = [line.removesuffix(":") for line in out.splitlines() if re.fullmatch(r"\w.*:", line)]
-    assert heads == ["Options", *cli.GROUPS, "Examples"]
-    for commands in cli.GROUPS.values():
-        assert all(f"\n  {name} " in out for name in commands)
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
@@ -40,13 +32,3 @@ def test_examples_use_existing_options(name):
         assert words[:count] == ["mechsim", *name.split()]
         # raises for an unknown option or a missing argument
         command.make_context(name, words[count:])
-
-
-def test_options_are_listed_in_their_panels(mechsim):
-    out = help_of("simulate", mechsim)
-    sections = dict(re.findall(r"^(\w+):\n((?:  .*\n)+)", out, re.MULTILINE))
-    for option, panel in {"set": "Model", "drive": "Motion", "setting": "Solver", "json": "Output"}.items():
-        assert f"--{option}" in sections[panel]
-    assert set(PANELS) - {"Initial state"} <= set(sections)
-    assert "\nInitial state:\n" in help_of("dynamics forward", mechsim)
-    assert PANEL_OF["output"] == "Output"

@@ -29,9 +29,3 @@ def test_angles_beyond_the_range_are_rejected(mechsim):
     answer = mechsim("simulate", *SWINGS, "--turns", "1")
     assert answer.code == 2
     assert "cannot make 1 turns" in answer.err
-
-
-def test_a_full_turn_is_the_default_of_a_rotating_crank(mechsim):
-    answer = mechsim("solve", "four_bar", "--json")
-    assert json.loads(answer.out)["columns"]["angle"][-1] == pytest.approx(2.0 * np.pi)
-    assert answer.err == ""

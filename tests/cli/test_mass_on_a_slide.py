@@ -36,12 +36,6 @@ def test_its_frequency_and_free_motion_are_those_of_the_oscillator(path, capsys,
     assert run.motion.joints["x"].value[-1] == pytest.approx(0.05 * np.cos(0.5 * omega), abs=1e-9)
 
 
-@pytest.mark.parametrize("command", ["show", "check", "solve", "simulate", "validate"])
-def test_every_command_accepts_it(path, capsys, monkeypatch, command):
-    law = () if command in ("show", "check") else ("--drive", "x=0.1m*sin(t)", "--duration", "1s")
-    printed(capsys, monkeypatch, command, path, *law)
-
-
 def test_the_centre_of_mass_gives_the_size(path):
     path.write_text(OSCILLATOR.replace("centre = [0, 0, 0]", "centre = [0, 0.07, 0]"))
     assert ms.load(path).mechanism.characteristic_length == pytest.approx(0.07)

@@ -156,13 +156,6 @@ def test_an_export_with_motion_laws_gives_the_same_solution(mechsim):
         np.testing.assert_allclose(tables[1][name], column, atol=1e-14)
 
 
-def test_a_motion_at_rounding_level_passes(mechsim):
-    """The error of the steps is rounding, but large relative to the stroke."""
-    answer = mechsim("simulate", "four_bar", "--method", "step", "--drive", "crank=1.1e-12*t")
-    assert answer.code == 0, answer.err
-    assert "PASS" in answer.out
-
-
 def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
     """Positions are checked at the actual driver positions, which lag within a step."""
     arguments = ("simulate", "four_bar", "--drive", "crank=0.5*sin(6*t)", "--samples", "12", "-o")
@@ -176,12 +169,3 @@ def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
     assert f"positions differ by up to {largest:.2g} m from those of the motion laws" in fine.out
     assert (fine.code, coarse.code) == (0, 0)
     assert "from those of the motion laws" not in coarse.out
-
-
-def test_a_requested_time_step_is_used_under_motion_laws(mechsim):
-    arguments = ["simulate", "arm.toml", *MOTION_LAWS, "--duration", "1s", "--timestep", "2ms", "--json"]
-    output = json.loads(mechsim(*arguments).out)
-    assert (output["steps"], output["settings"]["timestep"]) == (500, 0.002)
-    code, _, output = mechsim(*arguments[:-1], "--samples", "72")
-    assert (code, output.count("\n")) == (2, 1)
-    assert "take 50 or 100 intervals (--samples 51 or 101)" in output

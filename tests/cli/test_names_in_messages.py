@@ -1,34 +1,8 @@
 """Messages are cut between words, and an unknown name is reported with the closest known one."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
-from mechsim.errors import InputError, cut
-from mechsim.subjects.readers import load
 
 CHAIN = 30
-
-
-@given(st.lists(st.text("abcde", min_size=1, max_size=12), min_size=1, max_size=20), st.integers(40, 80))
-def test_a_message_is_truncated_between_words(words, longest):
-    text = " ".join(words)
-    short = cut(text, longest)
-    assert len(short) <= longest
-    kept_words = short.removesuffix(" ...").split(" ")
-    assert kept_words == words[: len(kept_words)]
-    assert (short == text) == (len(text) <= longest)
-
-
-def test_a_single_long_word_is_truncated():
-    assert cut("x" * 100, 20) == "x" * 16 + " ..."
-
-
-def test_a_quoted_value_is_truncated_between_words(file):
-    words = "somewhere beyond the farthest corner of the machine where nothing is"
-    path = file(f'name = "m"\n[joints.a]\nkind = "{words}"\na = {{link="ground"}}\nb = {{link="l"}}\n')
-    with pytest.raises(InputError, match=r"is 'somewhere beyond the farthest corner of the machine \.\.\.; "):
-        load(path)
 
 
 @pytest.fixture

@@ -75,12 +75,6 @@ def test_cells_of_designs_need_units_for_a_file_in_mm(mechsim, press, tmp_path):
     assert [float(row.split(",")[0]) for row in written[1:]] == [0.03, 0.04]
 
 
-def test_zero_and_numbers_with_units_are_accepted(mechsim, press):
-    options = ("--angles", "0", "--set", "rx=0.05m", "--json")
-    columns = json.loads(mechsim("solve", press, *options).out)["columns"]
-    assert columns["B.x"] == pytest.approx([0.17], rel=1e-15)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("units", "length", "angle"),

@@ -1,15 +1,12 @@
-import json
 import shutil
 import sys
 import xml.etree.ElementTree as ET
 
-import jsonschema
 import numpy as np
 import pytest
 from drawing import draws
 
 import mechsim as ms
-from mechsim.cli.schema import output_schema
 from mechsim.model.forces import Forces
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.report import plot_table
@@ -37,24 +34,6 @@ def test_pictures_are_rendered_from_either_method_or_both(mechsim, tmp_path, met
     code, out, err = mechsim("render", "rssr", "--from", method, "--angle", "40deg", "-o", "a.png", *SMALL)
     assert (code, out) == (0, "wrote a.png\n"), err
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.long
-@draws
-def test_json_of_render_is_valid_under_its_schema(mechsim):
-    for name, frames in (("a.png", None), ("a.gif", 6)):
-        reported = json.loads(
-            mechsim("render", "rssr", "-o", name, "--frames-per-turn", "6", "--json", *SMALL).out
-        )
-        assert reported == {"mechanism": "rssr", "output": name, "frames": frames}
-        jsonschema.validate(reported, output_schema("render"))
-
-
-@draws
-def test_slow_motion_sets_the_number_of_frames(mechsim):
-    # 600 rpm: a turn in 0.1 s, ten times slower in 1 s
-    options = ("--slow", "10", "--fps", "6", "--set", "rocker=30mm", *SMALL)
-    assert mechsim("render", "rssr", "-o", "a.gif", *options)[:2] == (0, "wrote 6 frames to a.gif\n")
 
 
 @pytest.mark.parametrize(
@@ -104,13 +83,6 @@ def test_scene_options_for_a_toml_export_are_rejected(mechsim, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_an_odd_video_size_is_rejected(mechsim, tmp_path):
-    code, _, err = mechsim("render", "rssr", "-o", "a.mp4", "--size", "321x241")
-    assert code == 2
-    assert "'321x241', but videos have even sizes" in err
-    assert not list(tmp_path.iterdir())
-
-
 INITIAL = ("--initial", "crank.q=-95deg")
 
 
@@ -141,13 +113,6 @@ def test_an_option_of_another_kind_of_plot_is_rejected(mechsim, tmp_path, option
     assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
-
-
-@draws
-def test_joint_forces_are_drawn_from_the_command_line(mechsim, tmp_path):
-    code, _, err = mechsim("render", "four_bar", "-o", "a.png", "--arrows", "force,moment", *SMALL)
-    assert code == 0, err
-    assert (tmp_path / "a.png").exists()
 
 
 def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):

@@ -38,25 +38,6 @@ def test_a_slow_start_does_not_spoil_the_estimate() -> None:
     assert 0.5 < min(late_ratios) <= max(late_ratios) < 2.0
 
 
-def test_accelerating_work_is_estimated_within_a_factor_of_two() -> None:
-    assert worst_ratio([(0.1 * i**1.5, i / 400) for i in range(1, 401)]) < 2.0
-    assert worst_ratio([(10.0 * i**0.7, i / 400) for i in range(1, 401)]) < 2.0
-
-
-def test_restarted_work_is_estimated_anew() -> None:
-    estimator = TimeLeft()
-    assert estimator.update(0.1, 0.0) is None
-    assert estimator.update(0.9, 8.0) == pytest.approx(1.0)
-    assert estimator.update(0.0, 10.0) is None
-    assert estimator.update(0.1, 20.0) == pytest.approx(90.0)
-
-
-def test_no_estimate_exists_before_the_first_progress() -> None:
-    estimator = TimeLeft(0.0)
-    assert estimator.update(0.0, 5.0) is None
-    assert estimator.update(0.5, 5.0) == pytest.approx(5.0)
-
-
 def test_parts_of_a_command_fill_one_bar_in_order() -> None:
     reported: list[tuple[str, float | None]] = []
 
@@ -73,12 +54,6 @@ def test_parts_of_a_command_fill_one_bar_in_order() -> None:
         section(message, fraction)
     assert [text for text, _ in reported] == ["check", "check", "draw, rssr", "draw"]
     assert [fraction for _, fraction in reported] == pytest.approx([0.05, 0.1, 0.55, 1.0])
-
-
-def test_no_estimate_exists_before_a_tenth_of_the_work() -> None:
-    estimator = TimeLeft(0.0)
-    assert estimator.update(0.09, 9.0) is None
-    assert estimator.update(0.1, 10.0) == pytest.approx(90.0)
 
 
 def test_a_terminal_shows_the_elapsed_time_in_one_line_that_vanishes(monkeypatch: pytest.MonkeyPatch) -> None:

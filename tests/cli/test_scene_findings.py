@@ -23,19 +23,6 @@ def test_show_lists_the_findings_of_a_scene(mechsim, file, text, kinds):
         assert 0 <= item["explains"] <= 1
 
 
-@pytest.mark.long
-def test_show_prints_the_line_of_a_finding(mechsim, file):
-    _, out, _ = mechsim("show", file(COMPLIANT))
-    output = " ".join(out.split())
-    line = 1 + COMPLIANT[: COMPLIANT.index('name="loop"')].count("\n")
-    assert f" soft {line} loop is soft" in output
-    assert "findings: none" in mechsim("show", file(SOUND))[1]
-
-
-def test_a_catalogue_mechanism_has_no_findings_entry(mechsim):
-    assert "findings" not in json.loads(mechsim("show", "four_bar", "--json")[1])
-
-
 def test_simulate_prints_findings_before_the_verdict(mechsim, file):
     path = file(COMPLIANT)
     _, out, _ = mechsim("simulate", path, "--drive", "crank=0.3*sin(2*pi*t)")

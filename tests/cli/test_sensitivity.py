@@ -48,14 +48,6 @@ def test_tolerances_are_reported_and_their_bands_plotted(sensitivity, tmp_path):
     assert (tmp_path / "band.svg").read_text().startswith("<?xml")
 
 
-@draws
-def test_the_text_output_lists_quantities_and_the_plot(sensitivity):
-    code, out, err = sensitivity("slider_crank", "--of", "B.x", "--angles", "0,1,2", "--plot", "d.svg")
-    assert code == 0, err
-    assert "B.x" in out
-    assert out.splitlines()[-1] == "wrote d.svg"
-
-
 @pytest.mark.parametrize(
     ("options", "output"),
     [

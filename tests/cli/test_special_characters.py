@@ -155,11 +155,6 @@ def test_special_names_cause_no_internal_error(mechsim, line):
     assert "Warning" not in reported.err
 
 
-def test_show_prints_special_names_unchanged(mechsim):
-    Path("odd.toml").write_text(to_toml(named(ODD)), encoding="utf-8")
-    assert ODD in mechsim("show", "odd.toml", "--json").out.replace("\\\\", "\\")
-
-
 @pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
 def test_unprintable_and_long_names_are_rejected(name):
     mechanism = catalog.make("four_bar").mechanism

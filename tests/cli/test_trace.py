@@ -57,12 +57,6 @@ def test_json_numbers_components_from_one_and_lists_branch_points(trace):
     )
 
 
-def test_three_coordinates_give_a_spatial_plot(trace, tmp_path):
-    code, _, err = trace("rrsrr", "--starts", "0", "--plot", "s.png", "--of", "S.x,S.y,S.z")
-    assert code == 0, err
-    assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
-
-
 REJECTED = {
     "unknown coordinate": (
         ("--plot", "a.svg", "--of", "angle,roker"),

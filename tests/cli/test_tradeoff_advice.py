@@ -10,7 +10,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.studies.tradeoff.methods import SteppingMethod
-from mechsim.studies.tradeoff.work_precision import Point, command, exporting
+from mechsim.studies.tradeoff.work_precision import Point, exporting
 from mechsim.subjects.readers import load
 
 SPEED = 20.0
@@ -27,14 +27,6 @@ COMPLIANT = Settings(
 
 def point(settings):
     return Point(SteppingMethod(name="one", base=settings, rank=0), settings, {})
-
-
-def test_a_command_has_an_option_for_every_setting(mechsim):
-    options = shlex.split(command(point(COMPLIANT), "slider_crank", SPEED))[1:]
-    answer = mechsim(*options, "--json")
-    assert answer.code in (0, 1), answer.err
-    assert '"refsafe": true' in answer.out
-    assert '"steps_per_turn": 288' in answer.out
 
 
 def test_a_suggested_export_has_the_measured_settings(mechsim, tmp_path):

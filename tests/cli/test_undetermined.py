@@ -33,12 +33,6 @@ def test_an_underdetermined_motion_is_rejected_with_a_remedy(arguments, mechsim,
     assert "swing" in answer.err
 
 
-def test_stepping_or_locking_determines_the_motion(mechsim, tmp_path):
-    (tmp_path / "finger.xml").write_text(FINGER)
-    assert mechsim("simulate", *DRIVEN_FINGER, "--method", "step").code in (0, 1)
-    assert mechsim("solve", *DRIVEN_FINGER, "--lock", "swing").code == 0
-
-
 def test_an_underdetermined_crank_is_stepped_from_its_start(mechsim, tmp_path):
     (tmp_path / "five.toml").write_text(ONE_DRIVER)
     answer = mechsim("simulate", "five.toml", "--method", "step", "--turns", "0.02", "-o", "run.csv")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grids import grid
+from model_files import model_mechanism
 
 from mechsim import catalog, loops
 from mechsim.errors import AssemblyError, InputError, MobilityError
@@ -326,19 +327,7 @@ def test_a_trace_of_two_dofs_is_rejected():
 
 
 def truss():
-    z = (0.0, 0.0, 1.0)
-    return Mechanism(
-        "truss",
-        (Link("bar"), Link("strut")),
-        (
-            Joint("foot", "revolute", End("ground", (0.0, 0.0, 0.0), z), End("bar")),
-            Joint("top", "revolute", End("bar", (0.1, 0.0, 0.0)), End("strut", (0.1, 0.0, 0.0))),
-            Joint("base", "revolute", End("ground", (0.12, 0.0, 0.0), z), End("strut")),
-        ),
-        "foot",
-        {"P": ("bar", (0.05, 0.0, 0.0))},
-        start=float(np.arccos(0.6)),
-    )
+    return model_mechanism("mechanism_trace_truss.toml")
 
 
 def test_invalid_traces_are_rejected():
