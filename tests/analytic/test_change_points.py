@@ -169,13 +169,6 @@ def test_the_branch_policy_applies_to_user_defined_mechanisms():
     assert np.sort(np.abs(solver.change_points())) == pytest.approx([0.0, np.pi], abs=1e-9)
 
 
-def test_catalogue_defaults_have_no_change_points():
-    for name in catalog.MECHANISMS:
-        linkage = catalog.make(name)
-        assert linkage.change_points() == ()
-        assert linkage.with_change_point("branch").positions([0.3]).keys() == linkage.positions([0.3]).keys()
-
-
 @pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_a_double_root_is_distinguished_from_a_near_miss(distance):
     polynomial = sampled_polynomial(lambda f: 1.0 - np.cos(f) + distance, 1)

@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mechsim import catalog, dynamics, load_profile, loops, motors
+from mechsim import catalog, dynamics, load_profile, motors
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Inertia, Link, Pose
+from mechsim.model.links import GROUND, Inertia, Link
 from mechsim.model.mechanism import Mechanism
 
 DOWN = (0.0, -9.81, 0.0)
@@ -63,30 +63,6 @@ def test_the_period_without_forces_follows_from_the_reduced_inertia():
     exact = 2.0 * 2.0 * np.pi * np.mean(np.sqrt(inertia / inertia[0])) / 30.0
     assert run.time[-1] == pytest.approx(exact, rel=1e-11)
     assert run.speed[-1] == pytest.approx(30.0, rel=1e-11)
-
-
-def test_closed_form_and_loop_equations_give_the_same_run():
-    linkage = catalog.make("four_bar")
-    forces = Forces(gravity=DOWN, motor=motors.TorqueSpeedLine(0.01, 50.0), friction=(Friction("B", 1e-5),))
-    times = np.linspace(0.0, 0.1, 5)
-    closed, by_loops = (
-        dynamics.free_run(dynamics.dynamic_model(source, forces), angle=linkage.mechanism.start, times=times)
-        for source in (linkage, linkage.mechanism)
-    )
-    assert np.abs(closed.angle - by_loops.angle).max() <= 1e-9
-    motion = linkage.solve(closed.angle, closed.speed, closed.acceleration)
-    links = loops.solve(linkage.mechanism, closed.angle[-1:]).links
-    assert motion.points["B"].velocity[-1] == pytest.approx(
-        loops.rates(
-            linkage.mechanism,
-            {name: Pose(link.position, link.rotation) for name, link in links.items()},
-            closed.angle[-1:],
-            closed.speed[-1:],
-        )
-        .points["B"]
-        .velocity[0],
-        rel=1e-9,
-    )
 
 
 def test_damped_and_motor_driven_wheels_follow_exponentials():

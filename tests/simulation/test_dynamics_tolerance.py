@@ -40,18 +40,6 @@ def test_the_torque_estimate_is_the_true_error_within_the_tolerance(name, tolera
     assert crosscheck_driven(run, model).passed
 
 
-@pytest.mark.slow
-def test_a_tolerance_below_rounding_fails_with_a_reason():
-    model = dynamic_model_of("warp_knitter")
-    run = driven(model.mechanism, model.forces, speed=60.0, tolerance=1e-13)
-    assert run.outcome == "failed"
-    assert "are no better than fewer" in run.tolerance_report.reason
-    assert crosscheck_driven(run, model).outcome == "failed"
-    poses = driven(model.mechanism, model.forces, speed=60.0, tolerance=1e-8, method="pose")
-    assert poses.outcome == "passed"
-    assert 0.0 < poses.tolerance_report.estimates["balance"] <= 1e-8
-
-
 @pytest.mark.long
 def test_a_swinging_crank_satisfies_its_tolerance():
     model = dynamic_model_of("four_bar", friction=(Friction("rocker", 1e-3, 1e-2),))

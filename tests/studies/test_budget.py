@@ -56,14 +56,3 @@ def test_a_validation_reports_an_exhausted_budget(monkeypatch: pytest.MonkeyPatc
     case = case_of(ms.load("four_bar"), budget=1e-9, tolerance=1e-17)
     assert not case.passed
     assert "step: not converged within the budget of 1e-09 s of processor time" in case.verdict.reason
-
-
-def test_a_validation_reports_its_progress() -> None:
-    reported: list[tuple[str, float]] = []
-    models = {"a": ms.load("four_bar"), "b": ms.load("four_bar")}
-    validate.validate_all(models, progress=lambda what, fraction: reported.append((what, fraction)))
-    assert any(
-        what.startswith("1 of 2, a: stepped run 1: ") and fraction == 0.0 for what, fraction in reported
-    )
-    assert any(what.startswith("2 of 2, b: poses") and fraction == 0.5 for what, fraction in reported)
-    assert reported[-1] == ("2 of 2, b", 1.0)

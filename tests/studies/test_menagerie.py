@@ -80,14 +80,3 @@ def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
     # without a virtual drive inertia the gain is that of a small mechanism
     assert model.dof_armature.max() == 0.0
     assert model.actuator_gainprm[0, 0] < 10.0
-
-
-@pytest.mark.slow
-def test_incomparable_torques_are_reported():
-    # a rod between ball joints without rotational symmetry of its inertia
-    text = model_text("menagerie_text.xml")
-    verification = ms.export(mujoco.MjSpec.from_string(text), style="menagerie").verification
-    assert verification.position < 1e-12
-    assert verification.gravity_torque is None
-    assert "inertia has no symmetry of revolution" in verification.no_torque
-    assert "not compared" in verification.markdown()

@@ -49,21 +49,6 @@ def plain_gap(path):
 SOFT = ('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', 'solref="0.02 1"')
 
 
-@pytest.mark.slow
-def test_compliant_loops_of_a_file_are_reported_with_its_settings(tmp_path):
-    path = scene(tmp_path, SOFT)
-    case = case_of(loaded(path))
-    assert case.published.settings["timestep"] == 0.001
-    assert case.published.settings["solref"] == (0.02, 1.0)
-    assert case.published.gap == pytest.approx(plain_gap(path), rel=1e-6)
-    assert case.published.gap > 1e-6
-    assert "the file's own settings (timestep 1 ms, Euler, Newton, solref 0.02 1)" in (
-        case.published.finding(1.0).message
-    )
-    # the size is the longest distance between two joints, 100 mm of the coupler and the frame
-    assert case.passed == (max(case.published.gap, case.published.error) <= 1e-3 * 0.1)
-
-
 @pytest.mark.long
 def test_settings_of_a_file_that_drift_visibly_fail_with_the_remedy_first(tmp_path):
     path, fails = scene(tmp_path, SOFT), {}
@@ -78,26 +63,6 @@ def test_settings_of_a_file_that_drift_visibly_fail_with_the_remedy_first(tmp_pa
             assert case.verdict.reason.startswith(f"as published: `mechsim tune {path}")
             assert case.findings[0].remedy in case.verdict.reason
     assert fails == {0.02: True, 0.008: False}
-
-
-@pytest.mark.slow
-def test_findings_of_a_passed_file_are_counted_with_the_verdict(tmp_path, monkeypatch, capsys):
-    path = scene(tmp_path, (SOFT[0], 'solref="0.008 1"'))
-    arguments = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
-    outputs = []
-    for options in ([], ["--json"]):
-        monkeypatch.setattr("sys.argv", [*arguments, *options])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert not ended.value.code
-        outputs.append(capsys.readouterr().out)
-    (case,) = json.loads(outputs[1])["mechanisms"].values()
-    listed = [finding for finding in case["findings"] if finding["severity"] != "note"]
-    assert {"soft", "actuator"} <= {finding["kind"] for finding in listed}
-    assert all(finding["line"] and finding["remedy"] for finding in listed)
-    assert f"PASS, {len(listed)} findings" in outputs[0]
-    for finding in listed:
-        assert f"line {finding['line']}" in " ".join(outputs[0].split())
 
 
 def test_a_drawn_motion_of_a_file_has_the_drift_of_its_own_settings(tmp_path):

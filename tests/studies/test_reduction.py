@@ -16,7 +16,6 @@ from mechsim.studies.reduction.candidates.bodies import (
 from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
 from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
 from mechsim.studies.reduction.reduced_scene import (
-    RANGE_RATIO,
     ReducedSceneEvaluator,
     motion_to_fit,
     normalised,
@@ -206,20 +205,6 @@ def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
     mujoco.mj_kinematics(reduced_model, data)
     assert np.allclose(data.body("pad").xpos, pad[0], atol=1e-15)
     assert np.allclose(data.body("pad").xquat, pad[1], atol=1e-15)
-
-
-def test_a_second_motion_has_the_same_start_and_consistent_rates(tmp_path):
-    user, _ = scene(tmp_path, FINGER, ctrl="", drive={"knuckle": "0.4*sin(7*t)+0.3*t"})
-    other = second_motion(user)
-    first, second = (scene_object.joint_laws["knuckle"] for scene_object in (user, other))
-    time, h = np.linspace(0.01, 0.49, 40), 1e-6
-    value, rate, acceleration = second(time)
-    assert second(np.zeros(1))[0] == first(np.zeros(1))[0]
-    assert second(np.zeros(1))[1] == pytest.approx(RANGE_RATIO * first(np.zeros(1))[1])
-    assert np.allclose((second(time + h)[0] - second(time - h)[0]) / (2 * h), rate, atol=1e-8)
-    assert np.allclose((second(time + h)[1] - second(time - h)[1]) / (2 * h), acceleration, atol=1e-7)
-    assert np.abs(value - first(time)[0]).max() > 0.05
-    assert np.allclose(other.start[1], RANGE_RATIO * user.start[1])
 
 
 @pytest.mark.parametrize("step_ratio", [2, 4, 8])

@@ -39,12 +39,6 @@ def test_motions_accept_speeds_and_angles_as_text():
     assert same(from_text, expected)
 
 
-def test_certificates_accept_ends_as_text():
-    from_text, expected = (ms.certify(RSSR, ends) for ends in (("0deg", "20deg"), "0:20deg"))
-    assert from_text.certified
-    assert from_text.range == expected.range
-
-
 def test_runs_accept_speeds_and_tolerances_as_text():
     solver = ms.catalog.make(RSSR)
     options = {"samples": 8}
@@ -68,17 +62,6 @@ def test_dynamics_accept_speeds_and_sizes_as_text():
     assert free.time[-1] == 0.005
     # rates are projected onto the loops: rounding
     assert free.speed[0] == pytest.approx(ONE_TURN, rel=1e-14)
-
-
-def test_comparisons_accept_speeds_and_tolerances_as_text():
-    solver = ms.catalog.make("four_bar")
-
-    def formula(crank):
-        return {"C": solver.solve(crank).points["C"].position}
-
-    verdict = ms.testing.assert_agrees(solver, formula, tolerance="10um", speed="60rpm")
-    assert {check.tolerance for check in verdict.checks} == {1e-5}
-    assert ms.validate(solver, formula, tolerance="10um", stepped=False).passed
 
 
 def test_studies_accept_speeds_as_text():

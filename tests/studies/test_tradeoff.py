@@ -13,9 +13,7 @@ from mechsim import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
-from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.source import from_spec, specification
 from mechsim.studies.budget import Budget, TrialTimes
 from mechsim.studies.tradeoff import trials
 from mechsim.studies.tradeoff.methods import (
@@ -54,30 +52,12 @@ def main_with(words):
         sys.argv = before
 
 
-def test_stepping_methods_have_unique_names_and_several_per_integrator():
-    names = [method.name for method in stepping_methods()]
-    assert len(set(names)) == len(names)
-    for integrator in INTEGRATORS:
-        assert sum(name.startswith(f"{integrator},") for name in names) >= 8
-
-
-def test_steps_record_the_same_instants():
-    assert all(72 % n == 0 or n % 72 == 0 for n in STEPS)
-
-
 @pytest.mark.long
 def test_all_points_are_measured_and_the_front_is_timed_again(tradeoff):
     assert tradeoff.left_out == 0
     assert {point.settings.steps_per_turn for point in tradeoff.points} == set(SHORT)
     assert all(len(point.times) == 5 for point in tradeoff.front())
     assert (tradeoff.costs > 0.0).all()
-
-
-def test_the_front_rises_in_cost_and_falls_in_error(tradeoff):
-    front = tradeoff.front()
-    assert (np.diff([point.cost for point in front]) > 0.0).all()
-    assert (np.diff([point.errors["position"] for point in front]) < 0.0).all()
-    assert front[-1].settings.integrator == "RK4"
 
 
 def test_rk4_has_fourth_order_and_the_defaults_first(tradeoff):
@@ -302,44 +282,3 @@ def test_a_diverging_reference_is_rejected_with_a_remedy(monkeypatch, budget, ad
             SPEED,
             None if budget is None else Budget(budget, start=0.0, now=lambda: 0.0),
         )
-
-
-def test_a_longer_budget_is_suggested_if_only_coarse_runs_diverge(monkeypatch):
-    from mechsim.simulation.source import assembled
-
-    spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(TrialTimes, "expected", lambda _, integrator, steps: 1e-3 * steps)
-    whole = BuiltModel.motion
-    monkeypatch.setattr(
-        BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
-    )
-    # the reference takes 25.2 s of a budget of about 63 s
-    reported = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
-    with pytest.raises(InputError, match=reported):
-        subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
-
-
-@pytest.mark.parametrize(("reading", "trials_made"), [(41.0, 0), (20.0, 1)])
-def test_an_exhausted_budget_ends_the_loading(monkeypatch, reading, trials_made):
-    """The simulated clock advances with reading, compiling, starting and each trial."""
-    from mechsim.simulation.source import assembled
-    from mechsim.studies.tradeoff import methods
-
-    now, made, compiled = [0.0], [], []
-
-    def with_duration(seconds, durations, call):
-        def slow(*arguments, **named):
-            now[0] += seconds
-            durations.append(seconds)
-            return call(*arguments, **named)
-
-        return slow
-
-    monkeypatch.setattr(methods, "specification", with_duration(reading, [], specification))
-    monkeypatch.setattr(methods, "from_spec", with_duration(5.0, compiled, from_spec))
-    monkeypatch.setattr(BuiltModel, "motion", with_duration(20.0, made, BuiltModel.motion))
-    spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):
-        subject_of_model(spec, "own", SPEED, Budget(40.0, start=0.0, now=lambda: now[0]))
-    assert (len(made), bool(compiled)) == (trials_made, reading < 40.0)
-    assert now[0] <= 1.2 * 40.0

@@ -6,8 +6,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.source import from_source
-from mechsim.studies.dynamics_check import crosscheck_free
 
 # a slider pushed along x by 500 N: the inertia of the links is negligible
 PRESS = model_text("forces_of_a_file_press.toml")
@@ -44,22 +42,6 @@ def test_forces_of_a_file_act_in_dynamics_by_simulation(press):
     np.testing.assert_allclose(run.forces.torque, torque_by_virtual_power(run.forces.angle), atol=1e-5)
     free = driven(solver, ms.Forces(), speed=SPEED, samples=12)
     assert np.abs(free.forces.torque).max() < 1e-5
-
-
-def test_forces_of_a_file_act_in_free_running(press):
-    solver = ms.load(press)
-    model = ms.dynamics.dynamic_model(solver)
-    run = ms.dynamics.free_run(model, angle=1.0, duration=0.002, samples=5)
-    assert run.angle[-1] > 1.5
-    assert crosscheck_free(run, model).passed
-
-
-def test_forces_of_a_file_act_in_a_scene_of_level_dynamics(press):
-    solver = ms.load(press)
-    assert from_source(solver, ms.Scene(level="dynamics")).model.opt.gravity[1] == 0.0
-    heavy = ms.Scene(level="dynamics", forces=ms.Forces(gravity=(0.0, -9.81, 0.0)))
-    assert from_source(solver, heavy).model.opt.gravity[1] == -9.81
-    assert from_source(solver.mechanism, ms.Scene(level="dynamics")).model.opt.gravity[1] == -9.81
 
 
 def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):

@@ -72,13 +72,3 @@ def test_no_formula_runs_no_code(written, monkeypatch, tmp_path):
             cli.main()
         assert ended.value.code in (0, None)
         assert was_run.exists() is runs
-
-
-@pytest.mark.parametrize(
-    "command", ["show", "solve", "validate", "export", "sweep", "dynamics inverse", "view", "render"]
-)
-def test_help_states_that_a_python_file_is_code(command, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["mechsim", *command.split(), "--help"])
-    with pytest.raises(SystemExit):
-        cli.main()
-    assert "which is code and is run" in " ".join(capsys.readouterr().out.split())

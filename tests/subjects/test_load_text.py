@@ -12,7 +12,6 @@ from mechsim.errors import InputError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.subjects.readers import load
-from mechsim.subjects.toml_keys import schema
 from mechsim.subjects.toml_writer import to_toml
 
 SLIDER = model_text("load_text_slider.toml")
@@ -114,9 +113,3 @@ def test_a_load_over_the_angle_needs_a_crank_as_the_only_driver(made, tmp_path):
     solver = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
     with pytest.raises(InputError, match="depends on the crank's angle, but motion laws drive it"):
         dynamics.dynamic_model(solver, solver.forces)
-
-
-def test_the_schema_describes_loads():
-    torque = schema()["properties"]["forces"]["properties"]["crank_torque"]
-    assert torque["type"] == ["number", "string"]
-    assert "expression of t or angle, or FILE.csv" in torque["description"]

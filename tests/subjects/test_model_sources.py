@@ -14,7 +14,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.subjects import model_source
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Reader
-from mechsim.subjects.readers import load, parametric_model
+from mechsim.subjects.readers import load
 
 FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -52,17 +52,6 @@ def test_a_new_file_format_needs_one_reader(toy):
     difference = model.solve(ANGLES).points["C"].position - exact.points["C"].position
     assert np.abs(difference).max() <= 1e-14  # rounding of 0.1 m
     assert list(model.mechanism.points) == ["C"]
-
-
-def test_designs_of_a_new_format_have_joint_positions_as_dimensions(toy):
-    assert "rocker.at.x" in parametric_model(toy).dimensions
-
-
-def test_commands_accept_a_new_format(toy, capsys):
-    from mechsim.cli import app
-
-    app(["show", toy], standalone_mode=False)
-    assert "four_bar" in capsys.readouterr().out
 
 
 def test_an_object_without_a_reader_is_rejected():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.subjects import gallery
 
 
 @pytest.mark.parametrize("name", ["four_bar", "klann"])
@@ -13,19 +12,6 @@ def test_a_name_gives_the_run_of_its_mechanism(name):
     loaded = ms.simulate(ms.load(name), speed="60rpm", turns=0.1)
     for point, track in loaded.motion.points.items():
         np.testing.assert_array_equal(named.motion.points[point].position, track.position)
-
-
-def test_a_toml_file_is_simulated_with_its_own_motion_laws(tmp_path):
-    text = gallery.files()["five_bar"].read_text().partition("[formula]")[0]
-    (tmp_path / "robot.toml").write_text(text)
-    run = ms.simulate(tmp_path / "robot.toml", samples=5)
-    assert set(run.motion.drivers) == set(ms.load("five_bar").mechanism.drivers)
-
-
-def test_an_mjcf_text_is_simulated():
-    text = """<mujoco><worldbody><body><joint name="crank"/><geom size="0.1"/><site name="P" pos="1 0 0"/>
-    </body></worldbody></mujoco>"""
-    assert ms.simulate(text, speed=1.0, turns=0.1).motion.points.keys() == {"P"}
 
 
 @pytest.mark.parametrize("function", [ms.load, lambda name: ms.simulate(name, speed=1.0)])
@@ -37,10 +23,6 @@ def test_an_unknown_name_is_rejected_with_the_list_command(function):
 def test_catalogue_names_are_suggested_first():
     with pytest.raises(ms.InputError, match="did you mean 'rssr'"):
         ms.load("rsr")
-
-
-def test_a_name_has_a_dynamic_model():
-    assert ms.dynamics.dynamic_model("four_bar").mechanism.name == "four_bar"
 
 
 def test_a_file_that_no_reader_accepts_names_its_conversion(tmp_path, monkeypatch):

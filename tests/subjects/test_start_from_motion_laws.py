@@ -48,11 +48,6 @@ def test_motion_laws_determine_the_start_of_a_platform(load):
     assert ms.crosscheck(run, solver).passed
 
 
-def test_replaced_motion_laws_determine_the_start(load):
-    solver = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
-    np.testing.assert_allclose(lengths(solver.solve(t=[0.0])), 0.32, atol=1e-13)
-
-
 def test_an_explicit_start_has_priority_over_motion_laws(load):
     solver = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
     np.testing.assert_allclose(lengths(solver.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)

@@ -7,7 +7,6 @@ from model_files import model_text
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.simulation.dynamics.prescribed_motion import driven
 
 LAW = {"crank": "0.3*sin(2*pi*t)"}
 TIMES = np.linspace(0.0, 2.0, 9)
@@ -69,16 +68,6 @@ def test_invalid_instants_are_rejected_with_the_remedy(swinging, tmp_path):
     assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
 
 
-def test_inverse_dynamics_and_sensitivities_accept_times(swinging):
-    model = ms.dynamics.dynamic_model(swinging, ms.Forces(gravity=(0.0, -9.81, 0.0)))
-    run = driven(swinging, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
-    result = ms.dynamics.prescribed(model, t=TIMES).forces.drives["crank"]
-    np.testing.assert_allclose(result, run.forces.drives["crank"], atol=1e-12)
-    table = ms.sensitivity(swinging, "B.x", "rocker.at.x", t=TIMES)
-    np.testing.assert_array_equal(dict(table.columns())["t"], TIMES)
-    np.testing.assert_allclose(table.values["B.x"], swinging.positions(t=TIMES)["B"][:, 0], atol=1e-14)
-
-
 @pytest.mark.parametrize("looped", [False, True])
 def test_a_crank_of_constant_speed_accepts_times(looped):
     solver = ms.catalog.make("four_bar")
@@ -99,11 +88,6 @@ def test_a_crank_of_constant_speed_accepts_times(looped):
         solver.solve(TIMES, 3.0, t=TIMES)
     with pytest.raises(InputError, match="no instants are given"):
         solver.solve()
-
-
-def test_several_drivers_without_motion_laws_are_rejected():
-    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
-        KinematicSolver(ms.load("five_bar").mechanism).solve(t=TIMES)
 
 
 def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):

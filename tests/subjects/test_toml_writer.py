@@ -73,18 +73,6 @@ def test_names_with_quotes_are_read_back(tmp_path):
     )
 
 
-def test_exported_toml_has_the_motion_of_the_catalogue(monkeypatch, tmp_path):
-    path = tmp_path / "rssr.toml"
-    monkeypatch.setattr(sys, "argv", ["mechsim", "export", "rssr", "--format", "toml", "-o", str(path)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
-    angles = np.linspace(0.0, 6.0, 13)
-    exact = catalog.make("rssr").positions(angles)
-    for name, position in load(str(path)).positions(angles).items():
-        np.testing.assert_allclose(position, exact[name], atol=1e-15)
-
-
 def test_the_schema_contains_every_key_of_the_reader(monkeypatch, capsys):
     assert schema()["properties"].keys() == ROOT.keys.keys()
     assert schema()["required"] == list(ROOT.required)
@@ -176,11 +164,3 @@ def test_writing_a_motion_law_without_text_is_rejected():
     solver = load("four_bar", drive={"crank": state})
     with pytest.raises(InputError, match="without text"):
         to_toml(solver)
-
-
-def test_the_schema_lists_the_values_of_the_reader(press):
-    made = schema()["properties"]
-    assert made["joints"]["additionalProperties"]["properties"]["kind"]["enum"].count("screw") == 1
-    assert set(made["couplings"]["additionalProperties"]["properties"]) >= {"ratio", "travel", "coefficients"}
-    assert {"motion_laws", "locked", "duration", "forces"} <= made.keys()
-    assert made["forces"]["properties"]["motor"]["properties"]["kind"]["enum"] == ["constant", "line", "dc"]

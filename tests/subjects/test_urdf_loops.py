@@ -56,7 +56,6 @@ DIALECTS = {
     + FIXED.format("closing_pin_1_z", "rod", f"{ROD} 0 0.1")
     + FIXED.format("closing_pin_2_z", "follower", f"0 {FOLLOWER} 0.1"),
 }
-ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
 
 
 def robot(*elements):
@@ -221,21 +220,6 @@ def test_commands_accept_a_sidecar_file(written, monkeypatch, capsys, tmp_path):
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 2
-
-
-def test_functions_accept_a_sidecar_file(written):
-    path, sidecar = (
-        written(robot(ENDS)),
-        written("closed_loop: [[rod_end, follower_end]]\ntype: [3d]", "r.yaml"),
-    )
-    assert ms.sample(path, 3, loops=sidecar).qpos.shape == (3, 3)
-    knee = ms.closed_qpos(path, {"motor": "10deg"}, loops=sidecar)[0, 1]
-    table = ms.joint_map(path, {"motor": ("10deg", "20deg")}, ["knee"], points=2, loops=sidecar)
-    np.testing.assert_allclose(table.output[0], knee, rtol=0, atol=1e-12)
-    assert "MS102" not in {violation.rule for violation in ms.check(path)}
-    assert "MS102" in {violation.rule for violation in ms.check(path, loops=sidecar)}
-    with pytest.raises(ms.errors.InputError, match="is no URDF file"):
-        ms.sample("four_bar", 3, loops=sidecar)
 
 
 # of scikit-robot: points and axes in the root frame with all joints at zero

@@ -137,22 +137,6 @@ def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
     assert crosscheck_driven(broken, model).outcome == "diverged"
 
 
-@pytest.mark.parametrize(
-    "motor",
-    [
-        pytest.param(TorqueSpeedLine(5.0, 100.0), marks=pytest.mark.slow, id="line"),
-        pytest.param(DCMotor(24.0, 0.5, 0.2), marks=pytest.mark.slow, id="dc"),
-        pytest.param(ConstantTorque(0.5), id="constant"),
-    ],
-)
-def test_motor_driven_free_runs_agree_with_the_reduced_equation(motor):
-    model = model_of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
-    run = dynamics.free_run(model, turns=0.25, samples=16)
-    assert run.outcome == "done"
-    verdict = crosscheck_free(run, model)
-    assert verdict.passed, verdict
-
-
 def test_every_wrong_model_fails_in_a_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     model = model_of("four_bar", forces)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import files
 from mechsim.cli import main
 
 
@@ -32,13 +31,6 @@ def test_a_formula_off_by_a_thousandth_fails():
     assert not result.passed
     assert "position of B" in result.why
     assert [check.passed for check in result.checks] == [True, False, True]
-
-
-def test_a_written_table_agrees_with_its_own_model(tmp_path):
-    model = ms.catalog.make("rssr")
-    path = tmp_path / "own.csv"
-    files.write(path, model.solve(np.linspace(0, 6, 30), 20 * np.pi))
-    assert ms.validate(model, against=path).passed
 
 
 def test_velocities_accelerations_and_forces_are_compared_by_name():
@@ -116,32 +108,6 @@ def run_command(monkeypatch, capsys, *arguments):
         main()
     output = capsys.readouterr()
     return int(ended.value.code or 0), output.out, output.err
-
-
-@pytest.mark.slow
-def test_the_command_reports_that_it_runs_code_in_eighty_columns(monkeypatch, capsys, tmp_path):
-    (tmp_path / "own.py").write_text(
-        "import numpy as np\ndef f(a):\n    return {'A': 0.05 * np.column_stack([np.cos(a), np.sin(a)])}\n"
-    )
-    monkeypatch.chdir(tmp_path)
-    code, out, err = run_command(monkeypatch, capsys, "validate", "slider_crank", "--against", "own.py:f")
-    assert not code
-    assert "runs own.py (a formula is Python code)" in err
-    assert all(len(line) <= 80 for line in out.splitlines())
-    code, out, _ = run_command(
-        monkeypatch,
-        capsys,
-        "validate",
-        "slider_crank",
-        "--set",
-        "crank=51mm",
-        "--against",
-        "own.py:f",
-        "--json",
-    )
-    assert code == 1
-    assert '"attribution"' in out
-    assert '"findings"' in out
 
 
 @pytest.mark.long

@@ -10,7 +10,6 @@ import mechsim as ms
 from mechsim.analytic.derivatives.dimensions import own_designs
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
-from mechsim.model.motion_laws import make_motion_laws
 from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
@@ -253,12 +252,6 @@ def test_a_spike_that_no_sample_hits_is_a_motion():
     proof = ms.certify("four_bar", set=dimensions, drive=through, duration=1.0)
     # all but the spike is certified
     assert re.search(r"no proof on 1 interval.* from 0\.31234\d* s", proof.reason)
-
-
-def test_a_law_whose_rate_is_one_number_is_accepted():
-    mechanism = ms.load("four_bar").mechanism
-    laws = make_motion_laws(mechanism, {"crank": lambda t: (0.5 * t, 0.5, 0.0)}, 1.0)
-    assert laws.rate == 0.5
 
 
 def test_only_smooth_motion_laws_are_certified(tmp_path):

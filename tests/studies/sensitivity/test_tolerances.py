@@ -179,11 +179,3 @@ def test_nonzero_derivatives_are_plotted_per_mm_or_degree():
     assert "derivatives of P.x [mm per mm or °]" in (ax.get_title(), ax.get_title("left"))
     drawn = {line.get_label(): line.get_ydata()[0] for line in ax.get_lines()}
     assert drawn == {"crank": pytest.approx(1.0), "tilt": pytest.approx(1e3 * np.pi / 180.0)}
-
-
-def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
-    by = {"crank": {"torque": 3e-5 * np.cos(ANGLES)}, "gamma": {"torque": np.full(len(ANGLES), 1e-4)}}
-    (ax,) = drawn_derivatives(by, {"torque": "N m"}, {"crank": "m", "gamma": "rad"})
-    assert "[µN m per mm or °]" in ax.get_title(loc="left")
-    largest = max(np.abs(line.get_ydata()).max() for line in ax.get_lines())
-    assert largest == pytest.approx(100.0 * np.pi / 180.0)

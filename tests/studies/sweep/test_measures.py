@@ -5,7 +5,6 @@ import pytest
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.model.quantities import numeric_quantity
 from mechsim.studies.sweep.measures import Turns, measure, measures, table_of
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
@@ -88,10 +87,3 @@ def test_an_unknown_measure_is_rejected_with_a_hint(text, output):
 def test_an_empty_list_of_measures_is_rejected():
     with pytest.raises(InputError, match="no measure"):
         measures([], catalog.make("rssr").mechanism)
-
-
-def test_names_of_forces_are_quantities():
-    mechanism = catalog.make("rssr").mechanism
-    assert numeric_quantity("force:P3", mechanism).unit == "N"
-    assert [column.name for column in numeric_quantity("torque:crank", mechanism).columns] == ["torque"]
-    assert numeric_quantity("P3.mz", mechanism).unit == "N m"
