@@ -19,7 +19,6 @@ GATES = {
     ("cli.validate", "report.validation"): "--report, --plot",
     ("cli.validate", "pictures.plots"): "--plot",
     ("cli.validate", "pictures.plots.motion"): "--plot",
-    ("cli.validate", "studies.certify.certificate"): "--certify",
     ("cli.validate", "studies.reference"): "--reference",
     ("cli.export", "subjects.cam_files"): "--cam",
     ("studies.agreement.agreement", "studies.agreement.attribution"): "--against",

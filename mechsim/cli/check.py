@@ -10,13 +10,13 @@ import typer
 
 from mechsim._version import __version__
 from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.output import in_colour, print_json, print_table, wrapped
+from mechsim.cli.output import in_colour, print_json, wrapped
 from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.findings.rule_table import RULES
-from mechsim.simulation.findings.rules import EqualityStiffness, Violation
-from mechsim.studies.check import check_each, explain, fixed_copy
+from mechsim.simulation.findings.rules import Violation
+from mechsim.studies.check import check_each, fixed_copy
 from mechsim.units import option
 
 FORMATS = ("text", "json", "github", "sarif")
@@ -32,7 +32,6 @@ class CheckFilesJson(TypedDict):
     errors: int
     findings: list[Violation]
     fixed: NotRequired[str | None]
-    equalities: NotRequired[dict[str, list[EqualityStiffness]]]
 
 
 @command
@@ -48,17 +47,13 @@ def check_files(
         str | None, output_file("Write a repaired copy of the file.", ".xml", name="--fix", metavar="OUT")
     ] = None,
     output_format: str = option("text", "Format of the findings.", metavar="text|json|github|sarif"),
-    target: str | None = option(None, "Also report what this format cannot express.", metavar="urdf"),
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE"),
-    explain_equalities: bool = option(
-        False, "Also print stiffness, damping and gap per newton of each equality.", name="--explain"
-    ),
 ) -> Result[CheckFilesJson]:
     """Check closed-loop MJCF and URDF files for common mistakes. An error ends with exit code 1.
 
     Examples:
     mechsim check gripper.xml ankle.xml --ignore MS111
-    mechsim check gripper.xml --fix repaired.xml --explain
+    mechsim check gripper.xml --fix repaired.xml
     """
     stated.exclude(["output_format"], "with --json", "as_json" in stated.options)
     if output_format not in FORMATS:
@@ -70,10 +65,7 @@ def check_files(
             f"--loops closes the loops of one file, and there are {len(models)}; check them one by one"
         )
     codes = [text.split(",") if text else [] for text in (select, ignore)]
-    violations = check_each(models, select=codes[0], ignore=codes[1], target=target, loops=loops)
-    rejected = [violation.file for violation in violations if violation.rule == "MS100"]
-    read = [model for model in models if model not in rejected]
-    equalities = {model: explain(model, loops) for model in read} if explain_equalities else {}
+    violations = check_each(models, select=codes[0], ignore=codes[1], loops=loops)
     errors = sum(violation.severity == "error" for violation in violations)
     data: CheckFilesJson = {
         "files": len(models),
@@ -86,13 +78,9 @@ def check_files(
         with atomic_path(fix) as unfinished:
             unfinished.write_text(copy, encoding="utf-8", newline="")
         data["fixed"] = fix
-    if explain_equalities:
-        data["equalities"] = equalities
 
     def text() -> None:
         _print(violations, output_format, data)
-        for model, rows in equalities.items() if output_format == "text" else ():
-            _print_stiffness(model, rows)
         if fix is not None:
             typer.echo(
                 f"wrote {fix}, repaired: {', '.join(repaired) or 'nothing'}", err=output_format != "text"
@@ -180,12 +168,3 @@ def _sarif(violations: Sequence[Violation]) -> dict[str, Any]:
         "version": "2.1.0",
         "runs": [{"tool": {"driver": driver}, "results": results}],
     }
-
-
-def _print_stiffness(model: str, rows: Sequence[EqualityStiffness]) -> None:
-    head = ("equality", "stiffness N/m", "damping N s/m", "time constant, steps", "gap per newton, m")
-    print_table(
-        f"{model}: equalities where it starts",
-        head,
-        [[row.name, row.stiffness, row.damping, row.time_constant_steps, row.gap_per_newton] for row in rows],
-    )

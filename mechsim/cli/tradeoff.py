@@ -4,14 +4,12 @@ import textwrap
 from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict, cast
 
-import numpy as np
 import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.command import Result, Stated, Without, command, option_names
-from mechsim.cli.control_options import ControlOptions, user_scene
-from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import Model, Sets, Speed, load_model
 from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.output_paths import output_file, plot_file
 from mechsim.cli.progress import progress
@@ -21,8 +19,6 @@ from mechsim.numerics.convergence import Order
 from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
 from mechsim.studies.budget import MAX_EXCESS, Budget
-from mechsim.studies.reduction.scene_costs import scene_costs
-from mechsim.studies.scene.scene import spec_of
 from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
 from mechsim.studies.tradeoff.trials import measure_tradeoff
@@ -91,11 +87,9 @@ class TradeoffJson(TypedDict):
 
 @command
 def tradeoff(
-    source: Annotated[ModelOptions, Without("loops")],
-    controls: ControlOptions,
+    model: Model,
     *,
-    stated: Stated,
-    costs: bool = option(False, "Measure what each element of an MJCF scene costs instead.", name="--costs"),
+    sets: Sets = None,
     speed: Speed = "600rpm",
     budget: str = option("60s", "Wall-clock time of the whole study; a bare number is in s."),
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the order of trials.", min=0)] = 0,
@@ -109,17 +103,13 @@ def tradeoff(
 
     Examples:
     mechsim tradeoff slider_crank --budget 20s --plot precision.svg
-    mechsim tradeoff gripper.xml --costs --ctrl fingers=120
+    mechsim tradeoff gripper.xml --by velocity
     """
-    if costs:
-        stated.exclude(("sets", "output", "plot", "speed", "budget", "seed", "by"), "with --costs")
-        return _costs(source, controls)
-    stated.exclude(("ctrl", *option_names(DriveOptions)), "without --costs")
     if by not in COMPARED:
         raise InputError(f"there is no error by {by!r}; choose from {', '.join(COMPARED)}")
     timer = _timed_budget(budget, drawn=plot is not None)
     with progress("tradeoff", None) as report:
-        subject = _subject(source, crank_speed(speed), timer)
+        subject = _subject(model, sets, crank_speed(speed), timer)
         result = measure_tradeoff(subject, budget=timer, seed=seed, progress=report)
     if output is not None:
         write_csv(output, result, by)
@@ -128,12 +118,12 @@ def tradeoff(
     data: dict[str, Any] = result.as_dict(by)
     for row in data["recommended"]:
         point = result.choice(row["limit"], by)
-        row["advice"] = None if point is None else advice(point, source.model, subject.speed)
+        row["advice"] = None if point is None else advice(point, model, subject.speed)
     data |= {"seed": seed, "budget": timer.seconds, "output": output, "plot": plot}
 
     def text() -> None:
         _print(result, by)
-        _print_advice(result, by, source.model)
+        _print_advice(result, by, model)
 
     if timer.spent > (1.0 + MAX_EXCESS) * timer.seconds:
         exit_codes.print_stderr(
@@ -152,12 +142,12 @@ def _timed_budget(budget: str, *, drawn: bool) -> Budget:
     return Budget(seconds, exit_codes.typed_at, min(reserved, 0.5 * seconds))
 
 
-def _subject(source: ModelOptions, speed: float, timer: Budget) -> Subject:
-    path = Path(source.model)
+def _subject(model: str, sets: list[str] | None, speed: float, timer: Budget) -> Subject:
+    path = Path(model)
     if path.suffix.lower() != ".xml":
-        return subject_of(load_model(source.model, source.sets), speed, timer)
-    if source.sets:
-        raise InputError(f"--set changes a mechanism of the catalogue; {source.model!r} is an MJCF file")
+        return subject_of(load_model(model, sets), speed, timer)
+    if sets:
+        raise InputError(f"--set changes a mechanism of the catalogue; {model!r} is an MJCF file")
     return subject_of_model(path, path.stem, speed, timer)
 
 
@@ -229,27 +219,3 @@ def _count(result: Tradeoff) -> str:
         rest = len(result.untried) - MAX_FAMILIES
         items.append(f"not tried: {names}{f' and {rest} more' if rest > 0 else ''}")
     return "; ".join(items)
-
-
-def _costs(source: ModelOptions, controls: ControlOptions) -> Result[Any]:
-    """Measure the cost of each element of a scene."""
-    scene = user_scene(source.model, source, controls)
-    with progress("costs", None) as report:
-        costs = scene_costs(scene, spec_of(scene), progress=report)
-    data = {
-        "scene": source.model,
-        "timestep": float(scene.model.opt.timestep),
-        "costs": costs,
-    }
-    rows = [
-        (
-            cost.what,
-            str(cost.dofs),
-            str(cost.rows),
-            *((number(cost.step, 3), number(cost.ratio, 3)) if np.isfinite(cost.step) else ("", "")),
-            f"{cost.error:.1e}" if cost.error < float("inf") else "diverges",
-        )
-        for cost in costs
-    ]
-    head = ("scene", "DOFs", "rows", "us/step", "of the scene", "error [m]")
-    return Result(data, lambda: print_table(f"{source.model}: cost of each element", head, rows))

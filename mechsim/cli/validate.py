@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import typer
 
@@ -16,7 +16,7 @@ from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.earlier import ChangeJson, compared_with, earlier_checks
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
-from mechsim.cli.output import print_json, print_text
+from mechsim.cli.output import print_json
 from mechsim.cli.output_paths import output_folder, plot_file
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
@@ -40,9 +40,6 @@ from mechsim.subjects.readers import load
 from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Check, Verdict
 
-if TYPE_CHECKING:
-    from mechsim.studies.certify.certificate import Certificate
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidateOptions:
@@ -56,9 +53,6 @@ class ValidateOptions:
         None, "Write a page with plots, pictures and videos to this folder.", metavar="DIR"
     )
     speed: Speed = "600rpm"
-    certify: bool = option(
-        False, "Also prove by interval arithmetic that no singularity lies in the range.", name="--certify"
-    )
     budget: str = option(f"{BUDGET:g}s", "Processor time for the stepped runs of each mechanism.")
     against: str | None = option(
         None,
@@ -119,7 +113,6 @@ class CaseJson(TypedDict):
     published: NotRequired[PublishedRun]
     findings: NotRequired[list[Finding]]
     masses: NotRequired[list[LinkMass]]
-    certificate: NotRequired[str]
 
 
 class ValidateJson(TypedDict):
@@ -157,7 +150,7 @@ def validate(
     mechsim validate slider_crank --against my_kinematics.py:position
     """
     if chosen.against is not None:
-        stated.exclude(("certify", "budget", "formula", "reference"), "with --against")
+        stated.exclude(("budget", "formula", "reference"), "with --against")
     if chosen.reference:
         used = {"reference", "models", "verbose", "as_json", "compare_to"}
         stated.exclude(stated.options.keys() - used, "with --reference")
@@ -281,7 +274,7 @@ def _validated(
 
     Args:
         designs: name -> mechanism.
-        chosen: options; a failed interval proof is reported and is no failure.
+        chosen: options.
         quick: names of the mechanisms that are not stepped in time.
         folder: folder of a report; None writes none.
         verbose: whether all checks are listed.
@@ -291,37 +284,24 @@ def _validated(
     with progress("validate", None) as report:
         check, draw = sections(report, {"check": 1.0, "draw": 0.0 if folder is None else DRAWING})
         cases = _cases(designs, chosen, speed, quick, check, as_json)
-        proofs = _certificates(cases) if chosen.certify else {}
         passed = all(case.passed for case in cases.values())
         data: Any = {
             "passed": passed,
-            "mechanisms": {
-                name: case.as_dict() | ({"certificate": proofs[name].summary} if proofs else {})
-                for name, case in cases.items()
-            },
+            "mechanisms": {name: case.as_dict() for name, case in cases.items()},
         }
         report_notes: Sequence[str] = ()
         if folder is not None:
             from mechsim.report.validation import write_validation_report
 
-            report_notes = write_validation_report(folder, cases, data, draw, chosen.report)
+            report_notes = write_validation_report(folder, cases, data, draw)
     for note in report_notes:
         print_stderr(note)
 
     def text() -> None:
         print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
-        for name, proof in proofs.items():
-            print_text(f"{name}: {proof.summary}")
         _print_report(chosen.report)
 
     return Result(data, text, passed)
-
-
-def _certificates(cases: Mapping[str, Validation]) -> "dict[str, Certificate]":
-    """Return the interval proofs of the motions of mechanisms, by name."""
-    from mechsim.studies.certify.certificate import certified_motion
-
-    return {name: certified_motion(case.solver) for name, case in cases.items()}
 
 
 def _print_report(folder: str | None) -> None:
@@ -352,7 +332,7 @@ def _against(
     if folder is not None:
         from mechsim.report.validation import write_agreement_report
 
-        for note in write_agreement_report(folder, agreement, data, earlier=chosen.report):
+        for note in write_agreement_report(folder, agreement, data):
             print_stderr(note)
 
     def text() -> None:

@@ -52,9 +52,6 @@ def view(
     live: bool = option(
         False, "Solve in the page: sliders of dimensions, points to drag, TOML.", name="--live"
     ),
-    certify: bool = option(
-        False, "Prove the shown range by interval arithmetic; the page states the result.", name="--certify"
-    ),
 ) -> Result[ViewJson]:
     """Write an interactive 3-D page that works offline.
 
@@ -65,16 +62,12 @@ def view(
     mechsim view four_bar --mode 1 --initial crank.q=-95deg
     """
     from mechsim.pictures.view.offline_page import page
-    from mechsim.studies.certify.certificate import certified_motion
 
     require_axis("--up", up)
     path = None if output is None else Path(output)
     contents = replace(_contents(source, release, stated, speed), up=up)
     if live:
         contents = _live(contents, source, release, speed)
-    if certify:
-        proof = certified_motion(source.load_moving())
-        contents = replace(contents, facts=[*contents.facts, f"{proof.summary}."])
     browser = None
     if path is None:
         browser = _browser()

@@ -1,7 +1,6 @@
 """The report: one HTML page with its pictures inside, and the same numbers as JSON in the same folder."""
 
 import base64
-import json
 import math
 import os
 import platform
@@ -26,10 +25,6 @@ NUMBERS = "validate.json"
 LIBRARIES = ("mujoco", "numpy", "scipy", "matplotlib", "mediapy")
 # a check that uses less of its tolerance is listed in the long table only
 UNUSED = 1e-3
-# an error that grew by this factor since the earlier report is listed, if it uses more than UNUSED
-GROWTH = 2.0
-# lines of a comparison with an earlier report
-MAX_CHANGES = 20
 # the sparkline of a section shows error / tolerance from this value to 1 on a logarithmic scale
 SPARK_FLOOR = 1e-6
 # what a finding says without a place or a remedy
@@ -83,27 +78,6 @@ class Section:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class StudySection:
-    """The section of a study.
-
-    Attributes:
-        name: anchor on the page.
-        title: heading.
-        about: description, with the command.
-        plots: (caption, SVG bytes).
-        head: header of a table.
-        rows: rows of that table.
-    """
-
-    name: str
-    title: str
-    about: str
-    plots: tuple[tuple[str, bytes], ...]
-    head: tuple[str, ...] = ()
-    rows: tuple[tuple[str, ...], ...] = ()
-
-
 def write_report(
     directory: str | Path,
     results: Mapping[str, Any],
@@ -111,12 +85,8 @@ def write_report(
     *,
     command: str | None = None,
     notes: Sequence[str] = (),
-    studies: Sequence[StudySection] = (),
-    earlier: str | Path | None = None,
 ) -> Path:
     """Write `index.html` and `validate.json` into a directory and return the page's path.
-
-    The `validate.json` of an earlier report is compared with the new results.
 
     Args:
         directory: existing directory, or one with an existing parent.
@@ -124,8 +94,6 @@ def write_report(
         sections: mechanisms of the page, in order.
         command: command that makes this report again; None takes that of this process.
         notes: sentences on failed parts of the report; shown at the top.
-        studies: studies after the mechanisms, as extremes and trade-offs.
-        earlier: folder of the earlier report; None is `directory`.
 
     Raises:
         OutputError: where a file cannot be written.
@@ -141,8 +109,7 @@ def write_report(
         "versions": versions(),
         "machine": computer(),
     }
-    changes = changes_since(Path(earlier or directory) / NUMBERS, results)
-    page = render(results, sections, about, notes, studies, changes)
+    page = render(results, sections, about, notes)
     write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
     with atomic_path(directory / "index.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -154,8 +121,6 @@ def render(
     sections: Sequence[Section],
     about: Mapping[str, Any],
     notes: Sequence[str] = (),
-    studies: Sequence[StudySection] = (),
-    changes: Mapping[str, Any] | None = None,
 ) -> str:
     """Return the page as HTML text; mechanisms that failed come first."""
     with needs("pictures"):
@@ -183,9 +148,7 @@ def render(
         unstepped=[
             case["name"] for case in shown if results["mechanisms"].get(case["name"], {}).get("steps") == 0
         ],
-        changes=changes,
         notes=notes,
-        studies=studies,
         about=about,
     )
 
@@ -210,53 +173,6 @@ def method_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-def changes_since(path: Path, results: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the changes since an earlier report; None without a readable one.
-
-    Args:
-        path: the earlier `validate.json`.
-        results: the new ones.
-    """
-    try:
-        earlier = json.loads(path.read_text(encoding="utf-8"))
-        before = dict(_checks_by_key(earlier))
-        made = str(earlier["about"]["made"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-    changes: list[dict[str, Any]] = []
-    now = dict(_checks_by_key(results))
-    for key, check in now.items():
-        old = before.get(key)
-        if old is None:
-            continue
-        worst, old_worst = _finite(check["worst"]), _finite(old["worst"])
-        grew = worst > GROWTH * old_worst and worst > UNUSED * check["tolerance"]
-        if check["passed"] != old["passed"] or grew:
-            kind = "grown" if check["passed"] == old["passed"] else "cured" if check["passed"] else "failed"
-            changes.append({"key": key, "kind": kind, "before": old_worst, "now": worst, **check})
-    changes.sort(key=lambda change: ("failed", "grown", "cured").index(change["kind"]))
-    return {
-        "made": made,
-        "rows": changes[:MAX_CHANGES],
-        "count": len(changes),
-        "added": len(now.keys() - before.keys()),
-        "removed": len(before.keys() - now.keys()),
-    }
-
-
-def _checks_by_key(results: Mapping[str, Any]) -> list[tuple[tuple[str, str, str], Mapping[str, Any]]]:
-    return [
-        ((name, check["method"], check["quantity"]), check)
-        for name, case in results["mechanisms"].items()
-        for check in case.get("checks", ())
-    ]
-
-
-def _finite(error: float | None) -> float:
-    """Return an error, infinite if it is not a number."""
-    return math.inf if error is None or math.isnan(error) else float(error)
 
 
 def versions() -> dict[str, str]:
@@ -391,60 +307,3 @@ def _sparkline(checks: Sequence[Check]) -> str:
 def _this_command() -> str:
     name = Path(sys.argv[0]).name
     return " ".join(["mechsim" if name in ("__main__.py", "mechsim", "-c") else name, *sys.argv[1:]])
-
-
-def studies_in(folder: Path) -> list[StudySection]:
-    """Return the studies of `mechsim extremes --report` and `mechsim tradeoff --plot` in a folder.
-
-    Raises:
-        OutputError: where a file exists but cannot be read.
-    """
-    try:
-        return [*_extremes(folder), *_trades(folder)]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(
-            f"a study in {folder} cannot be read ({error}); run it again or remove extremes.* and tradeoff_*"
-        ) from error
-
-
-def _extremes(folder: Path) -> list[StudySection]:
-    drawing, numbers = folder / "extremes.svg", folder / "extremes.json"
-    if not (drawing.is_file() and numbers.is_file()):
-        return []
-    study: Mapping[str, Any] = json.loads(numbers.read_text(encoding="utf-8"))
-    passed = sum(bool(trial["passed"]) for trial in study["trials"])
-    about = (
-        f"{passed} of {len(study['trials'])} runs, pushed until something breaks, ended as the closed form "
-        "predicts. From an earlier run of mechsim extremes; the limits that it located are below."
-    )
-    rows = [
-        (
-            str(border["axis"]),
-            str(border["mechanism"]),
-            f"{border['inside']:.2g}: {border['before']}",
-            f"{border['outside']:.2g}: {border['after']}",
-        )
-        for border in study["borders"]
-    ]
-    section = StudySection(
-        name="extremes",
-        title="Extremes",
-        about=about,
-        plots=(("error along every axis, and how each run ended", drawing.read_bytes()),),
-        head=("Axis", "Mechanism", "Up to", "From"),
-        rows=tuple(rows),
-    )
-    return [section]
-
-
-def _trades(folder: Path) -> list[StudySection]:
-    drawings = sorted(folder.glob("tradeoff_*.svg"))
-    if not drawings:
-        return []
-    section = StudySection(
-        name="tradeoff",
-        title="Speed against accuracy",
-        about="Error over cost of each integrator and time step, from an earlier run of mechsim tradeoff.",
-        plots=tuple((path.stem.removeprefix("tradeoff_"), path.read_bytes()) for path in drawings),
-    )
-    return [section]

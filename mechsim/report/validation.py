@@ -22,7 +22,7 @@ from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.report.facts import about, facts
-from mechsim.report.page import Section, studies_in, write_report
+from mechsim.report.page import Section, write_report
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
@@ -58,7 +58,6 @@ def write_validation_report(
     cases: Mapping[str, Validation],
     results: Mapping[str, Any],
     progress: Progress = no_progress,
-    earlier: str | Path | None = None,
 ) -> list[str]:
     """Write a page with its pictures and plots inside, and views and videos in files of their own.
 
@@ -67,7 +66,6 @@ def write_validation_report(
         cases: name -> case.
         results: as `mechsim validate --json` prints them.
         progress: called with the name of each mechanism that is drawn, and the finished fraction.
-        earlier: folder of the earlier report and of studies; None is `folder`.
 
     Returns:
         What could not be done, one sentence each: without OpenGL there are no pictures, and the
@@ -91,8 +89,7 @@ def write_validation_report(
     for i, section in enumerate(sections):
         if section.name in videos:
             sections[i] = replace(section, video=_drawn(videos[section.name].result, notes) or "")
-    studies = studies_in(Path(earlier or folder))
-    write_report(folder, results, sections, notes=notes, studies=studies, earlier=earlier)
+    write_report(folder, results, sections, notes=notes)
     return notes
 
 
@@ -249,16 +246,13 @@ def _settings(case: Validation) -> dict[str, Any]:
     }
 
 
-def write_agreement_report(
-    folder: Path, agreement: Agreement, results: dict[str, Any], earlier: str | Path | None = None
-) -> list[str]:
+def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str, Any]) -> list[str]:
     """Write a page into a folder: the model, the curves, their difference, where it comes from.
 
     Args:
         folder: made if it is not there.
         agreement: result of the comparison.
         results: as `mechsim validate --json` prints them.
-        earlier: folder of the earlier report; None is `folder`.
 
     Returns:
         What could not be done, one sentence each.
@@ -283,7 +277,7 @@ def write_agreement_report(
             name: {**case, "reason": f"disagrees with {agreement.source}"}
             for name, case in mechanisms.items()
         }
-    write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes, earlier=earlier)
+    write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes)
     return notes
 
 

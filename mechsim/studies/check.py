@@ -9,10 +9,7 @@ from typing import Any
 from mechsim.errors import InputError, MechsimError
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.simulation.findings.rules import (
-    EqualityStiffness,
-    Target,
     Violation,
-    equality_stiffness,
     fixed_text,
     unreadable,
     violations,
@@ -29,7 +26,6 @@ def check(
     *,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    target: str | None = None,
     loops: str | PathLike[str] | None = None,
 ) -> list[Violation]:
     """Return the violations of the linter's rules by a closed-loop model, errors first.
@@ -38,20 +34,19 @@ def check(
         model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or any argument of `load`.
         select: codes of rules, or their beginnings, as "MS1"; empty takes all.
         ignore: likewise, rules to leave out.
-        target: "urdf" also reports elements that URDF cannot express.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Returns:
         Violations with rule, severity, file, line, object, value, message and fix.
 
     Raises:
-        InputError: for a file that MuJoCo rejects, or an unknown rule or target.
+        InputError: for a file that MuJoCo rejects, or an unknown rule.
 
     Example:
         >>> [violation.rule for violation in ms.check("gripper.xml") if violation.severity == "error"]
         []
     """
-    return check_each([model], select=select, ignore=ignore, target=target, loops=loops)
+    return check_each([model], select=select, ignore=ignore, loops=loops)
 
 
 def check_each(
@@ -59,17 +54,13 @@ def check_each(
     *,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    target: str | None = None,
     loops: str | PathLike[str] | None = None,
 ) -> list[Violation]:
     """Return the violations by several models, as `check`; one that cannot be read is a violation of MS100.
 
     Raises:
-        InputError: for an unknown rule or target, or a single model that cannot be read.
+        InputError: for an unknown rule, or a single model that cannot be read.
     """
-    if target not in (None, "urdf"):
-        raise InputError(f"there is no target {target!r}; the only target is urdf")
-    known_target: Target | None = "urdf" if target else None
     for code in (*select, *ignore):
         if not code or not any(rule.code.startswith(code) for rule in RULES):
             raise InputError(
@@ -78,7 +69,7 @@ def check_each(
     result: list[Violation] = []
     for model in models:
         try:
-            result += violations(_read(model, loops), known_target)
+            result += violations(_read(model, loops))
         except MechsimError as error:
             if len(models) == 1:
                 raise
@@ -89,11 +80,6 @@ def check_each(
         if (not select or violation.rule.startswith(tuple(select)))
         and not (ignore and violation.rule.startswith(tuple(ignore)))
     ]
-
-
-def explain(model: Any, loops: str | PathLike[str] | None = None) -> list[EqualityStiffness]:
-    """Return each equality of a model as a spring and damper at the model's start."""
-    return equality_stiffness(_read(model, loops))
 
 
 def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[str, list[str]]:

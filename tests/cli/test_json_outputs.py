@@ -34,17 +34,17 @@ dynamics response four_bar crank:B.x --initial crank.q=-95deg
 synthesize looper --through 12.8751,29.9574mm --tilt 1.3905deg --length 4mm
 sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=0.02mm --samples 100
 fit slider_crank --to tests/measured_slider.csv --vary crank,rod
-validate slider_crank --certify
+validate slider_crank
 validate --reference four_bar
 export five_bar --format toml
 export four_bar -o {folder}/model.xml
 export four_bar --format urdf --independent crank=20deg:80deg -o {folder}/twin.urdf
 plot four_bar --kind curve -o {folder}/curve.svg
 certify slider_crank --angles 10:90deg --within crank=0.02mm
-check examples/own_model.xml --explain --target urdf
+check examples/own_model.xml
 sample examples/own_model.xml -n 4 -o {folder}/states.npz
 map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map.npz
-view slider_crank --certify -o {folder}/page.html
+view slider_crank -o {folder}/page.html
 compile slider_crank -o {folder}/solver.h --test {folder}/test.c
 """.strip().splitlines()
 SLOW = [

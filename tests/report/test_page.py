@@ -14,7 +14,6 @@ from mechsim.files import plain
 from mechsim.pictures import plots
 from mechsim.pictures.render import find_ffmpeg
 from mechsim.report import page as report
-from mechsim.report.page import studies_in
 from mechsim.verdict.checks import Check
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
@@ -176,19 +175,6 @@ def test_the_first_screen_lists_the_methods_that_were_run(section, tmp_path):
         assert term in text
 
 
-def test_a_second_report_is_compared_with_the_first(section, tmp_path):
-    report.write_report(tmp_path, results(rssr=passed_result()), [section])
-    first = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
-    assert "Compared with the report" not in first
-    worse = {**passed_result(), "passed": False, "checks": [plain(check(5e-9))]}
-    report.write_report(tmp_path, results(rssr=worse), [replace(section, checks=(check(5e-9),))])
-    text = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
-    assert "1 change" in text
-    assert "fails now, 3.20·10⁻¹⁰ m → 5 nm" in " ".join(text.split())
-    (tmp_path / "validate.json").write_text("[]", encoding="utf-8")
-    report.write_report(tmp_path, results(rssr=worse), [section])
-
-
 def test_the_numbers_are_written_as_json_next_to_the_page(section, tmp_path):
     report.write_report(
         tmp_path,
@@ -307,28 +293,6 @@ def video_in(folder):
     folder.mkdir(exist_ok=True)
     mediapy.write_video(folder / "video.mp4", frames, fps=12.0, codec="h264")
     return "video.mp4"
-
-
-def test_studies_in_the_folder_are_included_in_the_page(tmp_path):
-    drawing = plots.drawn(plots.error_plot(ANGLES, {"a": 1e-3 + 0.0 * ANGLES}))
-    border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
-    trial = {"passed": True}
-    numbers = {
-        "borders": [{**border, "before": "passed", "after": "cannot assemble"}],
-        "trials": [trial, trial],
-    }
-    assert studies_in(tmp_path) == []
-    (tmp_path / "extremes.svg").write_bytes(drawing)
-    (tmp_path / "extremes.json").write_text(json.dumps(numbers), encoding="utf-8")
-    (tmp_path / "tradeoff_rssr.svg").write_bytes(drawing)
-    page = report.write_report(tmp_path, results(rssr=passed_result()), [], studies=studies_in(tmp_path))
-    observed = Reader(page.read_text(encoding="utf-8"))
-    assert sum(link.startswith("data:image/svg") for link in observed.links) == 2
-    for words in ("2 of 2 runs", "5e-10: cannot assemble", "Speed against accuracy"):
-        assert words in observed.text
-    (tmp_path / "extremes.json").write_text("{}", encoding="utf-8")
-    with pytest.raises(OutputError, match="run it again or remove"):
-        studies_in(tmp_path)
 
 
 SURVEY = """(async () => {

@@ -1,8 +1,7 @@
-"""Violations of the rules of `mechsim check` in a file, stiffness of its equalities, and repairs."""
+"""Violations of the rules of `mechsim check` in a file, and repairs."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import mujoco
 import numpy as np
@@ -12,16 +11,15 @@ from mechsim.model.finding import HARMLESS, NO_POSITION, Finding, Severity
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected, loop_rank
+from mechsim.simulation.findings.inspected import Inspected, loop_rank
 from mechsim.simulation.findings.rule_table import BY_KIND, with_severity
-from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
-from mechsim.simulation.state import data_at, dense_rows, limited_joints
+from mechsim.simulation.state import limited_joints
 
-Target = Literal["urdf"]
 # number of random configurations that test the limits of passive joints, and the seed
 DRAWN, SEED = 200, 0
 # fraction of closed configurations that a passive joint's limits may reject without a finding
@@ -59,13 +57,8 @@ class Violation:
     remedy: str
 
 
-def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]:
-    """Return the violations of all rules in a model, errors first.
-
-    Args:
-        read: the file as read.
-        target: target format of a conversion; None for no conversion.
-    """
+def violations(read: MjcfModel) -> list[Violation]:
+    """Return the violations of all rules in a model, errors first."""
     with quiet():
         scene = Inspected(read)
         path, reported = _closed_path(scene), list(findings_in(scene))
@@ -74,7 +67,6 @@ def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]
             passive = [finding for finding in _passive_actuators(scene, path) if finding.what not in fighting]
             reported += [*passive, *_passive_limits(path), *_loop_joints(path)]
         reported += [*_unchecked(scene), *read.unread]
-        reported += _lost_in_urdf(read) if target == "urdf" else []
     order = {"error": 0, "warning": 1, "note": 2}
     result = [_violation(read.path, with_severity(finding)) for finding in reported]
     return sorted(result, key=lambda violation: (order[violation.severity], violation.rule))
@@ -219,82 +211,6 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
                 remedy=HARMLESS,
                 **scene.location(scene.read.spec.equalities[i]),
             )
-
-
-def _lost_in_urdf(read: MjcfModel) -> list[Finding]:
-    """Return findings on the features of a model for which URDF has no element."""
-    model = plainly_compiled(read.spec.copy())
-    ball, free = mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_FREE
-    eq = mujoco.mjtEq
-    stiffness = np.asarray(model.jnt_stiffness).reshape(model.njnt, -1)
-    lost = {
-        "connect and weld equalities": int(np.isin(model.eq_type, (eq.mjEQ_CONNECT, eq.mjEQ_WELD)).sum()),
-        "nonlinear joint couplings": sum(
-            bool(model.eq_data[i, 2:5].any()) for i in range(model.neq) if model.eq_type[i] == eq.mjEQ_JOINT
-        ),
-        "ball joints": int((model.jnt_type == ball).sum()),
-        "free joints": int((model.jnt_type == free).sum()),
-        "tendons": int(model.ntendon),
-        "joint springs": int(stiffness.any(1).sum()),
-        "actuators": int(model.nu),
-        "keyframes": int(model.nkey),
-    }
-    return [
-        Finding(
-            kind="target",
-            what=feature,
-            by=float(count),
-            message=f"URDF has no element for {count} {feature}",
-            remedy="keep the MJCF file, or export the serial twin (mechsim export --format urdf)",
-            **NO_POSITION,
-        )
-        for feature, count in lost.items()
-        if count
-    ]
-
-
-@dataclass(frozen=True, slots=True)
-class EqualityStiffness:
-    """An equality constraint as a spring and damper at the start; values of its least stiff row.
-
-    Attributes:
-        name: name of the equality.
-        stiffness: stiffness in [N/m], or [N m/rad] for couplings of angles.
-        damping: damping in [N s/m], or [N m s/rad].
-        time_constant_steps: time constant of the gap in time steps; 0 if the file gives the stiffness.
-        gap_per_newton: static gap per unit of force, in [m/N] or [rad/(N m)].
-    """
-
-    name: str
-    stiffness: float
-    damping: float
-    time_constant_steps: float
-    gap_per_newton: float
-
-
-@quiet()
-def equality_stiffness(read: MjcfModel) -> list[EqualityStiffness]:
-    """Return the stiffness of each active equality at the start of the model.
-
-    At rest, a row of MuJoCo's soft constraints with gap r and regularisation R has the force k d r / R
-    (MuJoCo documentation, Computation, constraint model).
-    """
-    model = plainly_compiled(read.spec.copy())
-    data = data_at(model, read.qpos)
-    rows = np.flatnonzero(data.efc_type == EQUALITY)
-    active = np.flatnonzero(np.abs(dense_rows(data)).max(1, initial=0.0) > 0.0) if model.nv else rows
-    rows = np.intersect1d(rows, active)
-    k, b, d, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
-    stiffness, damping = k * d / data.efc_R[rows], b / data.efc_R[rows]
-    result: list[EqualityStiffness] = []
-    for number in np.unique(data.efc_id[rows]).tolist():
-        own = np.flatnonzero(data.efc_id[rows] == number)
-        weakest = own[int(np.argmin(stiffness[own]))]
-        constant = max(0.0, float(model.eq_solref[number, 0])) / float(model.opt.timestep)
-        name = model.equality(number).name or f"equality{number + 1}"
-        least = float(stiffness[weakest])
-        result.append(EqualityStiffness(name, least, float(damping[weakest]), constant, 1.0 / least))
-    return result
 
 
 def fixed_text(text: str, read: MjcfModel, violated: Sequence[Violation]) -> tuple[str, list[str]]:

@@ -230,7 +230,7 @@ def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, monkeypatch,
             cli.main()
         return ended.value.code or 0, capsys.readouterr()
 
-    code, out = run(*paths, "--output-format", "json", "--explain")
+    code, out = run(*paths, "--output-format", "json")
     violations = {(finding["rule"], finding["file"]) for finding in json.loads(out.out)["findings"]}
     assert code == 1
     assert {("MS113", paths[0]), ("MS100", paths[1]), ("MS105", paths[2])} <= violations
