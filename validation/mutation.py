@@ -40,7 +40,6 @@ LOOPS = [
     "simulation/test_loop_constraints.py",
     "simulation/test_free_bodies.py",
     "simulation/test_recorded_motion.py",
-    "simulation/test_many_designs.py",
     "simulation/test_motion_laws.py",
 ]
 PATHS = [

@@ -3,7 +3,7 @@
 import ast
 
 import pytest
-from equivalent_mutants import EQUIVALENT
+from mutants import EQUIVALENT
 from mutation import ROOT, TESTS
 
 
@@ -20,4 +20,6 @@ def test_a_core_file_and_its_tests_exist(file):
 def test_lines_of_equivalent_mutants_exist(file):
     lines = ast.unparse(ast.parse((ROOT / "mechsim" / file).read_text())).splitlines()
     present = {line.strip() for line in lines}
-    assert {before for name, before, _ in EQUIVALENT if name == file} <= present
+    changes = [(before, after) for name, before, after in EQUIVALENT if name == file]
+    assert {before for before, _ in changes} <= present
+    assert all(before != after for before, after in changes)

@@ -29,7 +29,6 @@ QUICK = (
     "robustness/assembly_detector.py --runs 4",
     "robustness/diagnosis.py --cases 2",
     "robustness/free_run_drift.py 10 four_bar",
-    "robustness/inputs.py --only 13mm!",
     "robustness/power_balance.py four_bar",
     "robustness/random_toml_mechanisms.py --count 2",
     "robustness/torque_scale.py four_bar",

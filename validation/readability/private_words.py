@@ -2,7 +2,7 @@
 
     python validation/readability/private_words.py [--list] [PATH ...]
 
-The tables `WORDS`, `PHRASES`, `NAME_PARTS` and `NAMES` give the term of the field that replaces each word.
+The tables of `private_words.toml` give the term of the field that replaces each word.
 
 """
 
@@ -12,6 +12,7 @@ import io
 import re
 import sys
 import tokenize
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,247 +20,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 
+_TABLES = tomllib.loads((Path(__file__).parent / "private_words.toml").read_text(encoding="utf-8"))
 # rejected in prose and as a part of an identifier: word -> what to write instead
-WORDS = {
-    "told": "reported, known",
-    "tells": "reports, determines",
-    "tell": "report, determine",
-    "road": "method",
-    "roads": "methods",
-    "stray": "corrector displacement",
-    "lap": "revolution",
-    "telling": "significant, reporting",
-    "foretold": "predicted, expected",
-    "foretell": "predict",
-    "foretells": "predicts",
-    "nought": "zero",
-    "thrice": "three times",
-    "whither": "to where",
-    "anyhow": "in any case",
-    "astray": "beyond the maximum corrector displacement",
-    "comparand": "evaluation points",
-    "comparands": "evaluation points",
-    "hardness": "compliance",
-    "softness": "compliance",
-    "begun": "initial",
-    "mend": "repair",
-    "mended": "repaired",
-    "mends": "repairs",
-    "yardstick": "characteristic length",
-    "twins": "mirrored mechanisms",
-    "ornaments": "visual-only bodies",
-    "knob": "parameter",
-    "knobs": "parameters",
-    "slopes": "Jacobian, derivatives",
-    "beside": "next to, relative to, compared with",
-    "sprint": "explicit predictor",
-    "overdriven": "overdetermined",
-    "superfluous": "redundant",
-    "untouching": "contact filtering",
-    "refusal": "error",
-    "refusals": "errors",
-    "meetings": "change points, branch points",
-    "dear": "expensive",
-    "dearer": "more expensive",
-    "houses": "packages",
-    "lean": "reduced",
-    "leaner": "smaller",
-    "slips": "unit warnings",
-    "endings": "exit codes",
-    "lasting": "duration",
-    "yon": "that",
-    "aught": "anything",
-    "hither": "here",
-    "wherefrom": "from which",
-    "whereby": "by which",
-    "thereof": "of it",
-    # phrases
-    "went bad": "became invalid, diverged",
-    "goes bad": "becomes invalid, diverges",
-    "held against": "compared with",
-    "as it stands": "nominal, unchanged",
-    "so near to": "close to",
-}
-
+WORDS: dict[str, str] = _TABLES["WORDS"]
 # rejected in prose: phrase -> what to write instead
-PHRASES = {
-    "are said": "are reported, are stated",
-    "comes round": "repeats",
-    "goes bad": "diverges, fails",
-    "goes on where": "continues at",
-    "how it goes on": "policy, continuation",
-    "is wanted": "is requested",
-    "it can stand": "its range is, it can be assembled",
-    "laid flat": "flat, at a change point",
-    "nothing can hold": "is undetermined",
-    "of one's own": "custom, user-defined",
-    "reckoned": "computed",
-    "rubs": "has friction",
-    "what is held": "locked coordinates",
-    "what is wanted": "the request, the target",
-}
-
+PHRASES: dict[str, str] = _TABLES["PHRASES"]
 # rejected as a part of an identifier (between underscores), not in prose
-NAME_PARTS = {
-    "tell": "report",
-    "said": "message, label, text",
-    "say": "message, report",
-    "says": "message, report",
-    "asked": "options, requested",
-    "meant": "target, intended",
-    "foretold": "predicted",
-    "slope": "jacobian, derivative",
-    "stray": "corrector displacement",
-    "strays": "corrector displacement",
-    "stride": "step",
-    "strides": "steps",
-    "walk": "trace",
-    "walked": "traced",
-    "meeting": "branch_point, change_point",
-    "road": "method, backend",
-    "roads": "methods, backends",
-    "room": "package",
-    "house": "repository",
-    "film": "animation",
-    "filming": "animation",
-    "refuse": "reject",
-    "refused": "rejected",
-    "settled": "converged, determined",
-    "settle": "converge, determine",
-    "nought": "zero",
-    "sure": "certain",
-    "doubt": "ambiguous",
-    "doubts": "ambiguities",
-    "tick": "progress",
-    "lap": "revolution",
-    "laps": "revolutions",
-    "blind": "singular_neighbourhood",
-    "bent": "curved, nonlinear",
-    "bend": "second_derivative, nonlinear",
-    "promise": "tolerance_report",
-    "promises": "tolerances",
-    "held": "locked, constrained, compared",
-    "efforts": "forces",
-    "machine": "dynamic_model",
-    "program": "motion_law",
-    "programs": "motion_laws",
-    "feed": "control",
-    "fed": "control",
-    "missed": "failed",
-    "judge": "check, verdict",
-    "judged": "checked",
-    "freed": "disabled",
-    "freedom": "dof",
-    "freedoms": "dofs",
-    "clock": "path_parameter, time",
-    "pace": "rate",
-    "here": "current",
-    "there": "next, present",
-    "nowhere": "absent",
-    "anywhere": "any",
-}
-
+NAME_PARTS: dict[str, str] = _TABLES["NAME_PARTS"]
 # rejected as a whole identifier
-NAMES = {
-    "one": "the thing: joint, design, row, check",
-    "ones": "the things",
-    "found": "solution, motion, roots, report",
-    "at": "q, t, s, index",
-    "of": "from_..., select",
-    "some": "subset",
-    "taken": "selected",
-    "given": "options, inputs",
-    "wanted": "requested, target",
-    "seen": "observed, visited",
-    "known": "names",
-    "gone": "displacement",
-    "far": "distance",
-    "near": "neighbours, close",
-    "left": "remaining (left and right are fine as a pair)",
-    "way": "path, distance, direction",
-    "place": "position, address, path",
-    "places": "positions, addresses, paths",
-    "part": "fraction, component, chunk",
-    "parts": "fractions, components, chunks",
-    "hold": "lock, constrain",
-    "good": "valid, converged",
-    "turned": "rotated",
-    "turn": "angle, revolution",
-    "watch": "progress",
-    "done": "progress, finished",
-    "bound": "tolerance, limit",
-    "why": "reason",
-    "met": "passed",
-    "size": "characteristic length, count",
-    "sense": "direction",
-    "mark": "reference direction",
-    "marks": "reference directions",
-    "cell": "segment",
-    "cells": "segments",
-    "rough": "initial guess",
-    "margin": "discriminant",
-    "drive": "solver, mechanism, motor",
-    "form": "solver",
-    "forms": "solvers",
-    "family": "parametric model",
-    "MOST": "MAX_...",
-    "LONGEST": "MAX_...",
-    "SAME": "..._TOLERANCE",
-    "APART": "MIN_DISTANCE",
-    "BENT": "MAX_CURVATURE",
-    "CLEAR": "MIN_DISTANCE_FROM_SINGULARITY",
-}
-
-# identifiers that are right where they stand: name -> files, and why
-PERMITTED = {
-    "drive": (
-        (
-            "cli/options.py",
-            "cli/tradeoff.py",
-            "simulation/run.py",
-            "agreement/agreement.py",
-            "studies/validate.py",
-            "subjects/model_source.py",
-            "subjects/prescription.py",
-            "subjects/readers.py",
-            "testing/assertion.py",
-            "tests/scene_texts.py",
-            "certify/test_certify.py",
-            "studies/test_reduction.py",
-            "choices/reduced_cases.py",
-            "published/g1_ankle.py",
-        ),
-        "`drive=` and `--drive` prescribe a coordinate: public names of the contract",
-    ),
-    "at": (("cli/motion_warnings.py", "cli/schema.py"), "`at` is a public field of the JSON of `validate`"),
-    "why": (
-        ("cli/validate.py", "studies/validate.py", "studies/agreement/agreement.py"),
-        "`why` of a comparison is a public name of the contract",
-    ),
-    "size": (
-        (
-            "render/look.py",
-            "report/notebook.py",
-            "render/scenery.py",
-            "mjcf_reader/repairs.py",
-            "pictures/test_ghost_and_arrows.py",
-            "pictures/test_label_positions.py",
-            "pictures/test_labels_and_legends.py",
-            "pictures/test_render.py",
-            "pictures/test_shadow.py",
-        ),
-        "of a picture in pixels, or MuJoCo's field of a geom or site",
-    ),
-    "mark": (("render/scenery.py",), "MuJoCo's field of a texture"),
-    "left": (
-        ("model/joints.py", "simulation/equality_rows.py", "view/test_page.py"),
-        "left side of an equation, or of a box on a page",
-    ),
-    "tick": (("pictures/test_plots.py",), "of an axis"),
-    "test_a_logarithmic_axis_has_a_tick_at_each_decade": (("pictures/test_plots.py",), "tick of an axis"),
-    "cell": (("report/test_notebook.py",), "of a notebook"),
-    "cells": (("report/test_notebook.py",), "of a notebook"),
-}
+NAMES: dict[str, str] = _TABLES["NAMES"]
+# identifiers that are right where they stand: name -> files
+PERMITTED = {name: tuple(row["files"]) for name, row in _TABLES["PERMITTED"].items()}
 
 # terms of the field that contain a private word
 TERMS = re.compile("degrees?_of_freedom|feed_forward")
@@ -326,9 +97,7 @@ def python_uses(path: Path) -> Iterator[Use]:
     names = list(_bound_names(tree))
     has_right = any(name.lower() == "right" for name, _ in names)
     for name, line in names:
-        if str(path).endswith(PERMITTED.get(name.lower(), ((),))[0]) or (
-            has_right and name.lower() == "left"
-        ):
+        if str(path).endswith(PERMITTED.get(name.lower(), ())) or (has_right and name.lower() == "left"):
             continue
         if instead := private_name(name):
             yield Use(path, line, name, instead, "identifier")
