@@ -1,7 +1,7 @@
 """Command `mechsim dynamics forward`: a run from an initial state."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, NotRequired, TypedDict
 
 import numpy as np
@@ -11,7 +11,7 @@ from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Executed
 from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
-from mechsim.analytic.dynamics.gaps import gaps_of, with_gaps
+from mechsim.analytic.dynamics.gaps import gaps_of, released
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.dynamics_report import (
     FreeJson,
@@ -162,10 +162,10 @@ def forward(
     stated.exclude(["track"], "without -o, --of or --until", not listed)
     model = released_model(source, loads)
     model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
-    model = replace(model, mechanism=with_gaps(model.mechanism))
+    turning = options.turns is not None
+    model = model if turning else released(model)
     if kept := model.mechanism.one_sided_curves:
         notes.append(f"{', '.join(kept)}: kept in contact, even where the force changes its sign")
-    turning = options.turns is not None
     stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank", turning)
     limited = model.solver.ranges or gaps_of(model.mechanism)
     stated.exclude(["restitution"], "without limits of joints", not limited)

@@ -62,6 +62,8 @@ class Friction:
         static: coefficient of friction at rest, or Coulomb friction at rest without a coefficient; 0 for that
             in motion.
         stribeck: rate v_s in [rad/s] or [m/s] by which friction falls to that in motion; 0 for at once.
+        bristle_stiffness: k in [N m/rad] or [N/m], 0 for rigid contact; see `bristle_friction`.
+        bristle_damping: d in [N m s/rad] or [N s/m].
     """
 
     joint: str
@@ -75,6 +77,8 @@ class Friction:
     bearing_length: float = 0.0
     static: float = 0.0
     stribeck: float = 0.0
+    bristle_stiffness: float = 0.0
+    bristle_damping: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("viscous", "viscous_turn"):
@@ -84,13 +88,19 @@ class Friction:
         for name in ("coefficient", *RADII):
             what = f"{name} of friction in joint {self.joint!r}".replace("_", " ")
             at_least_zero(what, getattr(self, name))
-        for name in ("static", "stribeck"):
-            at_least_zero(f"{name} of friction in joint {self.joint!r}", getattr(self, name))
+        for name in ("static", "stribeck", *BRISTLES):
+            what = f"{name} of friction in joint {self.joint!r}".replace("_", " ")
+            at_least_zero(what, getattr(self, name))
         moving = self.coefficient or self.coulomb
         if self.static and not 0.0 < moving <= self.static:
             raise InputError(
                 f"static friction in joint {self.joint!r} is {self.static}, below that in motion, "
                 f"{moving}, or without any; give coulomb or a coefficient, and at least as much at rest"
+            )
+        if self.bristle_damping and not self.bristle_stiffness:
+            raise InputError(
+                f"bristle damping in joint {self.joint!r} has no effect without bristles; give "
+                "bristle_stiffness, or leave it out"
             )
         if self.stribeck and not self.static:
             raise InputError(
@@ -151,6 +161,11 @@ class Friction:
                 f"static friction is given in {where}, which slides and rotates; give it in a joint that has "
                 "one of both motions"
             )
+        if self.bristle_stiffness and (self.coefficient or not self.coulomb or not kind.single):
+            raise InputError(
+                f"bristle stiffness is given in {where}; give it with `coulomb` and without a coefficient, "
+                f"in a {kinds_that(lambda kind: kind.single)} joint"
+            )
         if not self.varies:
             return
         if not _loaded(kind):
@@ -207,6 +222,7 @@ class Friction:
 
 
 RADII = ("pin_radius", "collar_radius", "bearing_length")
+BRISTLES = ("bristle_stiffness", "bristle_damping")
 
 
 def _loaded(kind: Kind) -> bool:

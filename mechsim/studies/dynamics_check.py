@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, FreeRun, prescribed
 from mechsim.analytic.dynamics.dynamic_run import RunSegment
-from mechsim.analytic.dynamics.gaps import without_gaps
+from mechsim.analytic.dynamics.gaps import released, without_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.loops.oracle import conditioning_of
@@ -173,6 +173,7 @@ def crosscheck_forward(
     """
     if tolerance is not None and not 0.0 < tolerance < np.inf:
         raise InputError(f"tolerance of a free run is {tolerance}; give a finite number above 0")
+    dynamic_model = released(dynamic_model)
     segments, checks = compared_segments(run), list[Check]()
     if not segments:
         reason = "no segment of the run is comparable: nothing moves, stops touch, or all segments are short"

@@ -108,6 +108,8 @@ def _frictions(
             "coulomb": _COULOMB[unit],
             "static": "1" if "coefficient" in entry else _COULOMB[unit],
             "stribeck": "m/s" if unit == "m" else "rad/s",
+            "bristle_stiffness": _STIFFNESS[unit],
+            "bristle_damping": _VISCOUS[unit],
         }
         first = {key: values.quantity(entry[key], units[key], (*path, key)) for key in units if key in entry}
         others = {key: entry[key] for key in FRICTION_NUMBERS if key in entry}

@@ -121,6 +121,8 @@ _FRICTION = Table(
         "bearing_length": Number("m", "distance of the two forces that carry a bending moment"),
         "static": JointNumber("coefficient at rest; without a coefficient, Coulomb friction at rest"),
         "stribeck": JointNumber("rate [rad/s or m/s] by which friction falls to that in motion"),
+        "bristle_stiffness": JointNumber("of bristles (LuGre) [N m/rad or N/m]; default rigid"),
+        "bristle_damping": JointNumber("of bristles [N m s/rad or N s/m]; default 0"),
     },
     "friction in a joint",
 )

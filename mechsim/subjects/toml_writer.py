@@ -15,6 +15,7 @@ from mechsim.errors import InputError
 from mechsim.model.actuators import NO_LIMIT, Actuator, no_control
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Forces, Location
+from mechsim.model.joint_friction import BRISTLES
 from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.load_profile import LoadProfile
@@ -133,7 +134,7 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     table |= {("armature", *name.split(".")): inertia for name, inertia in forces.armature.items()}
     table |= {("motors", actuator.name): _actuator(actuator) for actuator in forces.actuators}
     for friction in forces.friction:
-        values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *FRICTION_NUMBERS)
+        values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *BRISTLES, *FRICTION_NUMBERS)
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
     named = {spring.name for spring in forces.nonlinear_springs}
     numbers = (i for i in count(1) if f"spring{i}" not in named)

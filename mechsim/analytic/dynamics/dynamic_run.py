@@ -26,7 +26,7 @@ from mechsim.analytic.dynamics.forward_dynamics import (
     Piece,
     Trajectory,
 )
-from mechsim.analytic.dynamics.gaps import GAP, gaps_of, with_gaps
+from mechsim.analytic.dynamics.gaps import GAP, gaps_of, released
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
@@ -208,7 +208,7 @@ def run(
         >>> run = ms.dynamics.run("four_bar", initial={"A.q": "30deg"}, duration="2s")  # doctest: +SKIP
     """
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
-    model = replace(model, mechanism=with_gaps(model.mechanism))
+    model = released(model)
     values = initial_values(model, initial or {})
     end = units.si(duration, "s", "the duration")
     require_settings(end, samples, tolerance, restitution, budget)

@@ -26,6 +26,7 @@ from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
 from mechsim.errors import InputError
+from mechsim.model.bristle_friction import with_bristles
 from mechsim.model.finding import Outcome
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
@@ -111,6 +112,11 @@ def free_run(
         of the energy balance.
     """
     model.forces.require_no_controllers(model.mechanism.name)
+    if with_bristles(model.forces) is not model.forces:
+        raise InputError(
+            f"{model.mechanism.name}: friction with bristles acts in runs from an initial state; give one "
+            "(--initial J.q=VALUE), or leave bristle_stiffness out"
+        )
     angle, speed = units.si(angle, "rad", "the start angle"), units.si(speed, "rad/s", "the speed")
     duration = units.si(duration, "s", "the duration")
     instants = None if times is None else _rising(times)

@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.analytic.dynamics.model import DynamicModel
+from mechsim.model.bristle_friction import with_bristles
 from mechsim.model.joint_kinds import PRISMATIC, REVOLUTE
 from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import EX, GROUND, ORIGIN, VIRTUAL_PREFIX, Inertia, Link
@@ -70,6 +72,11 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
         joints=(*joints, *mechanism.joints),
         couplings=tuple(couplings),
     )
+
+
+def released(model: DynamicModel) -> DynamicModel:
+    """Return a model for runs from an initial state: with gaps as coordinates, and bristles of frictions."""
+    return replace(model, mechanism=with_gaps(model.mechanism), forces=with_bristles(model.forces))
 
 
 def without_gaps(mechanism: Mechanism, closed: Mapping[str, float]) -> Mechanism:
