@@ -191,7 +191,7 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         and (name in UNSTEPPED_PLOTS or not case.quick)
         and (not kind.transmission or case.solver.transmission_angle(case.exact.angle) is not None)
     ]
-    # the first stands beside the picture; the page fills its columns in this order, tall ones last
+    # the first stands left of the picture; the page fills its columns in this order, tall ones last
     figures[1:] = sorted(figures[1:], key=lambda drawn: drawn[1].get_figheight())
     return [(caption, _webp(plots.drawn(figure, "png"))) for caption, figure in figures]
 
