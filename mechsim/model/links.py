@@ -182,11 +182,13 @@ class Link:
         name: unique in the mechanism.
         outline: points in the link's frame, in [m], that pictures connect with its joints.
         inertia: mass, centre and moments; None if `rods.with_inertia` computes them.
+        polygon: whether pictures connect the outline in its order to a closed polygon.
     """
 
     name: str
     outline: tuple[Vector, ...] = ()
     inertia: Inertia | None = None
+    polygon: bool = False
 
     @property
     def is_body(self) -> bool:

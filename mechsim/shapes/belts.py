@@ -6,10 +6,13 @@ from itertools import pairwise
 import numpy as np
 
 from mechsim.model.belts import belts_of
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.shapes.body import Canvas, upright_end
 from mechsim.shapes.gears import wheel_colour, wheel_height
-from mechsim.shapes.shape import STEEL, Rgba, vector
+from mechsim.shapes.shape import HOUSING, STEEL, Rgba, vector
 
 RUBBER: Rgba = (0.16, 0.16, 0.18, 1.0)
 # angle of a chord of a belt on its pulley, in [rad]
@@ -46,3 +49,54 @@ def draw_belts(canvas: Canvas) -> None:
             strand = carrier.point + points @ plane.T + (low + 0.7 * r + over) * axis
             for frm, to in pairwise(strand):
                 canvas.add(carrier.link, "capsule", frm, to, 0.5 * r, RUBBER)
+
+
+def draw_ropes(canvas: Canvas) -> None:
+    """Draw the drums of ropes, and their falls to the slides that they pull along the axis.
+
+    Drums are wheels on the ground; falls hang from their height, one per unit of a slide's weight.
+    """
+    joints = {joint.name: joint for joint in canvas.mechanism.joints if joint.a.link == GROUND}
+    for rope in canvas.mechanism.couplings:
+        terms = [
+            (joints[name], weight) for name, weight in rope.left_terms.items() if rope.rope and name in joints
+        ]
+        drums = [(joint, abs(weight)) for joint, weight in terms if KINDS[joint.kind].hinge]
+        for joint, radius in drums:
+            low, colour = wheel_height(canvas) - 0.7 * canvas.r, wheel_colour(canvas, joint.b.link)
+            upright = upright_end(joint.b, canvas.normals[joint.b.link]) if canvas.normals else joint.b
+            canvas.disc(joint.b.link, upright, low, low + 1.4 * canvas.r, radius - 0.5 * canvas.r, colour)
+        for joint, weight in terms:
+            if drums and KINDS[joint.kind].single and KINDS[joint.kind].slides:
+                _draw_falls(canvas, joint, weight, drums[0])
+
+
+def _draw_falls(canvas: Canvas, slide: Joint, weight: float, drum: tuple[Joint, float]) -> None:
+    """Draw the falls of a rope between a drum, with its radius in [m], and a slide.
+
+    A fall is a piece on either link, each as long as the shortest: they overlap up to twice that.
+    """
+    towards = -np.sign(weight) * np.asarray(slide.a.axis)
+    top = float(np.subtract(drum[0].a.point, slide.a.point) @ towards)
+    shortest = top - max(float(end) * -np.sign(weight) for end in canvas.travel_of(slide))
+    if not shortest > 0.0:
+        return
+    rotation, count = slide.b.frame @ slide.a.frame.T, max(1, round(abs(weight)))
+    across = np.cross(towards, drum[0].a.axis)
+    # away from the drum
+    across *= np.copysign(1.0, np.subtract(slide.a.point, drum[0].a.point) @ across)
+    lift = (wheel_height(canvas) * canvas.normals[GROUND]) if canvas.normals else np.zeros(3)
+    pulley = 0.5 * drum[1]
+    for k in range(count):
+        side = lift + (2 * k - count + 1) * pulley * across
+        upper = np.asarray(slide.a.point) + top * towards + side
+        lower = np.asarray(slide.b.point) + rotation @ side
+        canvas.add(GROUND, "capsule", upper, upper - shortest * towards, 0.5 * canvas.r, RUBBER)
+        tip = lower + shortest * (rotation @ towards)
+        canvas.add(slide.b.link, "capsule", lower, tip, 0.5 * canvas.r, RUBBER)
+        if k % 2:
+            # the fall before it runs around a pulley into this one
+            centre, half = lower - pulley * (rotation @ across), 0.7 * canvas.r * (rotation @ drum[0].a.axis)
+            colour = wheel_colour(canvas, slide.b.link)
+            canvas.add(slide.b.link, "cylinder", centre - half, centre + half, pulley, colour)
+            canvas.add(GROUND, "sphere", upper, upper, 1.2 * canvas.r, HOUSING)

@@ -1,6 +1,7 @@
 """Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 
 import numpy as np
 
@@ -235,19 +236,31 @@ def link_shapes(
         if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
     draw_gears(canvas)
-    if any(coupling.belt for coupling in mechanism.couplings):
-        from mechsim.shapes.belts import draw_belts
+    if any(coupling.belt or coupling.rope for coupling in mechanism.couplings):
+        from mechsim.shapes.belts import draw_belts, draw_ropes
 
         draw_belts(canvas)
+        draw_ropes(canvas)
     draw_contacts(canvas)
     return canvas.out
+
+
+def _polygon(mechanism: Mechanism, link: str) -> list[tuple[Array, Array]]:
+    """Return the sides of a link whose outline is a polygon, and spokes to its joints."""
+    (drawn,) = (row for row in mechanism.links if row.name == link)
+    if not drawn.polygon:
+        return []
+    corners = [np.asarray(corner) for corner in drawn.outline]
+    joints = [np.asarray(end.point) for end in mechanism.ends(link)]
+    spokes = [(j, min(corners, key=lambda c, j=j: float(np.linalg.norm(c - j)))) for j in joints]
+    return [*pairwise([*corners, corners[0]]), *spokes]
 
 
 def _body(canvas: Canvas, link: str) -> None:
     """Draw rods between the points of a link, and an eye where there is no joint."""
     positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
     lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
-    for a, b in edges(positions):
+    for a, b in _polygon(canvas.mechanism, link) or edges(positions):
         if canvas.normals:
             width, thick = 1.15 * canvas.r, 0.5 * canvas.r
             normal = vector(canvas.normals[link])

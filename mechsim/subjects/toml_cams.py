@@ -106,6 +106,11 @@ def _law(values: Values, name: str, written: Any, unit: Any) -> LiftLaw:
     return SegmentedLaw(f"law of cam {name}", kinds, tuple(ends), tuple(levels))
 
 
+def _in_metres(x: float, y: float) -> list[str]:
+    """Return a point of the plane as text, since numbers are in the units of the file."""
+    return [f"{x!r} m", f"{y!r} m", "0 m"]
+
+
 def cam_joints(
     name: str, joint: Mapping[str, Any], cams: Mapping[str, Cam], entries: Mapping[str, Any]
 ) -> GuidedJoint:
@@ -122,15 +127,15 @@ def cam_joints(
     law: dict[str, Any]
     if cam.motion == "translating":
         x, y = (0.0, cam.start) if cam.kind == "flat" else (cam.offset, cam.start)
-        law = {"kind": "prismatic", "a": {"link": guide, "at": [x, y, 0.0], "axis": [0.0, 1.0, 0.0]}}
+        law = {"kind": "prismatic", "a": {"link": guide, "at": _in_metres(x, y), "axis": [0.0, 1.0, 0.0]}}
         law["b"] = {"link": lifted, "axis": [0.0, 1.0, 0.0]}
-        contact = [0.0, 0.0, 0.0]
+        contact = _in_metres(0.0, 0.0)
     else:
         reference = [-np.cos(cam.start), np.sin(cam.start), 0.0]
         law = {"kind": "revolute"}
-        law["a"] = {"link": guide, "at": [cam.centre_distance, 0.0, 0.0], "reference": reference, **back}
+        law["a"] = {"link": guide, "at": _in_metres(cam.centre_distance, 0.0), "reference": reference, **back}
         law["b"] = {"link": lifted, **back}
-        contact = [0.0, -cam.offset, 0.0] if cam.kind == "flat" else [cam.arm, 0.0, 0.0]
+        contact = _in_metres(0.0, -cam.offset) if cam.kind == "flat" else _in_metres(cam.arm, 0.0)
     joints: dict[str, Any] = {
         name: {"kind": "revolute", "a": side | back, "b": {"link": guide, **back}},
         lifted: law,

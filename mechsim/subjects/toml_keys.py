@@ -283,6 +283,7 @@ _END = Table(
 _LINK = Table(
     {
         "outline": ListOf(vector("m", "a point"), "points in the link's frame that pictures connect"),
+        "polygon": Boolean("whether the outline is a closed polygon, drawn in its order"),
         "inertia": Table(
             {
                 "mass": Number("kg", "mass"),

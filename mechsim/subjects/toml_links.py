@@ -20,7 +20,8 @@ def links_of(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
     for name, entry in declared.items():
         with source.error_context(("links", name)):
             inertia = entry.get("inertia")
-            yield Link(name, entry.get("outline", ()), inertia and Inertia(**inertia))
+            polygon = entry.get("polygon", False)
+            yield Link(name, entry.get("outline", ()), inertia and Inertia(**inertia), polygon)
     named = [(joint, side, entry[side]["link"]) for joint, entry in read["joints"].items() for side in "ab"]
     count = Counter(link for _, _, link in named)
     for joint, side, link in named:

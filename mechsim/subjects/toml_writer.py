@@ -237,7 +237,8 @@ def _stated(entries: dict[str, Any], **defaults: Any) -> dict[str, Any]:
 
 def _link(link: Link) -> dict[str, Any]:
     inertia = None if link.inertia is None else _fields(link.inertia, "mass", "centre", "moments")
-    return _stated({"outline": link.outline, "inertia": inertia}, outline=(), inertia=None)
+    table = _fields(link, "outline", "polygon") | {"inertia": inertia}
+    return _stated(table, outline=(), polygon=False, inertia=None)
 
 
 def _joint(joint: Joint) -> dict[str, Any]:

@@ -60,3 +60,28 @@ def sarrus(angle, p):
         "elbow_1": placed(p["half"] + out, 0.0, up),
         "elbow_2": placed(0.0, p["half"] + second, height / 2.0),
     }
+
+
+def cam_follower(angle, p):
+    """Return the roller's centre: the cycloidal law over rise and return."""
+    turn = np.mod(angle, 2.0 * np.pi) / np.pi
+    u = np.minimum(np.mod(turn, 1.0) * 180.0 / p["rise"], 1.0)
+    law = u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi)
+    lift = p["lift"] * np.where(turn < 1.0, law, 1.0 - law)
+    start = np.sqrt((p["base"] + p["roller"]) ** 2 - p["offset"] ** 2)
+    return {"roller": placed(p["offset"], start + lift)}
+
+
+def geneva_drive(angle, p):
+    """Return the pin and the end of a slot: the pin in the slot turns the wheel, which rests otherwise."""
+    # the file is in [m] and [rad]
+    step, distance = np.pi / p["slots"], 1000.0 * p["distance"]
+    crank = distance * np.sin(step)
+    turns = np.round(angle / (2.0 * np.pi))
+    q = np.clip(angle - 2.0 * np.pi * turns, step - np.pi / 2.0, np.pi / 2.0 - step)
+    wheel = -2.0 * step * turns - np.arctan2(crank * np.sin(q), distance - crank * np.cos(q))
+    arm = crank - distance
+    return {
+        "pin": placed(crank * np.cos(angle), crank * np.sin(angle)),
+        "slot": placed(distance + arm * np.cos(wheel), arm * np.sin(wheel)),
+    }

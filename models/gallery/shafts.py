@@ -68,3 +68,9 @@ def belt_drive(angle, p):
         "fan": rim(fan * angle, p["fan"], x, y, (150.0, 60.0, 0.0)),
         "pump": rim(pump * angle, p["pump"], x, y, (-120.0, 50.0, 0.0)),
     }
+
+
+def hoist(angle, p):
+    """Return a point on the drum, and the hook on two falls."""
+    hook = np.array([1.5 * p["radius"], -560.0, 0.0]) + p["radius"] / 2.0 * np.outer(angle, (0.0, 1.0, 0.0))
+    return {"rim": on_circle(angle, p["radius"]), "hook": hook / 1000.0}

@@ -24,3 +24,40 @@ def test_profiles_curves_and_rollers_are_drawn_without_the_links_of_their_equati
     assert np.abs(profile[45] - [0.0, -0.035]).max() < 1e-12
     assert profile[20, 0] > 0.0
     assert [shape.sizes[0] for shape in shapes["ram"] if shape.kind == "cylinder"] == [0.006]
+
+
+def test_a_cam_is_a_plate_within_its_profile():
+    shapes = link_shapes(ms.load("cam_follower").mechanism)["cam"]
+    (plate,) = (shape.facets for shape in shapes if shape.kind == "facets")
+    a, b, c = (plate.vertices[plate.faces[:, k]] for k in range(3))
+    # a closed surface has no resulting area; its volume is that of the profile's polygon times its thickness
+    assert np.abs(np.cross(b - a, c - a).sum(0)).max() < 1e-15
+    x, y = plate.vertices[:90, :2].T
+    area = 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    volume = (a * np.cross(b, c)).sum() / 6.0
+    assert abs(abs(volume) - abs(area) * np.ptp(plate.vertices[:, 2])) < 1e-15
+
+
+def test_the_falls_of_a_rope_reach_from_the_drum_to_the_hook():
+    mechanism = ms.load("hoist").mechanism
+    shapes = link_shapes(mechanism, travel={"hook": (0.0, 0.15)})
+    upper, lower = (
+        [shape for shape in shapes[link] if shape.kind == "capsule" and shape.rgba[0] < 0.2]
+        for link in ("ground", "hook")
+    )
+    # on both sides of the hook; at its lowest 0.5 m below the drum, at its highest 0.35 m
+    assert np.abs(np.array([shape.frm[0] for shape in upper]) - [0.05, 0.1]).max() < 1e-15
+    for above, below in zip(upper, lower, strict=True):
+        assert abs(above.to[1] + 0.35) < 1e-15
+        for hook in (-0.5, -0.35):
+            assert below.to[1] + hook >= above.to[1]
+            assert below.frm[1] + hook <= above.to[1]
+
+
+def test_a_polygon_is_drawn_in_the_order_of_its_corners():
+    mechanism = ms.load("geneva_drive").mechanism
+    corners = next(link.outline for link in mechanism.links if link.name == "wheel")
+    bars = [shape for shape in link_shapes(mechanism)["wheel"] if shape.kind == "box"]
+    drawn = np.array([shape.frm[:2] for shape in bars[: len(corners)]])
+    assert np.abs(drawn - np.array(corners)[:, :2]).max() < 1e-15
+    assert np.abs(np.array(bars[15].to[:2]) - corners[0][:2]).max() < 1e-15

@@ -150,3 +150,10 @@ def test_a_cam_falls_from_its_top_as_in_mujoco_and_returns_after_a_turn(tmp_path
     rate = max(mode["eigenvalue"][0] for mode in highest["modes"])
     assert abs(rate / np.sqrt(0.3 * 9.81 * 0.005 / 1e-4) - 1) < 1e-9
     assert output("trace")["components"]
+
+
+def test_a_cam_in_millimetres_is_that_in_metres():
+    # the distance of the roller from the cam is that of the base circle, whatever the units of the file
+    height = ms.load("cam_follower").positions([0.0, 2.5])["roller"][:, 1]
+    start = np.sqrt(0.038**2 - 0.005**2)
+    assert np.abs(height - [start, start + 0.012]).max() < 1e-15

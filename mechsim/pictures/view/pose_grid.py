@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import moved_links, with_rods
-from mechsim.model.links import GROUND, Pose, Vector
+from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose, Vector
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -387,6 +387,8 @@ def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readou
             speed = np.sqrt((point.velocity**2).sum(1))
             readouts.append(Readout(f"{name} speed", "m/s", {"": speed}))
     for name, joint in motion.joints.items():
+        if name.startswith(VIRTUAL_PREFIX):
+            continue
         value = np.unwrap(joint.value) if joint.unit == "rad" else joint.value
         readouts.append(Readout(f"joint {name}", joint.unit, {"": value}))
     return readouts
