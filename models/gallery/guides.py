@@ -64,10 +64,10 @@ def sarrus(angle, p):
 
 def cam_follower(angle, p):
     """Return the roller's centre: the cycloidal law over rise and return."""
-    turn = np.mod(angle, 2.0 * np.pi) / np.pi
-    u = np.minimum(np.mod(turn, 1.0) * 180.0 / p["rise"], 1.0)
+    halves = np.mod(angle, 2.0 * np.pi) / np.pi
+    u = np.minimum(np.mod(halves, 1.0) * 180.0 / p["rise"], 1.0)
     law = u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi)
-    lift = p["lift"] * np.where(turn < 1.0, law, 1.0 - law)
+    lift = p["lift"] * np.where(halves < 1.0, law, 1.0 - law)
     start = np.sqrt((p["base"] + p["roller"]) ** 2 - p["offset"] ** 2)
     return {"roller": placed(p["offset"], start + lift)}
 

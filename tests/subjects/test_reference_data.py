@@ -56,7 +56,10 @@ def test_the_script_reproduces_its_digits_at_another_precision(name, row):
 def test_the_data_cover_catalogue_gallery_and_benchmarks():
     from mechsim import catalog
 
-    assert set(NAMES) == {*catalog.MECHANISMS, *gallery.files(), "spatial_slider_crank", "bricard"}
+    # the script solves equations of polynomials; these have couplings by functions
+    by_function = {"cam_follower", "geneva_drive"}
+    solved = {*catalog.MECHANISMS, *gallery.files(), "spatial_slider_crank", "bricard"}
+    assert set(NAMES) == solved - by_function
     reported = json.loads((WHERE / "datapackage.json").read_text())
     assert [item["path"] for item in reported["resources"]] == [f"data/{name}.csv" for name in NAMES]
     assert reported["licenses"][0]["name"] == "CC-BY-4.0"
