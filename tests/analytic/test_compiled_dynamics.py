@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.analytic.dynamics import compiled_model as in_c
@@ -18,6 +19,7 @@ from mechsim.model.actuators import Actuator
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.load_profile import constant, harmonics, table
+from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
 from mechsim.numerics import c_library
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
@@ -221,6 +223,43 @@ def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(monkey
     assert (fast.executed, slow.executed) == ("C", "numpy")
     assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-12
     assert np.abs(fast.motion.speed - slow.motion.speed).max() <= 1e-10 * 62.8
+
+
+def row_of_parallel_cranks(count):
+    """Return a mechanism of 1 m rods: cranks 1 m apart, coupled in a row."""
+    rod, tip = slender_rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0), (1.0, 0.0, 0.0)
+    upright = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    pivots = [(float(i), 0.0, 0.0) for i in range(count + 1)]
+    joints = [
+        ms.Joint(f"A{i}", "revolute", ms.End("ground", p), ms.End(f"crank{i}")) for i, p in enumerate(pivots)
+    ]
+    for i in range(count):
+        for name, k, point in (("B", i, (0.0, 0.0, 0.0)), ("C", i + 1, tip)):
+            ends = ms.End(f"crank{k}", tip), ms.End(f"rod{i}", point)
+            joints.append(ms.Joint(f"{name}{i}", "revolute", *ends))
+    guess = {f"crank{i}": ms.Pose(np.array(p), upright) for i, p in enumerate(pivots)}
+    guess |= {f"rod{i}": ms.Pose(np.array([float(i), 1.0, 0.0]), np.eye(3)) for i in range(count)}
+    links = tuple(ms.Link(name, inertia=rod) for name in guess)
+    points = {"P": (f"crank{count}", tip)}
+    return ms.Mechanism("row", links, tuple(joints), "A0", points, guess=guess, start=np.pi / 2.0)
+
+
+@pytest.mark.long
+def test_a_row_of_thirty_loops_runs_in_c():
+    """The cranks stay parallel: ((N + 1) / 3 + N) a'' = -((N + 1) / 2 + N) g cos a, in [m]."""
+    n, gravity = 30, 9.81
+    model = ms.dynamics.dynamic_model(row_of_parallel_cranks(n), Forces(gravity=(0.0, -gravity, 0.0)))
+    run = ms.dynamics.run(model, initial={"A0.v": -1.0}, duration=0.3, samples=3, tolerance=1e-10)
+    ratio = ((n + 1) / 2 + n) * gravity / ((n + 1) / 3 + n)
+
+    def cranks(_, y):
+        return y[1], -ratio * np.cos(y[0])
+
+    start = (np.pi / 2.0, -1.0)
+    exact = solve_ivp(cranks, (0.0, 0.3), start, "DOP853", run.time, rtol=1e-13, atol=1e-14)
+    assert run.executed == "C"
+    for name in ("A0", f"A{n}"):
+        assert np.abs(run.motion.joints[name].value - exact.y[0]).max() < 1e-9
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])

@@ -82,8 +82,6 @@ SUPPORTED: dict[type, set[str]] = {
     DCMotor: {"voltage", "resistance", "constant"},
     Geared: {"motor", "ratio"},
 }
-# largest number of free coordinates: the dense factorisation of more takes longer than that of numpy
-MAX_COORDINATES = 60
 
 _INT, _REAL = "i4", "f8"
 SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
@@ -296,8 +294,6 @@ def _require_supported(equations: EquationsOfMotion) -> None:
         _require_supported_fields(element)
     if equations.prescribed:
         raise NotCompiledError("prescribed motion")
-    if len(equations.free) > MAX_COORDINATES:
-        raise NotCompiledError(f"its {len(equations.free)} coordinates, more than {MAX_COORDINATES}")
 
 
 def _require_supported_fields(element: Any) -> None:
@@ -308,9 +304,9 @@ def _require_supported_fields(element: Any) -> None:
         value = getattr(element, field.name)
         if field.name not in supported and not _is_empty(value, field.default):
             raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
-        # expressions are checked where they become instructions
+        # expressions are checked where they become instructions; the law of a belt is its coefficients
         for inner in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(inner) and field.name not in ("control", "value", "_expression"):
+            if is_dataclass(inner) and field.name not in ("control", "value", "_expression", "belt"):
                 _require_supported_fields(inner)
 
 

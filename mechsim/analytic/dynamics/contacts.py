@@ -317,6 +317,8 @@ class Contacts:
         least_slip = REVERSAL * fastest**2
         for _ in range(MAX_CHANGES):
             mode = self._touching(state, time, mode, resting)
+            if not self.equations.frictions:
+                break
             dynamics = self.accelerate(state, np.array([time]), mode)
             # at a dead centre the joint reverses whatever the friction
             reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)

@@ -228,11 +228,10 @@ def run(
     trajectory = integration.run(end) if event is None else _run_until(integration, end, event, until)
     layout = StateLayout(equations)
 
-    def state_at(times: Array) -> Kinematics:
-        states = _states_at(trajectory.pieces, times)[1]
-        return equations.kinematics(*layout.unpack_states(states), layout.activation(states))
+    def coordinates_at(times: Array) -> Coordinates:
+        return layout.unpack_states(_states_at(trajectory.pieces, times)[1])[0]
 
-    singular = singular_passages(equations, state_at, trajectory.end) if trajectory.pieces else ()
+    singular = singular_passages(equations, coordinates_at, trajectory.end) if trajectory.pieces else ()
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
     result = replace(result, singular=singular)
     return result if result.outcome == "failed" else with_ranges_checked(result, model.mechanism, ranges)

@@ -394,7 +394,7 @@ class EquationsOfMotion:
     @cached_property
     def rank(self) -> int:
         """Numerical rank of the loop constraints, at the start or next to it: the start may be singular."""
-        jacobian = _constraint_jacobian(self, self.start)
+        (jacobian,) = constraint_jacobians(self, self.start)
         if not jacobian.size:
             return 0
         _, values, basis = np.linalg.svd(jacobian)
@@ -403,7 +403,7 @@ class EquationsOfMotion:
         moved, gap = close_nearest(self.loops, self.loops.displaced(self.start, step))
         if not (gap <= CLOSED).all():
             return rank
-        values = np.linalg.svd(_constraint_jacobian(self, moved), compute_uv=False)
+        values = np.linalg.svd(constraint_jacobians(self, moved)[0], compute_uv=False)
         return max(rank, int(significant(values).sum()))
 
     def spring_lengths(self, state: Kinematics) -> tuple[Array, Array]:
@@ -513,10 +513,10 @@ def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Seq
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 
 
-def _constraint_jacobian(equations: EquationsOfMotion, q: Coordinates) -> Array:
-    """Return the Jacobian (rows, free) of the loops and prescribed coordinates at one configuration."""
-    jacobian = equations.loops.linearise(q)[1][None, :, equations.free, 0]
-    return with_locked_rows(equations, jacobian, equations.prescribed_indices)[0]
+def constraint_jacobians(equations: EquationsOfMotion, q: Coordinates) -> Array:
+    """Return the Jacobians (n, rows, free) of the loops and prescribed coordinates."""
+    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
+    return with_locked_rows(equations, jacobian, equations.prescribed_indices)
 
 
 def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:

@@ -24,6 +24,7 @@ from mechsim.analytic.dynamics.compiled_motion import (
     StepSettings,
     StepsInC,
     agreed_pivot,
+    evaluated,
     integrated,
     scaled,
 )
@@ -37,7 +38,7 @@ from mechsim.analytic.dynamics.contacts import (
     Stop,
     closing_instant,
 )
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
 from mechsim.analytic.dynamics.initial_state import StateLayout
 from mechsim.analytic.dynamics.link_forces import kinetic_energy
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide, crossing
@@ -60,8 +61,7 @@ class EnergyBalance:
 
     Args:
         equations: equations of motion.
-        q: initial coordinates.
-        rates: initial rates in units, (count, 1).
+        start: initial state.
 
     Attributes:
         initial: energy at the start of the run, in [J].
@@ -70,9 +70,9 @@ class EnergyBalance:
         drift: largest magnitude of the summed energy corrections, in [J].
     """
 
-    def __init__(self, equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
+    def __init__(self, equations: EquationsOfMotion, start: Kinematics) -> None:
         self.equations, self.drift = equations, 0.0
-        self.largest, potential = equations.energy(equations.kinematics(q, rates))
+        self.largest, potential = equations.energy(start)
         self.initial, self.correction = self.largest + potential, 0.0
 
     def balanced(self, q: Coordinates, rates: Array, gained: float) -> Array:
@@ -211,15 +211,15 @@ class Integration:
         self.contacts = Contacts(equations, stops, restitution)
         self.layout = StateLayout(equations)
         self.time, self.state = 0.0, self.layout.pack(q, rates, 0.0, 0.0)
-        mode = ContactMode(
-            np.zeros(len(equations.frictions)), phases=self.contacts.phases(equations.kinematics(q, rates))
-        )
+        start = equations.kinematics(q, rates, self.layout.activation(self.state[None]))
+        self.at_state = self.state, start
+        mode = ContactMode(np.zeros(len(equations.frictions)), phases=self.contacts.phases(start))
         self.right = RightHandSide(equations, self.contacts, self.layout, mode)
         self.fastest = float(np.abs(rates).max(initial=0.0))
         self.pieces: list[Piece] = []
         self.events: list[float] = []
         self.steps = 0
-        self.regular = self.nearest = SINGULAR * self.right.conditioning(self.state)
+        self.regular = self.nearest = SINGULAR * float(conditionings(equations, start)[0])
         self.implicit, self.duration, self.decay = False, np.inf, 0.0
         self.compiled: CompiledModel | None = None
         self.pivot = 1.0
@@ -228,7 +228,7 @@ class Integration:
         self.executed: Executed = "numpy"
         self.ends: dict[str, EventFunction] = {}
         self.event = ""
-        self.balance = EnergyBalance(equations, q, rates)
+        self.balance = EnergyBalance(equations, start)
 
     def run(
         self,
@@ -251,10 +251,10 @@ class Integration:
                 self.events.append(self.time)
             self._choose_mode()
             rest = self._at_rest()
+            if rest is None:
+                self._compile(self.duration)
             self._find_stiffness(self.duration)
             ended = self._too_stiff() if rest is None else None
-            if rest is None and ended is None:
-                self._compile(self.duration)
             while ended is None and self.time < duration:
                 locked = None if self.compiled is None or self.passing else self._locked()
                 ended = (
@@ -316,14 +316,28 @@ class Integration:
 
     def prepared(self, duration: float) -> CompiledModel | None:
         """Return the model in C for runs of a duration in [s]; None if numpy must integrate them."""
-        self._find_stiffness(duration)
         self._compile(duration)
+        self._find_stiffness(duration)
         return self.compiled
 
     def _find_stiffness(self, duration: float) -> None:
-        """Set the fastest decay in [1/s], and whether numpy needs the implicit method."""
-        self.decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0))
+        """Set the fastest decay in [1/s], and whether numpy needs the implicit method, or must run it."""
+        derivatives = self.right.derivatives if self.compiled is None else self._derivatives_in_c
+        self.decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0), derivatives)
         self.implicit = self.decay * duration > MAX_DECAYS
+        if self.compiled is not None and self.decay * duration > MAX_DECAYS_IN_C:
+            self.compiled, self.note = None, "the motion is stiff, and its implicit method runs in numpy"
+
+    def _derivatives_in_c(self, times: Array, states: Array) -> Array:
+        """Return the derivatives of n states."""
+        locked = self._locked()
+        if self.compiled is None or locked is None:
+            return self.right.derivatives(times, states)
+        settings = StepSettings(
+            0.0, np.ones(states.shape[1]), 0.0, 0, 0.0, self.right.mode.sliding, locked, False
+        )
+        pairs = zip(times.tolist(), states, strict=True)
+        return np.array([evaluated(self.compiled, settings, row, time).derivative for time, row in pairs])
 
     @property
     def longest(self) -> float:
@@ -338,9 +352,6 @@ class Integration:
 
     def _compile(self, duration: float) -> None:
         """Let C integrate the motion, unless it does not contain the model, or there is no compiler."""
-        if self.decay * duration > MAX_DECAYS_IN_C:
-            self.note = "the motion is stiff, and its implicit method runs in numpy"
-            return
         try:
             self.compiled = compiled_model(self.equations)
             sample = self.time + WITHIN_RUN * min(duration, 1.0)
@@ -552,8 +563,10 @@ class Integration:
         return "failed", f"{name} is {beyond:.3g} beyond its stop at {self.time:.6g} s"
 
     def kinematics(self) -> Kinematics:
-        """Return constraints and links at the present state."""
-        return self.right.kinematics(self.state[None])
+        """Return constraints and links at the present state, which are evaluated once."""
+        if self.at_state[0] is not self.state:
+            self.at_state = self.state, self.right.kinematics(self.state[None])
+        return self.at_state[1]
 
     def _approaches_singular(self) -> bool:
         """Return whether the last piece approaches a singular configuration."""

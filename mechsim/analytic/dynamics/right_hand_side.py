@@ -13,6 +13,8 @@ from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import StepSolution, collocated, node_times
 
+# times (n,) in [s] and states (n, size) -> derivatives (n, size)
+Derivatives = Callable[[Array, Array], Array]
 # step of forward differences, relative to the scale of a component
 FORWARD_STEP = 1e-7
 
@@ -90,27 +92,34 @@ class RightHandSide:
             states, *projected(self.equations, *self.layout.unpack_states(states), times, resting)
         )
 
-    def jacobians(self, times: Array, states: Array, rate: float) -> Array:
-        """Return the derivatives by the state, (n, size, size), by forward differences at a rate."""
+    def jacobians(
+        self, times: Array, states: Array, rate: float, derivatives: Derivatives | None = None
+    ) -> Array:
+        """Return the derivatives by the state, (n, size, size), by forward differences at a rate.
+
+        `derivatives` are those of the states, by default `self.derivatives`.
+        """
         n, columns = states.shape
         # nothing depends on work and loss
         count = columns - 2
         scale = self.layout.scale(rate)[:count] * FORWARD_STEP
         steps = np.concatenate([np.zeros((1, columns)), np.eye(count, columns) * scale[:, None]])
-        values = self.derivatives(
+        values = (derivatives or self.derivatives)(
             np.repeat(times, count + 1), (states[:, None] + steps).reshape(-1, columns)
         ).reshape(n, count + 1, columns)
         jacobians = np.zeros((n, columns, columns))
         jacobians[:, :, :count] = (values[:, 1:] - values[:, :1]).transpose(0, 2, 1) / scale
         return jacobians
 
-    def fastest_decay(self, time: float, state: Array, rate: float) -> float:
+    def fastest_decay(
+        self, time: float, state: Array, rate: float, derivatives: Derivatives | None = None
+    ) -> float:
         """Return the largest eigenvalue of the accelerations' derivative by the free rates, in [1/s]."""
         basis = independent_rates(self.equations, self.layout.unpack(state)[0])
         rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
         free = self.equations.free
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            jacobian = self.jacobians(np.array([time]), state[None], rate)[0]
+            jacobian = self.jacobians(np.array([time]), state[None], rate, derivatives)[0]
             reduced = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
         if not np.isfinite(reduced).all():
             forces = self.equations.model.forces

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, constraint_jacobians
 from mechsim.analytic.dynamics.gaps import gaps_of
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.numerics.arrays import Array
 
 # number of instants at which singular configurations are searched, and number of operations that limits it
@@ -14,20 +15,23 @@ INSTANTS, OPERATIONS = 1000, 2e8
 # participation of the drivers, relative to the largest in the run, below which a minimum is refined, and
 # below which the configuration is nearly singular
 REFINED, SINGULAR = 0.2, 1e-2
+# e above: singular values of 1e-3 still count as regular to 1e-3
+SMALL = 1e-9
 
 
 def singular_passages(
-    equations: EquationsOfMotion, state_at: Callable[[Array], Kinematics], end: float
+    equations: EquationsOfMotion, coordinates_at: Callable[[Array], Coordinates], end: float
 ) -> tuple[float, ...]:
     """Return the instants of (nearly) singular configurations inside a run, in [s].
 
     The drivers' rows of the null space of the constraint Jacobian G = dPhi/dq lose rank there: the mechanism
     can move while its drivers rest, as at a dead centre or where a leg is stretched (Gosselin and Angeles,
-    1990). The smallest singular value of these rows is their participation; its minima are refined.
+    1990). The smallest singular value of these rows is their participation; its minima are refined. With
+    the singular values s_i of G, e (G'G + e I)^-1 has the eigenvalues e / (e + s_i^2): 1 in the null space.
 
     Args:
         equations: equations of motion.
-        state_at: times (n,) in [s] -> kinematics.
+        coordinates_at: times (n,) in [s] -> coordinates.
         end: end of the run in [s].
     """
     tree = equations.loops.tree
@@ -38,11 +42,15 @@ def singular_passages(
     if not (0 < equations.rank < len(equations.free) and rows):
         return ()
 
+    chosen = np.eye(tree.count)[equations.free][:, rows]
+    # drivers beyond the degrees of freedom add zeros
+    omitted = max(0, len(rows) - (len(equations.free) - equations.rank))
+
     def participation(times: Array) -> Array:
-        null_space = np.linalg.svd(state_at(times).jacobian)[2][:, equations.rank :]
-        whole = np.zeros((len(times), null_space.shape[1], tree.count))
-        whole[:, :, equations.free] = null_space
-        return np.asarray(np.linalg.svd(whole[:, :, rows], compute_uv=False)[:, -1], np.float64)
+        jacobian = constraint_jacobians(equations, coordinates_at(times))
+        regular = jacobian.transpose(0, 2, 1) @ jacobian + SMALL * np.eye(len(equations.free))
+        squares = np.linalg.eigvalsh(SMALL * chosen.T @ np.linalg.solve(regular, chosen))[:, omitted]
+        return np.sqrt(np.maximum(squares, 0.0))
 
     count = max(20, min(INSTANTS, int(OPERATIONS / tree.count**3)))
     times = np.linspace(0.0, end, count + 1)
