@@ -6,9 +6,7 @@ from grids import grid
 
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.codegen import build
 from mechsim.errors import AssemblyError, InputError, MissingToolError, OutputError
-from mechsim.numerics import c_library
 from mechsim.subjects import reference_data
 
 # a spinning coupler, dyads, redundant equations, gears and a limited range
@@ -174,13 +172,6 @@ def test_angles_outside_a_certified_range_are_rejected():
         solver.solve([high + 1e-9])
     with pytest.raises(InputError, match=r"bennett is not certified: overconstrained.*; leave certify out"):
         ms.compile("bennett", certify=True)
-
-
-def test_a_library_is_compiled_once(compiled, monkeypatch):
-    code = compiled("rssr").code
-    path = build.shared_library(code)
-    monkeypatch.setattr(c_library, "compile_library", lambda *_: pytest.fail("compiled again"))
-    assert build.shared_library(code) == path
 
 
 def test_a_missing_compiler_is_reported(monkeypatch):

@@ -35,15 +35,6 @@ def test_constants_are_folded():
     assert (table.expression(2.0) * table.expression(0.25)).number == 0.5
 
 
-def test_common_subexpressions_are_computed_once():
-    table = ExpressionTable()
-    x, y = table.symbol("x"), table.symbol("y")
-    assert x * y + 1.0 is 1.0 + y * x
-    shared = x * y
-    lines = statements([Block("sum", {"out[0]": shared + 1.0, "out[1]": shared - y})], {"x": "a", "y": "b"})
-    assert sum("x * y" in line for line in lines) == 1
-
-
 def test_code_has_the_value_of_the_expression():
     rng, table = np.random.default_rng(3), ExpressionTable()
     names = [f"v{i}" for i in range(4)]

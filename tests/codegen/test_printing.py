@@ -186,15 +186,6 @@ def test_invalid_states_and_nonfinite_numbers_are_rejected(compiled, tmp_path):
         assert solved not in statuses(0.1, 1.0, garbage)
 
 
-def test_names_of_joints_and_links_are_in_the_code(compiled):
-    header = compiled("jansen").header
-    assert "/* revolute joint knee_c closes a loop: rod_c meets shank */" in header
-    assert "/* link rod_j by joint pin_j */" in header
-    assert "const real cos_crank_q".replace("real", "jansen_real") in header
-    for word in ("malloc", "printf", "stdio"):
-        assert word not in header
-
-
 def node(*arguments):
     path = shutil.which("node")
     assert path, "JavaScript is tested by node; apt-get install nodejs brings it"

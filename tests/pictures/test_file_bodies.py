@@ -16,7 +16,6 @@ from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
-from mechsim.shapes.body import link_colours
 from mechsim.shapes.shape import TriangleMesh
 
 SCENE = model_text("file_bodies_scene.xml")
@@ -66,12 +65,6 @@ def test_a_pivot_at_a_point_is_labelled_with_the_name_of_the_point():
         assert names == reported | {"A", "B", "C"}
 
 
-def test_the_page_contains_the_file_bodies(solver):
-    view = mechanism_view(solver, 6.0, solver.source.limits)
-    assert page(view).count('"kind":"facets"') == 2
-    assert '"kind":"facets"' not in page(replace(view, bodies=None))
-
-
 def test_a_coarser_mesh_keeps_its_size():
     azimuth, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
     ball = np.stack([np.sin(height) * np.cos(azimuth), np.sin(height) * np.sin(azimuth), np.cos(height)], -1)
@@ -97,19 +90,6 @@ def test_every_solid_is_drawn_in_its_own_colour(solver):
     assert (0.5, 0.5, 0.5, 1.0) in expected
     solids = [i for i in colours if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
     np.testing.assert_allclose(sorted(colours[i].tolist() for i in solids), sorted(expected), atol=1e-6)
-
-
-def test_a_body_too_small_to_see_is_omitted(tmp_path, monkeypatch):
-    screw = '<mesh name="screw" vertex="0 0 0  1e-5 0 0  0 1e-5 0  0 0 1e-5"/></asset>'
-    geom = '<geom type="mesh" mesh="screw" pos="0.1 0.013 0.05"/><geom type="capsule"'
-    text = SCENE.replace("</asset>", screw).replace('<geom type="capsule"', geom)
-    (tmp_path / "arm.xml").write_text(text)
-    solver = ms.load(str(tmp_path / "arm.xml"))
-    before = [shape for shapes in file_bodies(solver.source).values() for shape in shapes]
-    monkeypatch.setattr("mechsim.pictures.render.drawn_model.MAX_TRIANGLES", 60)
-    after = [shape for shapes in file_bodies(solver.source).values() for shape in shapes]
-    assert len(after) == len(before) - 1
-    assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)
 
 
 def test_a_body_as_light_as_the_background_is_drawn_darker(tmp_path):
@@ -204,17 +184,6 @@ def test_a_planar_file_is_not_mirrored_against_mujoco(tmp_path, axis, azimuth):
     assert camera.right[0] * np.cross(up, back)[0] > 0.3
 
 
-def test_links_of_a_file_without_colours_differ(tmp_path):
-    solver = loop(tmp_path)
-    bodies, colours = file_bodies(solver.source), link_colours(solver.mechanism)
-    assert {link: shapes[0].rgba for link, shapes in bodies.items()} == colours
-    assert len(set(colours.values())) == 3
-    stated = file_bodies(loop(tmp_path, colour='rgba="0.1 0.2 0.3 1"').source)
-    assert {shape.rgba[:3] for shapes in stated.values() for shape in shapes} == {
-        tuple(np.float32([0.1, 0.2, 0.3]).tolist())
-    }
-
-
 def test_loop_closures_are_marked(tmp_path):
     solver = loop(tmp_path, colour='rgba="0.2 0.2 0.2 1"')
     look = Look(**drawn_as(solver))
@@ -236,24 +205,3 @@ def test_loop_closures_are_marked(tmp_path):
     (closure,) = page_data(solver)["closures"]
     assert closure["link"] == "coupler"
     assert closure["at"] == pytest.approx([0.2, 0.0, 0.04])
-
-
-def test_loop_closures_are_marked_at_every_overlaid_position(tmp_path):
-    solver = loop(tmp_path, colour='rgba="0.2 0.2 0.2 1"')
-    motion = solver.solve(np.linspace(0.0, 0.8, 5))
-    look = Look(**drawn_as(solver), overlay=2)
-    drawn = Source(solver.mechanism, motion).drawn(look)
-    marked = still(solver.mechanism, motion, look).astype(int)
-    coupler = motion.links["coupler"]
-    for instant in (0, 2):
-        pin = coupler.position[instant] + coupler.rotation[instant] @ np.array([0.2, 0.0, 0.04])
-        column, row = drawn.camera.pixel(pin).round().astype(int)
-        red, green, blue = marked[row, column]
-        assert red > green + 80
-        assert blue > green + 80
-
-
-@pytest.mark.parametrize(("reach", "start"), [("", 0.0), ('range="-40 50"', 0.0)])
-def test_a_page_opens_at_the_pose_of_the_file(tmp_path, reach, start):
-    solver = loop(tmp_path, reach=reach)
-    assert page_data(solver)["grids"][0]["sliders"][0]["start"] == pytest.approx(start, abs=1e-12)

@@ -10,7 +10,6 @@ from mechsim.errors import InputError
 from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 from mechsim.pictures import render
-from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.render import frame_poses as ghost
 from mechsim.pictures.render import gl_backend, scenery
 from mechsim.pictures.render.drawing import Source, draw
@@ -118,19 +117,6 @@ def test_a_ghost_of_other_angles_is_rejected(linkage, motion):
         Source(linkage.mechanism, motion, motion).drawn(Look(overlay=4))
 
 
-def test_arrows_share_one_scale_within_the_picture(linkage, motion):
-    stage = Source(linkage.mechanism, motion).drawn(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
-    (arrow,) = stage.arrows
-    speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in arrow.vectors.values()])
-    assert arrow.largest == pytest.approx(speeds.max())
-    limit = scenery.MAX_ARROW * float((stage.high - stage.low).max())
-    assert 0.32 * limit < arrow.largest * arrow.scale <= limit
-    tips = arrow.tips(stage.frames.starts)
-    assert ((stage.camera.pixel(tips) > 0.0) & (stage.camera.pixel(tips) < np.array(SIZE))).all()
-    assert arrow.legend[0] == f"velocity: 20 mm = 2 m/s, at most {speeds.max():.3g} m/s"
-    assert arrow.scale == pytest.approx(0.01)
-
-
 @draws
 @pytest.mark.parametrize("camera", ["iso"])
 def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):
@@ -184,17 +170,6 @@ def test_forces_of_the_caller_are_drawn(linkage, motion):
         Source(linkage.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(Look(arrows=("force",)))
 
 
-@pytest.mark.parametrize("name", catalog.MECHANISMS)
-def test_points_and_joints_of_the_same_name_coincide(name):
-    linkage = catalog.make(name)
-    motion = linkage.solve([linkage.mechanism.start + 0.1], 60.0)
-    for joint in linkage.mechanism.joints:
-        if joint.name in linkage.mechanism.points:
-            pose = motion.links[joint.b.link]
-            position = pose.position + pose.rotation @ np.asarray(joint.b.point)
-            np.testing.assert_allclose(position, motion.points[joint.name].position, atol=1e-12)
-
-
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_give_the_same_joint_forces(name):
     linkage = catalog.make(name)
@@ -211,19 +186,6 @@ def test_both_methods_give_the_same_joint_forces(name):
             )
 
 
-def test_quantities_are_printed_with_a_suitable_prefix():
-    prefixed_text = {
-        0.02: "20 mN",
-        0.99999: "1 N",
-        2.5e-7: "250 nN",
-        0.0: "0 N",
-        1234.0: "1.23 kN",
-        -3e-13: "-0.0003 nN",
-    }
-    for value, text in prefixed_text.items():
-        assert prefixed(value, "N") == text
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [({"arrows": ("speed",)}, "no arrow 'speed'"), ({"magnify": float("nan")}, "magnify is nan")],
@@ -231,20 +193,6 @@ def test_quantities_are_printed_with_a_suitable_prefix():
 def test_invalid_look_options_are_rejected(options, message):
     with pytest.raises(InputError, match=message):
         Look(**options)
-
-
-@draws
-def test_progress_is_reported_for_every_frame(linkage, motion, tmp_path):
-    reported: list[int] = []
-    render.write_video(
-        tmp_path / "a.gif",
-        linkage.mechanism,
-        motion,
-        angles=ANGLES[:3],
-        size=(64, 48),
-        progress=lambda: reported.append(1),
-    )
-    assert len(reported) == 3
 
 
 @pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])

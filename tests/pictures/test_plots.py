@@ -1,6 +1,5 @@
 import io
 import re
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,6 @@ import pytest
 from grids import grid
 
 from mechsim import catalog, load_profile
-from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.errors import InputError, OutputError
 from mechsim.model.forces import Forces
 from mechsim.pictures import plots
@@ -21,8 +18,6 @@ from mechsim.pictures.plots.figure import round_numbers
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotSource
-from mechsim.studies.drawn_motion import simulated_forces
-from mechsim.studies.motions import profile_of
 from mechsim.subjects.readers import load
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
@@ -81,14 +76,6 @@ def test_a_figure_is_independent_of_the_style_of_its_user(figures):
 
 
 @pytest.mark.long
-def test_a_figure_can_be_changed_and_drawn_again(motion):
-    figure = plots.motion_plot(motion)
-    assert b"<!-- mine -->" not in plots.drawn(figure)
-    figure.axes[0].set_title("mine")
-    assert b"<!-- mine -->" in plots.drawn(figure)
-
-
-@pytest.mark.long
 def test_plots_are_self_contained_and_reproducible(linkage, motion, vectors):
     # one plot per module: names and dates are set in one function for all
     repeated = (
@@ -126,13 +113,6 @@ def test_nan_errors_leave_a_gap_in_the_curve():
     assert np.isnan(line.get_ydata()).sum() == 31
 
 
-def test_errors_under_motion_laws_are_drawn_over_time():
-    source = PlotSource(solver=load("five_bar"), speed=1.0)
-    (ax,) = PLOTS["poses"].draw(source).axes
-    assert ax.get_xlabel() == "time [s]"
-    assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.solver.motion_laws.duration)
-
-
 @pytest.mark.long
 def test_invalid_points_and_formats_are_rejected(motion, tmp_path):
     with pytest.raises(InputError, match="no point 'Q'"):
@@ -144,13 +124,6 @@ def test_invalid_points_and_formats_are_rejected(motion, tmp_path):
     assert plots.format_of(Path("plot.pdf")) == "pdf"
     with pytest.raises(OutputError, match="no directory"):
         plots.write(tmp_path / "missing" / "plot.svg", plots.motion_plot(motion))
-
-
-def test_plotting_changes_no_global_state(motion):
-    before = dict(matplotlib.rcParams)
-    plots.drawn(plots.motion_plot(motion))
-    assert "matplotlib.pyplot" not in sys.modules or not matplotlib.pyplot.get_fignums()
-    assert dict(matplotlib.rcParams) == before
 
 
 def test_assembly_curves_are_split_at_full_turns():
@@ -168,24 +141,6 @@ def test_assembly_curves_are_split_at_full_turns():
     assert plots.assembly_plot(table, ("turn", "swing", "P.x")).axes[0].name == "3d"
     with pytest.raises(InputError, match="1 coordinates to plot over"):
         plots.assembly_plot(table, ("turn",))
-
-
-@pytest.mark.long
-def test_drive_forces_are_drawn_over_time_by_both_methods():
-    solver = load("five_bar")
-    profile = profile_of(solver, 1.0, 1.0)
-    time = np.linspace(0.0, profile.duration, 37)
-    study = prescribed_along(dynamic_model(solver), *profile.state(time), time=time)
-    sheet = plots.dynamics_sheet(study, simulated=simulated_forces(solver, profile, 36))
-    ax = sheet.axes[0]
-    assert ax.get_xlabel() == "time [s]"
-    reported = {line.get_label(): line for line in ax.get_lines()}
-    for name, values in study.forces.drives.items():
-        label = next(label for label in reported if label.startswith(name))
-        drawn = reported[label].get_ydata()
-        assert drawn / np.abs(drawn).max() == pytest.approx(values / np.abs(values).max())
-    assert "MuJoCo" in reported
-    assert plots.drawn(sheet).startswith(b"<?xml")
 
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):
@@ -255,25 +210,6 @@ def test_a_rounding_sized_difference_is_drawn_as_zero():
         largest = np.abs(ax.get_lines()[0].get_ydata()).max()
         assert largest == pytest.approx(drawn / 1e-6, rel=1e-2)
         assert message in ax.get_title("left")
-
-
-def test_plots_have_mechanism_and_speed_in_their_titles():
-    source = PlotSource(solver=catalog.make("four_bar"), speed=10.0 * 2.0 * np.pi)
-    figure = PLOTS["motion"].figure(source)
-    assert figure.get_suptitle() == "four_bar, crank at 600 rpm"
-    # no curve of z for a planar mechanism
-    assert [line.get_label() for line in figure.axes[0].get_lines()] == ["x", "y"]
-    assert len({line.get_linestyle() for line in PLOTS["curve"].figure(source).axes[0].get_lines()[::2]}) == 3
-    with_motion_laws = PLOTS["motion"].figure(PlotSource(solver=load("five_bar"), speed=1.0))
-    assert with_motion_laws.get_suptitle() == "five_bar, 1 s by its motion laws"
-
-
-def test_a_logarithmic_axis_has_a_tick_at_each_decade():
-    figure = plots.error_plot([0.0, 1.0, 2.0], {"a": [1e-14, 1e-9, 1e-5]})
-    ax = figure.axes[0]
-    low, high = ax.get_ylim()
-    ticks = [t for t in ax.yaxis.get_majorticklocs() if low <= t <= high]
-    assert np.allclose(np.diff(np.log10(ticks)), 1.0)
 
 
 def test_a_schematic_has_a_symbol_and_a_name_per_joint():

@@ -6,7 +6,7 @@ from grids import grid
 from mechsim import catalog
 from mechsim.errors import MissingToolError
 from mechsim.pictures.render import gl_backend
-from mechsim.pictures.render.drawing import DECOR, Shadow, Source
+from mechsim.pictures.render.drawing import Shadow, Source
 from mechsim.pictures.render.drawn_model import CAMERA
 from mechsim.pictures.render.look import Look
 
@@ -60,36 +60,3 @@ def test_flat_shadows_agree_with_a_shadow_map(name):
     )
     # solids keep their brightness except at edges that share a pixel with the wall
     assert (np.abs(bare - flat)[~wall] > 8.0).mean() < 0.1
-
-
-def test_a_ghost_has_no_shadow():
-    plain, with_ghost = (Shadow(stage_of("four_bar", exact=exact)) for exact in (False, True))
-    assert len(plain.geoms) == len(with_ghost.geoms) > 0
-    assert with_ghost.drawn.model.ngeom > plain.drawn.model.ngeom
-
-
-def test_shadow_layers_are_ordered_close_to_the_wall():
-    stage = stage_of("looper")
-    scene = mujoco.MjvScene(stage.model, 2000)
-    stage.set_frame(0)
-    shadow = Shadow(stage)
-    shadow.put(scene)
-    assert scene.ngeom == 3 * len(shadow.geoms)
-    heights = np.array([(geom.pos - shadow.point) @ shadow.normal for geom in scene.geoms[: scene.ngeom]])
-    assert heights.min() > 0.0
-    assert heights.max() < 2e-3 * stage.camera.height
-    # the darkest layer is on top
-    by_height = np.argsort(heights, kind="stable").reshape(3, -1)
-    tones = [{float(scene.geoms[i].rgba[0]) for i in layer} for layer in by_height]
-    assert [len(tone) for tone in tones] == [1, 1, 1]
-    assert max(tones[2]) < max(tones[1]) < max(tones[0])
-    assert all(geom.category == DECOR for geom in scene.geoms[: scene.ngeom])
-    full = mujoco.MjvScene(stage.model, 7)
-    shadow.put(full)
-    assert full.ngeom == 7
-
-
-@pytest.mark.parametrize("look", [{"camera": "shaft"}, {"overlay": 4}])
-def test_other_views_have_no_wall_shadow(look):
-    assert not stage_of("rssr", **look).stands_on_wall
-    assert stage_of("rssr").stands_on_wall

@@ -3,7 +3,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from drawing import draws
@@ -86,14 +85,6 @@ def test_table_contents_are_escaped():
     assert np.isfinite(len(page_of(verdict)))
 
 
-@pytest.mark.slow
-def test_only_plots_of_mechsim_have_their_own_display(run):
-    assert page_of(ms.plots.motion_plot(run.motion)).startswith("<svg")
-    figure = plt.figure()
-    assert page_of(figure) is None
-    plt.close(figure)
-
-
 @pytest.mark.long
 def test_a_model_is_displayed_as_an_interactive_view():
     value_of = ms.show(ms.load("four_bar"), height=500)
@@ -120,17 +111,6 @@ def test_results_have_a_short_text_and_a_table():
     motion = solver.solve(np.linspace(0.0, 1.0, 9), 1.0)
     assert len(repr(motion).splitlines()) <= 8
     assert "<svg" in notebook.motion_html(motion)
-
-
-def test_plot_is_a_function(tmp_path):
-    figure = ms.plot("four_bar", tmp_path / "curve.svg", kind="curve")
-    assert figure.axes
-    assert (tmp_path / "curve.svg").read_bytes().startswith(b"<?xml")
-    assert len(ms.plot("four_bar", kind="quantities", quantities=["rocker.v"]).axes) == 1
-    with pytest.raises(ms.InputError, match="no plot 'phase'"):
-        ms.plot("four_bar", kind="phase")
-    with pytest.raises(ms.InputError, match="takes no --of"):
-        ms.plot("four_bar", kind="curve", quantities=["rocker"])
 
 
 @pytest.mark.long

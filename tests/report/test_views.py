@@ -5,10 +5,9 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
-from mechsim.pictures.view.pose_grid import interpolated, quaternions
+from mechsim.pictures.view.pose_grid import interpolated
 from mechsim.report.driver_views import box_of, motion_law_grid, slider_grids
-from mechsim.report.views import case_view, mechanism_view
-from mechsim.studies.validate import case_of
+from mechsim.report.views import mechanism_view
 
 SPEED = ms.units.rpm(600)
 
@@ -78,24 +77,3 @@ def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
         for component in next(item for item in grid.readouts if item.name == "P").components.values()
     ]
     np.testing.assert_allclose(result, solved, atol=2e-4)
-
-
-@pytest.mark.slow
-def test_more_than_three_drivers_move_one_at_a_time(monkeypatch):
-    monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
-    solver = ms.load("stewart_gough")
-    grids = slider_grids(solver, box_of(solver, {}, start_poses(solver.mechanism)[1]))
-    assert [grid.name for grid in grids] == [f"move l{i}" for i in range(1, 7)]
-    assert all(grid.shape == (5,) for grid in grids)
-
-
-@pytest.mark.slow
-def test_the_view_of_a_validation_shows_the_checked_motion():
-    case = case_of(ms.catalog.make("four_bar", crank=0.09))
-    (grid,) = case_view(case).grids
-    (slider,) = grid.sliders
-    assert (np.diff(slider.nodes) > 0.0).all()  # one direction of the swing
-    assert 0.0 < grid.error < 1e-5
-    assert grid.ghost is not None
-    first = case.exact.links["rocker"].rotation[0]
-    assert abs(quaternions(first) @ grid.quaternion["rocker"][0]) == pytest.approx(1.0)

@@ -56,11 +56,6 @@ def test_the_first_example_prints_the_output_of_the_readme(monkeypatch, capsys):
         assert fact in printed
 
 
-def test_the_pictures_are_small_enough_for_a_first_screen():
-    pictures = re.findall(r"!\[.*\]\((.*)\)", README)
-    assert 0 < sum((ROOT / picture).stat().st_size for picture in pictures) < 1_500_000
-
-
 def test_the_python_of_the_tour_runs():
     (code,) = blocks("python")
     exec(compile(code, "README.md", "exec"), {})

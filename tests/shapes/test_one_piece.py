@@ -133,15 +133,6 @@ def test_rods_connect_all_points_of_a_link_without_crossing_them(number, dimensi
         assert len(set(piece)) == 1
 
 
-def test_inner_points_of_a_plate_connect_to_all_corners():
-    turns = np.radians([50, 70, 170, 190, 290, 310])
-    ring = [np.array([np.cos(angle), np.sin(angle), 0.0]) for angle in turns]
-    assert len(list(edges(ring))) == 6
-    lengths = [np.linalg.norm(a - b) for a, b in edges([*ring, np.zeros(3)])]
-    assert sum(abs(length - 1.0) < 1e-12 for length in lengths) == 6
-    assert len(lengths) == 12
-
-
 def test_wheels_rings_and_racks_are_connected_to_their_links():
     second = Joint("second", "revolute", End(GROUND, (0.05, 0.0, 0.0)), End("wheel"))
     outside = of_joints(CRANK, second, gears=(Gear("crank", "second", -1.7),))

@@ -10,7 +10,7 @@ from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.shapes import camera
-from mechsim.shapes.body import free_sides, link_colours, planar_normals, rod_radius
+from mechsim.shapes.body import free_sides, planar_normals, rod_radius
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import PALETTE, Shape
 
@@ -67,27 +67,6 @@ def test_shapes_have_positive_finite_sizes_and_right_handed_frames(name):
             assert all(0.0 < half_size < np.inf for half_size in shape.half_sizes)
             np.testing.assert_allclose(shape.frame.T @ shape.frame, np.eye(3), atol=1e-12)
             assert np.linalg.det(shape.frame) == pytest.approx(1.0)
-
-
-def test_shapes_grow_with_the_mechanism():
-    small = catalog.make("four_bar")
-    lengths = {name: 250.0 * getattr(small, name) for name in ("ground", "crank", "coupler", "rocker", "arm")}
-    large = link_shapes(small.with_parameters(**lengths).mechanism)
-    for link, shapes in link_shapes(small.mechanism).items():
-        for item, other in zip(shapes, large[link], strict=True):
-            np.testing.assert_allclose(np.multiply(250.0, item.half_sizes), other.half_sizes, rtol=1e-9)
-            np.testing.assert_allclose(250.0 * item.centre, other.centre, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_links_have_distinct_colours(name):
-    colours = link_colours(mechanism_of(name))
-    assert len(set(colours.values())) == len(colours) <= len(PALETTE)
-
-
-def test_planar_and_spatial_mechanisms_are_distinguished():
-    planar = {name for name in NAMES if planar_normals(mechanism_of(name))}
-    assert planar == {"four_bar", "slider_crank", "warp_knitter"} & set(NAMES)
 
 
 def test_the_plane_of_a_mechanism_can_have_any_orientation():
@@ -258,14 +237,6 @@ def test_floor_posts_and_camera_use_the_same_vertical(axis, stated, expected):
     assert foot.to @ vertical == pytest.approx(-0.07)
     across = np.flatnonzero(vertical == 0.0)
     np.testing.assert_allclose(np.take(post.frm, across), np.take(foot.to, across))
-
-
-@pytest.mark.parametrize(("up", "expected"), [(None, "y"), ("z", "y"), ("y", "y"), ("-y", "-y"), ("x", "x")])
-def test_a_planar_mechanism_is_drawn_in_its_plane_with_gravity_down(up, expected):
-    # in the x-y plane; gravity across the plane leaves y up
-    back, top = camera.directions(replace(mechanism_of("four_bar"), up=up), "iso")
-    np.testing.assert_allclose(back, (0.0, 0.0, 1.0), atol=1e-12)
-    np.testing.assert_allclose(top, unit_vector(expected), atol=1e-12)
 
 
 def test_planar_mechanisms_are_viewed_along_their_normal():

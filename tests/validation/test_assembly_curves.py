@@ -27,8 +27,3 @@ def test_a_curve_of_another_linkage_is_rejected(study):
     assert study.curve_error(solver, curve) <= 1e-14
     longer = solver.with_parameters(coupler=solver.coupler * (1.0 + 1e-7))
     assert study.curve_error(longer, curve) > 1e-8
-
-
-def test_a_row_lists_curves_and_points(study):
-    result = study.trace_row("bennett", study.catalog.make("bennett"))
-    assert (result.curves, result.rarest, result.turning_points, result.branch_points) == (1, 1.0, 0, 0)

@@ -239,11 +239,6 @@ def test_the_address_stores_dimensions_and_limits_are_reported(window, pages):
     assert "Not reachable" in window.run("document.getElementById('trouble').textContent")
 
 
-@pytest.mark.slow
-def test_a_live_page_is_below_one_and_a_half_megabytes():
-    assert len(page(live_view("stewart_gough"))) < 1.5e6
-
-
 def test_a_dimension_with_a_wrong_formula_is_omitted(monkeypatch):
     designs, model = parametric_model("four_bar"), open_model("four_bar")
     valid = parametric_geometry(model, designs).dimensions
