@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model
@@ -15,46 +16,8 @@ from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 
 MOTOR, WHEEL, RATIO, PLAY = 0.02, 0.05, -0.5, np.deg2rad(2.0)
-PAIR = """name = "pair"
-[links.motor]
-inertia = { mass = 1, centre = [0, 0, 0], moments = [0.02, 0.02, 0.02] }
-[links.wheel]
-inertia = { mass = 1, centre = [0, 0, 0], moments = [0.03, 0.03, 0.05] }
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "motor"
-[joints.output]
-kind = "revolute"
-a = { link = "ground", at = [0.3, 0, 0] }
-b.link = "wheel"
-[couplings.pair]
-driver = "crank"
-driven = "output"
-ratio = -0.5
-backlash = "2 deg"
-[forces]
-gravity = [0, 0, 0]
-"""
-KNEE = """name = "leg"
-drivers = ["knee"]
-duration = "1 s"
-motion_laws.knee = "0.3*sin(2*pi*t)"
-[links.shank]
-inertia = { mass = 1, centre = [0.1, 0, 0], moments = [0.03, 0.03, 0.05] }
-[joints.knee]
-kind = "revolute"
-a.link = "ground"
-b.link = "shank"
-backlash = "2 deg"
-[forces]
-gravity = [0, 0, 0]
-[forces.motors.M]
-kind = "constant"
-joint = "knee"
-torque = "0.1 N m"
-rotor = 0.02
-"""
+PAIR = model_text("backlash_pair.toml")
+KNEE = model_text("backlash_knee.toml")
 
 
 def written(folder, text):

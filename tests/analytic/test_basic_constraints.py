@@ -62,26 +62,10 @@ def test_peaucelliers_linkage_of_rods_draws_a_straight_line_by_both_methods(tmp_
     assert ms.validate(model).passed
 
 
-FOUR_BAR = f"""name = "four bar"
-[links.crank]
-inertia = {{ mass = 0.2, centre = [0.015, 0, 0], moments = [1e-6, 2e-5, 2e-5] }}
-[links.rocker]
-inertia = {{ mass = 0.4, centre = [0.03, 0, 0], moments = [1e-6, 1e-4, 1e-4] }}
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "crank"
-[joints.rocker]
-kind = "revolute"
-a = {{ link = "ground", at = [0.1, 0, 0] }}
-b.link = "rocker"
-[points.B]
-link = "rocker"
-at = [0.06, 0, 0]
-[guess.rocker]
-at = [0.1, 0, 0]
-turn = {{ axis = [0, 0, 1], angle = "90 deg" }}
-{rod("rod", 'link = "crank", at = [0.03, 0, 0]', 'link = "rocker", at = [0.06, 0, 0]', 0.09)}"""
+FOUR_BAR = model_text(
+    "basic_constraints_four_bar.toml",
+    rod=rod("rod", 'link = "crank", at = [0.03, 0, 0]', 'link = "rocker", at = [0.06, 0, 0]', 0.09),
+)
 
 
 def rocker_angle(theta):
@@ -138,34 +122,7 @@ def test_a_body_on_a_single_rod_is_a_spherical_pendulum(tmp_path):
     assert np.abs(result.motion.points["P"].position[-1] - exact.y[:3, -1]).max() < 1e-9
 
 
-LADDER = f"""name = "ladder"
-drivers = ["floor"]
-start = 0.3
-motion_laws.floor = "0.3 + 0.2*sin(2*pi*t)"
-forces.gravity = [0, -9.81, 0]
-[links.foot]
-{POINT}
-[links.ladder]
-inertia = {{ mass = 2, centre = [0.5, 0, 0], moments = [0.01, 0.16, 0.16] }}
-[joints.floor]
-kind = "prismatic"
-a = {{ link = "ground", axis = [1, 0, 0] }}
-b = {{ link = "foot", axis = [1, 0, 0] }}
-[joints.foot]
-kind = "revolute"
-a.link = "foot"
-b.link = "ladder"
-[joints.wall]
-kind = "point_on_line"
-a = {{ link = "ground", axis = [0, 1, 0] }}
-b = {{ link = "ladder", at = [1, 0, 0] }}
-[points.T]
-link = "ladder"
-at = [1, 0, 0]
-[guess.ladder]
-at = [0.3, 0, 0]
-turn = {{ axis = [0, 0, 1], angle = "107 deg" }}
-"""
+LADDER = model_text("basic_constraints_ladder.toml", point=POINT)
 
 
 def test_a_ladder_leans_on_a_line_with_the_normal_force_of_its_moments(tmp_path):
@@ -191,35 +148,12 @@ def test_a_ladder_leans_on_a_line_with_the_normal_force_of_its_moments(tmp_path)
         assert np.abs(force[:2] - [wall, 0.0]).max() < 1e-11 * abs(wall)
 
 
-HUNG = f"""name = "hung"
-[links.crank]
-outline = [[0, 0, 0], [0.03, 0, 0]]
-[links.bob]
-{POINT}
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "crank"
-[joints.wall]
-kind = "point_on_plane"
-a = {{ link = "ground", axis = [0, 1, 0] }}
-b.link = "bob"
-[joints.upright]
-kind = "parallel_axes"
-a = {{ link = "ground", axis = [0, 1, 0] }}
-b = {{ link = "bob", axis = [0, 1, 0] }}
-[joints.square]
-kind = "perpendicular_axes"
-cross_angle = "60 deg"
-a = {{ link = "ground", axis = [1, 0, 0] }}
-b = {{ link = "bob", axis = [0, 0, 1], reference = [1, 0, 0] }}
-[points.B]
-link = "bob"
-[guess.bob]
-at = [0.07, 0, -0.03]
-turn = {{ axis = [0, 1, 0], angle = "30 deg" }}
-{rod("post", 'link = "ground", at = [0, 0.05, -0.08]', 'link = "bob"', 0.09)}
-{rod("arm", 'link = "crank", at = [0.03, 0, 0]', 'link = "bob"', 0.09)}"""
+HUNG = model_text(
+    "basic_constraints_hung.toml",
+    point=POINT,
+    post=rod("post", 'link = "ground", at = [0, 0.05, -0.08]', 'link = "bob"', 0.09),
+    arm=rod("arm", 'link = "crank", at = [0.03, 0, 0]', 'link = "bob"', 0.09),
+)
 
 
 def test_axes_keep_their_angles_and_a_point_its_plane(tmp_path):

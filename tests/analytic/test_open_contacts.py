@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.optimize import brentq
 
 import mechsim as ms
@@ -16,71 +17,11 @@ from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.readers import load
 
 G = 9.81
-CAM = """name = "cam"
-[cams.eccentric]
-follower = {{ kind = "roller", radius = "6 mm" }}
-base_radius = "25 mm"
-closure = "{closure}"
-law = "0.005*(1 - cos(q))"
-[links.cam]
-inertia = {{ mass = 0.2, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[links.ram]
-inertia = {{ mass = 0.3, centre = [0, 0, 0], moments = [1e-4, 1e-4, 1e-4] }}
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "cam"
-[joints.guide]
-kind = "prismatic"
-a = {{ link = "ground", axis = [0, 1, 0] }}
-b = {{ link = "ram", axis = [0, 1, 0] }}
-[joints.contact]
-kind = "cam"
-a = {{ link = "cam", cam = "eccentric" }}
-b = {{ link = "ram" }}
-[forces]
-gravity = [0, -9.81, 0]
-joint_springs.guide = {{ stiffness = 100, rest = 0.031 }}
-"""
 LIFT, SPEED, MASS, STIFFNESS, RESTITUTION = 0.005, 20 * np.pi, 0.3, 100.0, 0.4
 # a ball on a rope over a drum at rest
-BALL = """name = "ball"
-drivers = []
-[joints.ball]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0] }
-b = { link = "ball", axis = [0, 1, 0] }
-[couplings.rope]
-rope = { ball = -2 }
-[links.ball]
-inertia = { mass = 0.5, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }
-[points]
-B = { link = "ball" }
-[forces]
-gravity = [0, -9.81, 0]
-"""
+BALL = model_text("open_contacts_ball.toml")
 # polar coordinates: a ball on a massless telescope, whose length a string limits to 0.5 m
-PENDULUM = """name = "pendulum"
-drivers = []
-[joints.swing]
-kind = "revolute"
-a = { link = "ground", reference = [0, -1, 0] }
-b.link = "tube"
-[joints.reach]
-kind = "prismatic"
-a = { link = "tube", at = [0.5, 0, 0], axis = [1, 0, 0] }
-b = { link = "ball", axis = [1, 0, 0] }
-[couplings.string]
-rope = { reach = 1 }
-[links.tube]
-inertia = { mass = 0, centre = [0, 0, 0], moments = [0, 0, 0] }
-[links.ball]
-inertia = { mass = 0.2, centre = [0, 0, 0], moments = [0, 0, 0] }
-[points]
-B = { link = "ball" }
-[forces]
-gravity = [0, -9.81, 0]
-"""
+PENDULUM = model_text("open_contacts_pendulum.toml")
 
 
 def written(folder, text):
@@ -89,7 +30,9 @@ def written(folder, text):
 
 
 def follower(folder, closure="force"):
-    return ms.load(written(folder, CAM.format(closure=closure)), drive={"crank": "20*pi*t"})
+    return ms.load(
+        written(folder, model_text("open_contacts_cam.toml", closure=closure)), drive={"crank": "20*pi*t"}
+    )
 
 
 def flight(time, height, rate):

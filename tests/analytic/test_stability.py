@@ -201,28 +201,6 @@ def test_a_load_over_the_crank_angle_changes_the_stiffness(equilibria):
     assert len(states) == 2
 
 
-LIFT = """
-name = "lift"
-drivers = ["base"]
-start = {start}
-[joints]
-{joints}
-[links]
-{links}
-[points]
-T = {{ link = "table" }}
-[guess]
-arm1 = {{ turn = {{ axis = [0, 0, 1], angle = 0.5236 }} }}
-shoe = {{ at = [{start}, 0, 0] }}
-arm2 = {{ at = [{start}, 0, 0], turn = {{ axis = [0, 0, 1], angle = 2.618 }} }}
-table = {{ at = [0, 1, 0] }}
-block = {{ at = [{start}, 1, 0] }}
-[forces]
-gravity = [0, -9.81, 0]
-loads.W = {{ at = "T", force = [0, -2000, 0] }}
-"""
-
-
 @pytest.mark.long
 def test_a_light_table_under_a_heavy_load_has_the_frequencies_of_its_arms_in_mujoco(tmp_path):
     """With its base at 0 both arms swing as one: J = 2 (20 + 6.7) + 2 * 0.001 * 4 kg m2."""
@@ -246,7 +224,7 @@ def test_a_light_table_under_a_heavy_load_has_the_frequencies_of_its_arms_in_muj
     inertias = {"arm1": arm, "arm2": arm, "shoe": small, "block": small, "table": small}
     links = "".join(f"{name}.inertia = {inertia}\n" for name, inertia in inertias.items())
     path = tmp_path / "lift.toml"
-    path.write_text(LIFT.format(start=3.0**0.5, joints=joints, links=links))
+    path.write_text(model_text("stability_lift.toml", start=3.0**0.5, joints=joints, links=links))
     model = ms.dynamics.dynamic_model(ms.load(path, still=True))
     states = ms.dynamics.equilibria(model)
     assert sorted(state.stable for state in states) == [False, True]

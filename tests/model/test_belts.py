@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.errors import InputError
@@ -9,31 +10,11 @@ from mechsim.model.belts import belts_of
 from mechsim.shapes.joints import link_shapes
 from mechsim.subjects.toml_writer import to_toml
 
-BELT = """name = "belts"
-drivers = ["motor"]
-[joints.motor]
-kind = "revolute"
-a.link = "ground"
-b.link = "wheel"
-[joints.fan]
-kind = "revolute"
-a = {{ link = "ground", at = [0.3, 0.1, 0], axis = [0, 0, {side}] }}
-b.link = "blades"
-[couplings.belt]
-driver = "motor"
-driven = "fan"
-radii = [0.05, 0.12]
-{more}
-[links.wheel]
-outline = [[0.05, 0, 0]]
-[links.blades]
-outline = [[0.12, 0, 0]]
-"""
 DISTANCE, SMALL, LARGE = np.hypot(0.3, 0.1), 0.05, 0.12
 
 
 def belt(folder, more="", side=1):
-    (folder / "belts.toml").write_text(BELT.format(more=more, side=side))
+    (folder / "belts.toml").write_text(model_text("belts_belt.toml", more=more, side=side))
     model = ms.load(str(folder / "belts.toml"))
     (path,) = belts_of(model.mechanism)
     return model, path

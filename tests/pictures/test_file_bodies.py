@@ -110,29 +110,11 @@ def test_a_body_as_light_as_the_background_is_drawn_darker(tmp_path):
 
 
 # a crank-rocker in the plane XZ that starts upright; its loop closes at (0.2, 0, 0.1)
-LOOP = """
-<mujoco model="loop">
-  {visual}
-  <default><geom type="capsule" size="0.006" contype="0" conaffinity="0" {colour}/></default>
-  <worldbody>
-    <body name="crank">
-      <joint name="crank" axis="{axis}" {range}/>
-      <geom fromto="0 0 0  0 0 0.06"/>
-      <body name="coupler" pos="0 0 0.06">
-        <joint name="A" axis="{axis}"/>
-        <geom fromto="0 0 0  0.2 0 0.04"/>
-      </body>
-    </body>
-    <body name="rocker" pos="0.2 0 0"><joint name="D" axis="{axis}"/><geom fromto="0 0 0  0 0 0.1"/></body>
-  </worldbody>
-  <equality><connect name="pin" body1="coupler" body2="rocker" anchor="0.2 0 0.04"/></equality>
-</mujoco>
-"""
 
 
 def loop(tmp_path, visual="", colour="", axis="0 1 0", reach=""):
     path = tmp_path / "loop.xml"
-    path.write_text(LOOP.format(visual=visual, colour=colour, axis=axis, range=reach))
+    path.write_text(model_text("file_bodies_loop.xml", visual=visual, colour=colour, axis=axis, range=reach))
     return ms.load(str(path))
 
 

@@ -23,23 +23,13 @@ PIN, ON_PIN, ON_ROCKER = (
     " ".join(map(repr, (point @ ROTATION).tolist()))
     for point in np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.2, 0.1, 0.05]])
 )
-FREE = f"""
-<mujoco>
-  <option gravity="1 -2 -9"/>
-  <worldbody>
-    <body name="crank"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
-      <site name="A" pos=".1 .02 .03"/></body>
-    <body name="rod" pos=".1 .02 .03" xyaxes="{" ".join(map(repr, ROTATION.T[:2].ravel().tolist()))}">
-      <freejoint name="fly"/><geom size=".01" pos=".1 0 .05"/></body>
-    <body name="rocker" pos=".35 0 0"><joint name="rocker" axis="0 0 1"/><geom size=".01"/></body>
-  </worldbody>
-  <equality>
-    <connect body1="rod" body2="crank" anchor="{PIN}"/>
-    <connect body1="rod" body2="crank" anchor="{ON_PIN}"/>
-    <connect body1="rod" body2="rocker" anchor="{ON_ROCKER}"/>
-  </equality>
-</mujoco>
-"""
+FREE = model_text(
+    "recorded_motion_free.xml",
+    axes=" ".join(map(repr, ROTATION.T[:2].ravel().tolist())),
+    pin=PIN,
+    on_pin=ON_PIN,
+    on_rocker=ON_ROCKER,
+)
 # joints that follow the crank by a polynomial, and one at a constant angle
 CURVE = model_text("recorded_motion_curve.xml")
 PENDULUM = model_text("recorded_motion_pendulum.xml")

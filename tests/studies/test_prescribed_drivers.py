@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
@@ -13,27 +14,7 @@ from mechsim.studies.dynamics_check import crosscheck_forward
 LENGTH, MASS, INERTIA, GRAVITY = 0.2, 1.5, 2e-3, 9.81
 WEIGHT = Forces(gravity=(0.0, 0.0, -GRAVITY))
 # a bead on a hoop that turns about a vertical diameter; it swings about the hoop's axis x
-HOOP = f"""
-name = "hoop"
-drivers = ["hoop"]
-[joints.hoop]
-kind = "revolute"
-a = {{ link = "ground" }}
-b = {{ link = "hoop" }}
-[joints.bead]
-kind = "revolute"
-a = {{ link = "hoop", axis = [1, 0, 0], reference = [0, 1, 0] }}
-b = {{ link = "bead", axis = [1, 0, 0], reference = [0, 1, 0] }}
-[links.hoop]
-inertia = {{ mass = 1.0, centre = [0, 0, 0], moments = [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]] }}
-[links.bead]
-[links.bead.inertia]
-mass = {MASS}
-centre = [0, 0, {-LENGTH}]
-moments = [[{INERTIA}, 0, 0], [0, {INERTIA}, 0], [0, 0, {INERTIA}]]
-[points]
-P = {{ link = "bead", at = [0, 0, {-LENGTH}] }}
-"""
+HOOP = model_text("prescribed_drivers_hoop.toml", mass=MASS, height=-LENGTH, inertia=INERTIA)
 START = {"bead.q": "1rad", "bead.v": "-2rad/s"}
 
 

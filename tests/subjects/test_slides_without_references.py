@@ -4,35 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.errors import AssemblyError
 
-TEXT = """
-name = "inclined"
-[parameters]
-tilt = 0.7
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "crank" }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = [0.03, 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = [0.11, 0, 0] }
-b = { link = "slider" }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", at = [0, 0.012, 0], axis = ["cos(tilt)", "sin(tilt)", 0]MARK_A }
-b = { link = "slider", axis = [1, 0, 0]MARK_B }
-[points]
-nose = { link = "slider", at = [0.02, 0.01, 0] }
-[guess]
-rod = { at = [0.03, 0, 0], turn = { axis = [0, 0, 1], angle = 0.6 } }
-"""
+TEXT = model_text("slides_without_references.toml")
 
 
 def written(folder: Path, mark_a: str = "", mark_b: str = "") -> str:

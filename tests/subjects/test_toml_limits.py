@@ -2,31 +2,16 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.subjects.toml_writer import to_toml
 
-BALL = """name = "ball"
-drivers = ["height"]
-[joints.height]
-kind = "prismatic"
-a = {{ link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }}
-b = {{ link = "ball", axis = [0, 1, 0], reference = [1, 0, 0] }}
-limits = {}
-[links.ball]
-inertia = {{ mass = "1 kg", centre = [0, 0, 0], moments = [1, 1, 1] }}
-[points.P]
-link = "ball"
-at = [0.1, 0, 0]
-[initial]
-height.q = "1 m"
-"""
-
 
 def ball(tmp_path, limits, name="ball.toml"):
     path = tmp_path / name
-    path.write_text(BALL.format(limits))
+    path.write_text(model_text("toml_limits_ball.toml", limits=limits))
     return ms.load(str(path), still=True)
 
 

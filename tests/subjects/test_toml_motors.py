@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -10,20 +11,6 @@ from mechsim.errors import InputError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.toml_writer import to_toml
 
-ARM = """name = "arm"
-drivers = ["hip"]
-[joints.hip]
-kind = "revolute"
-a = {{ link = "ground" }}
-b = {{ link = "arm" }}
-[links.arm]
-inertia = {{ mass = "1 kg", centre = ["0.2 m", 0, 0], moments = [1e-3, 1e-2, 1e-2] }}
-[forces]
-gravity = [0, -9.81, 0]
-[forces.motors.M]
-joint = "hip"
-{}
-"""
 # moment of inertia about the hip in [kg m2], and moment of the weight at q = 0 in [N m]
 INERTIA, WEIGHT = 1e-2 + 1.0 * 0.2**2, 9.81 * 0.2
 DC = 'kind = "dc"\nresistance = "0.8 ohm"\nconstant = "0.05 N m/A"\ngear = 20\nrotor = "1e-5 kg m2"\n'
@@ -78,7 +65,7 @@ CASES = {
 
 def model_of(tmp_path, motor):
     path = tmp_path / "arm.toml"
-    path.write_text(ARM.format(motor))
+    path.write_text(model_text("toml_motors_arm.toml", motor=motor))
     return ms.dynamics.dynamic_model(ms.load(str(path), still=True))
 
 

@@ -16,26 +16,7 @@ from mechsim.subjects.toml_writer import to_toml
 
 G = 9.81
 # a mass above the ground on a strut, the spring
-STRUT = """name = "strut"
-drivers = ["height"]
-UNITS
-[joints.height]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0], reference = [1, 0, 0] }
-b = { link = "body", axis = [0, 1, 0], reference = [1, 0, 0] }
-[links.body]
-inertia = { mass = "2 kg", centre = [0, 0, 0], moments = [0.02, 0.03, 0.02] }
-[points]
-P.link = "body"
-O.link = "ground"
-[initial]
-height.q = "0.4 m"
-height.v = "-1 m/s"
-[forces.springs.strut]
-a = "O"
-b = "P"
-SPRING
-"""
+STRUT = model_text("toml_springs_strut.toml")
 # a double pendulum with a torsion spring in its elbow and a spring from its tip to the ground
 ARM = model_text("toml_springs_arm.toml")
 

@@ -13,19 +13,6 @@ from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader import read_model
 
 # a four-bar of 30, 90, 70 and 100 mm in closed position; angles of the links in deg from the law of cosines
-FOUR_BAR = """<mujoco><compiler angle="{angle}"/><option timestep="0.0005" {option}/><worldbody>
-<body name="crank" axisangle="0 0 1 {crank_angle}"><inertial pos=".015 0 0" mass="{crank}"
- diaginertia="1e-6 4e-6 4e-6"/>
- <joint name="crank" axis="0 0 1" {crank_joint}/>
- <body name="coupler" pos=".03 0 0" axisangle="0 0 1 {coupler_angle}">
-  <inertial pos=".045 0 0" mass="{coupler}" diaginertia="1e-6 {coupler_moment} {coupler_moment}"/>
-  <joint name="A" axis="0 0 1" {a_joint}/></body></body>
-<body name="rocker" pos=".1 0 0" axisangle="0 0 1 {rocker_angle}">
- <inertial pos=".035 0 0" mass=".06" diaginertia="1e-6 2.5e-5 2.5e-5"/>
- <joint name="rocker" axis="0 0 1" {rocker_joint}/></body></worldbody>
-<equality><connect name="loop" body1="coupler" body2="rocker" anchor=".09 0 0"
- solref=".001 1" solimp=".9999 .9999 .001 .5 2"/></equality>
-<actuator>{actuator}</actuator></mujoco>"""
 MOTOR = '<motor name="drive" joint="crank"/>'
 
 
@@ -45,7 +32,11 @@ def four_bar(**changes):
     if values["angle"] == "degree":
         angles = np.rad2deg(angles)
     names = ("crank_angle", "coupler_angle", "rocker_angle")
-    return FOUR_BAR.format(**values, **{n: repr(float(a)) for n, a in zip(names, angles, strict=True)})
+    return model_text(
+        "units_and_damping_four_bar.xml",
+        **values,
+        **{n: repr(float(a)) for n, a in zip(names, angles, strict=True)},
+    )
 
 
 SLIDER_CRANK = model_text("units_and_damping_slider_crank.xml")
