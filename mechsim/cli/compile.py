@@ -27,7 +27,6 @@ class CompileJson(TypedDict):
     range: list[float] | None
     lines: int
     torques: bool
-    certified: bool
     test: str | None
 
 
@@ -39,9 +38,6 @@ def compile_solver(
     test: str | None = option(
         None, "Also write a test that checks and times the solver.", metavar="FILE.c|FILE.js"
     ),
-    certify: bool = option(
-        False, "Prove one regular configuration over the range of the solver.", name="--certify"
-    ),
 ) -> Result[CompileJson]:
     """Write a solver without dependencies: a C99 header, or JavaScript.
 
@@ -49,14 +45,14 @@ def compile_solver(
 
     Examples:
     mechsim compile rssr -o rssr.h --test rssr_test.c
-    mechsim compile leg.toml -o leg.js --certify
+    mechsim compile leg.toml -o leg.js
     """
     path = Path(output)
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
     require_other_drivers(options.model, options.sets, options)
-    code = solver_code(assembly(options.load(), certify))
+    code = solver_code(assembly(options.load()))
     in_c = path.suffix.lower() == ".h"
     text = c_header(code) if in_c else javascript(code)
     _write(path, text)
@@ -71,7 +67,6 @@ def compile_solver(
         "range": None if limits is None else [float(limits[0]), float(limits[1])],
         "lines": len(text.splitlines()),
         "torques": code.inertias is not None,
-        "certified": code.assembly.certificate is not None,
         "test": test,
     }
     return Result(data, lambda: _print(data, code.prefix), files=(output, test))

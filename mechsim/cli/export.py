@@ -1,4 +1,4 @@
-"""Command `mechsim export`: MuJoCo models of one or all mechanisms, or the mechanism as TOML."""
+"""Command `mechsim export`: the MuJoCo model of a mechanism, or the mechanism as TOML."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
 
-from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import (
@@ -17,24 +16,20 @@ from mechsim.cli.options import (
     joint_ranges,
     load_model,
     require_other_drivers,
-    scene_of,
 )
 from mechsim.cli.output_paths import output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
-from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
 from mechsim.simulation.settings import SettingOptions
-from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, exported, require_compatible
+from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
 from mechsim.studies.robots.serial_twin import Coupled
-from mechsim.subjects import catalog
 from mechsim.units import option
 
 
 class ExportJson(TypedDict):
-    """A written model, the text of a model without -o, or all models of the catalogue."""
+    """A written model, or the text of a model without -o."""
 
     output: str | None
     mechanism: NotRequired[str]
@@ -44,14 +39,12 @@ class ExportJson(TypedDict):
     left_out: NotRequired[str]
     verification: NotRequired[Verification | None]
     couplings: NotRequired[list[Coupled]]
-    mechanisms: NotRequired[list[str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
     """Format and contents of an exported model."""
 
-    every: str | None = option(None, "Export every mechanism into this folder.", name="--all", metavar="DIR")
     scene: str = option(LEVEL, "Detail of the MuJoCo model: pose, motion, dynamics or picture.")
     cam: str | None = option(
         None, "Write the profile of this joint of kind cam instead: .csv, .dxf or .svg.", metavar="JOINT"
@@ -109,13 +102,13 @@ class ExportOptions:
 @command
 def export(
     model: Annotated[
-        str | None,
+        str,
         typer.Argument(
-            metavar="[MODEL]",
+            metavar="MODEL",
             help="A name from `mechsim list`, FILE.toml, FILE.xml, FILE.urdf or FILE.py:OBJECT, which is "
             "code and is run.",
         ),
-    ] = None,
+    ],
     *,
     options: ExportOptions,
     setting: SettingOptions,
@@ -133,12 +126,6 @@ def export(
     mechsim export gripper.xml --format toml -o gripper.toml
     """
     settings = setting.stated()
-    if (model is None) == (options.every is None):
-        raise InputError("export takes either one MODEL or --all DIR; give one of them")
-    if options.every is not None:
-        stated.exclude(stated.options.keys() - {"every", "scene", "as_json"}, "with --all")
-        return _catalogue(options.every, scene_of(options.scene))
-    assert model is not None
     if options.cam is not None:
         if options != ExportOptions(cam=options.cam) or settings:
             raise InputError("--cam writes a profile; leave out the options of a model")
@@ -209,15 +196,3 @@ def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result[Expo
         "text": text,
     }
     return Result(data, lambda: typer.echo(text or f"wrote {output}", nl=text is None))
-
-
-def _catalogue(path: str, scene: Scene) -> Result[ExportJson]:
-    """Write the models of the catalogue into a folder."""
-    with files.atomic_folder(path) as folder, progress("export", len(catalog.MECHANISMS)) as report:
-        for name in catalog.MECHANISMS:
-            text = mjcf.to_xml(exported(catalog.make(name).mechanism, scene))
-            (folder / f"{name}.xml").write_text(text, encoding="utf-8")
-            report(name)
-    names = list(catalog.MECHANISMS)
-    data: ExportJson = {"mechanisms": names, "output": path}
-    return Result(data, lambda: typer.echo(f"wrote {len(names)} models to {path}"))

@@ -1,6 +1,5 @@
 """Command `mechsim extremes`: varies every axis until a run fails."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -8,9 +7,7 @@ import typer
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import complete_models, load_model, require_motion
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.output_paths import output_folder
 from mechsim.cli.progress import progress
-from mechsim.files import write_json
 from mechsim.studies.extremes.results import StabilityMap
 from mechsim.units import option
 
@@ -26,28 +23,20 @@ def extremes(
             autocompletion=complete_models,
         ),
     ] = None,
-    report: str | None = option(None, "Write the plot and all numbers to this folder.", metavar="DIR"),
     quick: bool = option(False, "Test fewer values in shorter runs.", name="--quick"),
 ) -> Result[StabilityMap]:
     """Vary steps, speed, size, masses, poses, turns and gears until a run fails, and report where.
 
     Examples:
     mechsim extremes four_bar --quick
-    mechsim extremes --report extremes
+    mechsim extremes --json
     """
-    from mechsim.pictures import plots
-    from mechsim.report.study_plots import extremes_map
     from mechsim.studies.extremes.stability_map import study
 
     solvers = [require_motion(load_model(name)) for name in names or ()]
-    with output_folder(report) as folder:
-        with progress("extremes", None) as report_progress:
-            result = study(solvers, quick=quick, progress=report_progress)
-        if folder is not None:
-            plots.write(folder / "extremes.svg", extremes_map(result))
-            write_json(folder / "extremes.json", result)
-    files = [] if report is None else [str(Path(report) / f"extremes.{kind}") for kind in ("svg", "json")]
-    return Result(result, lambda: _print(result), result.passed, files)
+    with progress("extremes", None) as report:
+        result = study(solvers, quick=quick, progress=report)
+    return Result(result, lambda: _print(result), result.passed)
 
 
 def _print(result: StabilityMap) -> None:

@@ -27,7 +27,6 @@ from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as, without_geoms
 from mechsim.pictures.render.frame_poses import (
@@ -45,9 +44,7 @@ from mechsim.units import crank_speed, option, parse_angle
 # duration of the animation of one cycle of a mode in [s]
 CYCLE = 2.0
 # options of the motion of a driven crank
-DRIVEN = ("method", "angle", "turns", "frames_per_turn", "trace")
-# options that a curve of assemblies excludes
-NOT_TRACED = ("method", "angle", "speed", "turns", "slow", "overlay")
+DRIVEN = ("method", "angle", "turns", "frames_per_turn")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,9 +67,6 @@ class AnimationOptions:
     fps: float = option(30.0, "Frames per second.")
     frames_per_turn: int | None = option(None, "Frames in a turn of the crank. Default: 72.")
     slow: float | None = option(None, "Show the motion at --speed this many times slower.")
-    trace: bool = option(
-        False, "Follow the curve of assemblies through dead centres, as `mechsim trace` does."
-    )
 
     def samples(self, duration: float, picture: bool, positions: int, *, timed: bool) -> float:
         """Return the number of samples of a motion of `duration` [s]; a timed motion keeps its own time."""
@@ -139,15 +133,15 @@ def render(
     _check(stated, output, animation, look)
     if release.requested:
         exclude_without_effect(stated, release)
-        _exclude(stated, look, DRIVEN, "on drivers that are free")
+        free = "on drivers that are free"
+        stated.exclude(DRIVEN, free)
+        stated.exclude(["arrows"], f"as force or moment {free}", {"force", "moment"} & set(look.arrows))
         return _released(source, output, animation, look, release)
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
     look = replace(look, **drawn_as(solver))
     notes.extend(without_geoms(solver, look.bodies))
-    if animation.trace:
-        return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank
     stated.exclude(["speed"], "under motion laws", timed)
     if animation.slow is None and not timed:
@@ -245,13 +239,6 @@ def frame_count(seconds: float, fps: float) -> int:
     return count
 
 
-def _exclude(stated: Stated, look: Look, options: Sequence[str], where: str) -> None:
-    """Raise InputError for options, and arrows of forces, without an effect where the text says."""
-    stated.exclude(options, where)
-    if {"force", "moment"} & set(look.arrows):
-        stated.exclude(["arrows"], f"as force or moment {where}")
-
-
 def _written(
     name: str, output: str, frames: int | None, masses: Sequence[LinkMass] = ()
 ) -> Result[RenderJson]:
@@ -263,28 +250,6 @@ def _written(
     return Result(cast("RenderJson", data), text)
 
 
-def _assembly_curve(
-    path: Path, solver: KinematicSolver, animation: AnimationOptions, look: Look, picture: bool
-) -> int | None:
-    """Draw the curve of assemblies once; return the number of frames of an animation, None of a picture."""
-    # a local import, since other pictures do not need it
-    from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
-    from mechsim.theory.continuation.mechanism_trace import trace
-
-    curve = trace(solver, starts=0).curves[0]
-    per_turn = animation.frames_per_turn or 72
-    count = round(per_turn * max(1.0, crank_path_length(curve) / REVOLUTION))
-    if not 1 <= count <= MAX_SAMPLES:
-        raise InputError(f"{count} frames; give --frames-per-turn 1 to {MAX_SAMPLES}")
-    every = 1 if picture else between(count)
-    motion = even_motion(curve, count * every, 1.0)
-    look = replace(look, paths="whole")
-    if picture:
-        write_picture(path, solver.mechanism, motion, look)
-        return None
-    return _write_animation(path, solver, motion, True, look, {"fps": animation.fps, "every": every})
-
-
 def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look) -> None:
     """Raise InputError for options that exclude each other."""
     if output.endswith(".png"):
@@ -293,8 +258,6 @@ def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look)
             stated.exclude(["angle"], "with --positions, which show the whole motion")
     else:
         stated.exclude(["angle", "overlay"], "on an animation, only on a .png file")
-    if animation.trace:
-        _exclude(stated, look, NOT_TRACED, "with --trace, which follows the curve of assemblies")
     width, height = look.size
     if output.endswith((".mp4", ".webm")) and (width % 2 or height % 2):
         raise InputError(

@@ -10,13 +10,11 @@ from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import plot_file, table_file
+from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
-from mechsim.pictures import plots
-from mechsim.report.sensitivity_plots import sensitivity_plot, tolerance_plot
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import (
@@ -74,7 +72,6 @@ class SensitivityOptions:
     )
     samples: int = option(SAMPLES, "Random mechanisms of the Monte Carlo check; 0 omits it.")
     seed: int = option(SEED, "Seed of the random numbers.")
-    plot: Annotated[str | None, plot_file("Draw the derivatives, or the tolerance bands")] = None
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
@@ -162,9 +159,6 @@ def sensitivity(
             )
     if output is not None:
         files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
-    if options.plot is not None:
-        figure = sensitivity_plot(table) if study is None else tolerance_plot(study)
-        plots.write(options.plot, figure)
     masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
 
     def text() -> None:
@@ -176,8 +170,8 @@ def sensitivity(
             print_text(f"left out {name}: {reason}")
         print_masses(masses)
 
-    data: Any = {**_as_dict(table, study), "output": output, "plot": options.plot, **masses_in_json(masses)}
-    return Result(data, text, files=[output, options.plot])
+    data: Any = {**_as_dict(table, study), "output": output, **masses_in_json(masses)}
+    return Result(data, text, files=[output])
 
 
 def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]:

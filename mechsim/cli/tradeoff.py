@@ -107,7 +107,12 @@ def tradeoff(
     """
     if by not in COMPARED:
         raise InputError(f"there is no error by {by!r}; choose from {', '.join(COMPARED)}")
-    timer = _timed_budget(budget, drawn=plot is not None)
+    # the timer of a budget, less the time reserved for the table and the plot
+    seconds = units.parse_time(budget, "the budget")
+    if not 0.0 < seconds < float("inf"):
+        raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
+    reserved = TABLE_TIME + (PLOT_TIME if plot is not None else 0.0)
+    timer = Budget(seconds, exit_codes.typed_at, min(reserved, 0.5 * seconds))
     with progress("tradeoff", None) as report:
         subject = _subject(model, sets, crank_speed(speed), timer)
         result = measure_tradeoff(subject, budget=timer, seed=seed, progress=report)
@@ -131,15 +136,6 @@ def tradeoff(
             "with what must be loaded and built for it, takes that long"
         )
     return Result(cast("TradeoffJson", data), text, files=[output, plot])
-
-
-def _timed_budget(budget: str, *, drawn: bool) -> Budget:
-    """Return the timer of a budget, less the time reserved for the table and the plot."""
-    seconds = units.parse_time(budget, "the budget")
-    if not 0.0 < seconds < float("inf"):
-        raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
-    reserved = TABLE_TIME + (PLOT_TIME if drawn else 0.0)
-    return Budget(seconds, exit_codes.typed_at, min(reserved, 0.5 * seconds))
 
 
 def _subject(model: str, sets: list[str] | None, speed: float, timer: Budget) -> Subject:

@@ -29,7 +29,6 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
-from mechsim.studies.certify.certificate import Certificate, certified_motion
 
 # number of configurations over the range at which the conditioning of rows is compared
 SAMPLES = 49
@@ -55,7 +54,6 @@ class SolvedAssembly:
             None if the crank rotates fully or there is no crank.
         spinning: link with an undetermined spin -> spin axis in the link's frame, (3,).
         samples: configurations over the range.
-        certificate: proof of one regular configuration over the range; None if none was requested.
     """
 
     source: KinematicSolver
@@ -64,7 +62,6 @@ class SolvedAssembly:
     interval: tuple[float, float] | None
     spinning: dict[str, Array]
     samples: Coordinates
-    certificate: Certificate | None = None
 
     @property
     def loops(self) -> TreeLoops:
@@ -92,18 +89,16 @@ class SolvedAssembly:
         return float(self.solver.at_reference.determinant_sign[0]) if len(self.loops.unknown) else 1.0
 
 
-def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
+def assembly(source: KinematicSolver) -> SolvedAssembly:
     """Return the assembly of a mechanism, selected by its guess.
 
     Args:
         source: the mechanism.
-        certify: whether to prove that one regular configuration exists over the range.
 
     Raises:
         AssemblyError: if the loops do not close at the start.
         MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
-        InputError: if a link can spin in joints for which no code is generated, or the range cannot be
-            certified.
+        InputError: if a link can spin in joints for which no code is generated.
     """
     require_polynomials(source.mechanism, "compiled")
     mechanism = _rounded(with_closed_guess(source.mechanism))
@@ -116,27 +111,7 @@ def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
         mechanism, spinning = without_passive_spin(first, link_poses(first.loops.tree, q))
         q = _sampled(solver.with_mechanism(mechanism), parameters)
         first = checked_start(mechanism)
-    solved = SolvedAssembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
-    return _certified(solved) if certify else solved
-
-
-def _certified(assembly: SolvedAssembly) -> SolvedAssembly:
-    """Return the assembly with a certificate over its range.
-
-    Raises:
-        InputError: if the proof fails.
-    """
-    interval = assembly.interval
-    if interval is not None:
-        inset = INSET * (interval[1] - interval[0])
-        interval = interval[0] + inset, interval[1] - inset
-    certificate = certified_motion(assembly.source, interval, {})
-    if not certificate.certified:
-        raise InputError(
-            f"{assembly.mechanism.name} is not certified: {certificate.reason}; leave certify out, and the "
-            "code checks the determinant alone"
-        )
-    return replace(assembly, interval=interval, certificate=certificate)
+    return SolvedAssembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
 
 
 def _rounded(mechanism: Mechanism) -> Mechanism:

@@ -183,7 +183,6 @@ def compile(
     model: Any,
     *,
     set: Mapping[str, str | float] | None = None,
-    certify: bool = False,
     **options: Any,
 ) -> CompiledSolver:
     """Return a mechanism solved by generated C code, compiled by the system's C compiler.
@@ -193,7 +192,6 @@ def compile(
     Args:
         model: as `load` takes it.
         set: parameter -> its value, as `load` takes it.
-        certify: whether to prove by interval arithmetic that one regular configuration exists over the range.
         options: further arguments of `load`, such as drive= and lock=.
 
     Raises:
@@ -202,5 +200,5 @@ def compile(
         MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
         InputError: if the model is no mechanism, has no driver, or cannot be certified.
     """
-    code = solver_code(assembly(load(model, set=set, **options), certify))
+    code = solver_code(assembly(load(model, set=set, **options)))
     return CompiledSolver(code, Library(code, shared_library(code)))

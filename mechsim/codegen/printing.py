@@ -112,11 +112,6 @@ def _comment(code: SolverCode) -> Iterator[str]:
     yield f"   Drivers: {comment_text(', '.join(assembly.drivers))}; range: {range_text}."
     yield "   SI units. Call start() once, then solve() at each configuration: it follows the assembly from"
     yield "   the last one in steps. Where it cannot it stays there and returns a status other than SOLVED."
-    if assembly.certificate is not None:
-        low, high = assembly.certificate.range
-        smallest = assembly.certificate.min_singular_value
-        yield f"   Certified by interval arithmetic from {low:.9g} to {high:.9g}: one configuration each,"
-        yield f"   smallest singular value of the loop Jacobian at least {smallest:.3g}, free of units."
     if spinning:
         yield f"   Nothing determines the spin of {comment_text(spinning)} about its line: it has no meaning."
     if code.inertias is None:

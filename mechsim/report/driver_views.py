@@ -9,27 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.maximal_coordinates import equations, scaled
 from mechsim.analytic.loops.motion import driven_path, solve_along
 from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.start import start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.joint_kinds import KINDS
 from mechsim.model.link_poses import moved_links, with_rods
-from mechsim.model.links import GROUND, ORIGIN, Pose, Vector
 from mechsim.model.masses import summary
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.model.quantities import moving_points
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import null_spaces, rank
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.pose_grid import (
-    POSE_COORDINATES,
     GhostTrack,
-    PlatformDrive,
     PoseGrid,
     Readout,
     Slider,
@@ -91,89 +84,6 @@ def stepped_ghost(solver: KinematicSolver, run: Motion) -> GhostTrack | None:
     """Return where a stepped run of MuJoCo puts the links; None for a run that broke down."""
     name = "MuJoCo, the file's own settings" if runs_as_published(solver) else "MuJoCo, stepped"
     return None if run.broken else ghost_of(name, solver.mechanism, solver.solve_as(run), run)
-
-
-# smallest singular value, relative to the largest, of coordinates that count as independent: rotations are
-# compared with displacements relative to the mechanism's size
-INDEPENDENT = 1e-3
-# largest angle about y in [rad] at the start: at pi/2 the angles about x and z are not unique
-LARGEST_TILT = np.deg2rad(80.0)
-
-
-def platform_of(mechanism: Mechanism, limits: Mapping[str, tuple[float, float]]) -> PlatformDrive | None:
-    """Return the platform of a mechanism; None without one.
-
-    The platform is the link with most joints among those not hinged to the ground that all drivers together
-    move, with as many independent pose coordinates as there are drivers. Links next to the ground follow.
-
-    Args:
-        mechanism: with several drivers and no couplings or locked joints, else it has none.
-        limits: driver -> lowest and highest value in SI, if a file states them.
-    """
-    drivers = mechanism.drivers
-    simple = not (mechanism.laws or mechanism.locked) and all(
-        KINDS[joint.kind].single for joint in mechanism.driven_joints
-    )
-    if len(drivers) < 2 or not simple:
-        return None
-    with suppress(AssemblyError):
-        poses = start_poses(mechanism)[0]
-        # independent free motions of all links, (k, 6 links), lengths relative to the size
-        stacked = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
-        jacobian = equations(mechanism, stacked, None).jacobian
-        motions = null_spaces(scaled(mechanism, jacobian)[0])[1]
-        for link in _candidates(mechanism):
-            origin, point = _reference_point(mechanism, link)
-            coordinates = _controlled(mechanism, link, poses[link], point, motions)
-            if len(coordinates) == len(drivers):
-                return PlatformDrive(link, point, origin, coordinates, poses, limits)
-    return None
-
-
-def _candidates(mechanism: Mechanism) -> list[str]:
-    """Return the moving links, those not joined to the ground first, those with most joints before others."""
-    grounded = {
-        link
-        for joint in mechanism.joints
-        for link in (joint.a.link, joint.b.link)
-        if GROUND in (joint.a.link, joint.b.link)
-    }
-    return sorted(
-        (link.name for link in mechanism.links),
-        key=lambda link: (link in grounded and not _named(mechanism, link), -len(mechanism.ends(link))),
-    )
-
-
-def _named(mechanism: Mechanism, link: str) -> bool:
-    return any(own == link for own, _ in mechanism.points.values())
-
-
-def _reference_point(mechanism: Mechanism, link: str) -> tuple[str, Vector]:
-    """Return name and position in [m] of the reference point of a link: pivot, origin or named point."""
-    for joint in mechanism.joints:
-        for end, other in ((joint.a, joint.b), (joint.b, joint.a)):
-            if KINDS[joint.kind].pivot and (end.link, other.link) == (link, GROUND):
-                return joint.name, end.point
-    points = {name: point for name, (own, point) in mechanism.points.items() if own == link}
-    at_origin = not points or ORIGIN in points.values()
-    return (link, ORIGIN) if at_origin else next(iter(points.items()))
-
-
-def _controlled(
-    mechanism: Mechanism, link: str, pose: Pose, point: Vector, motions: Array
-) -> tuple[str, ...]:
-    """Return the independent pose coordinates of a link; none if its tilt is too large for angles."""
-    if abs(np.arcsin(np.clip(pose.rotation[0, 2], -1.0, 1.0))) > LARGEST_TILT:
-        return ()
-    slot = 6 * [other.name for other in mechanism.links].index(link)
-    linear, angular = motions[:, slot : slot + 3], motions[:, slot + 3 : slot + 6]
-    arm = pose.rotation @ np.asarray(point) / mechanism.characteristic_length
-    rates = np.hstack([linear + np.cross(angular, arm), angular])  # (k, 6)
-    chosen: list[int] = []
-    for index in range(len(POSE_COORDINATES)):
-        if rank(rates[:, [*chosen, index]], INDEPENDENT, INDEPENDENT) > len(chosen):
-            chosen.append(index)
-    return tuple(POSE_COORDINATES[index] for index in chosen)
 
 
 # intervals of the time of motion laws

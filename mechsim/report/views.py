@@ -31,7 +31,6 @@ from mechsim.report.driver_views import (
     box_of,
     halved_grid,
     motion_law_grid,
-    platform_of,
     slider_grids,
     stepped_ghost,
 )
@@ -296,8 +295,7 @@ def mechanism_view(
     start = start_poses(solver.mechanism)[1]
     by_hand = slider_grids(solver, box_of(solver, limits, start))
     programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]
-    drawn = _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
-    return replace(drawn, platform=platform_of(solver.mechanism, limits))
+    return _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
 
 
 def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> View:

@@ -66,7 +66,11 @@ def ball(canvas: Canvas, joint: Joint) -> None:
     canvas.add(inner.link, "sphere", inner.point, inner.point, 2.0 * canvas.r, STEEL)
     if inner.link == GROUND:
         canvas.carry()
-    rod = _rod_direction(canvas, around)
+    # the direction from a joint to the rest of its link; None if the link is only that point
+    rest = np.array(stations(canvas.mechanism, around.link)) - np.asarray(around.point)
+    towards = rest.sum(0)
+    length = float(np.linalg.norm(towards))
+    rod = towards / length if length > 0.1 * canvas.r else None
     if rod is not None:
         centre = np.asarray(around.point)
         ends = centre + 1.0 * canvas.r * rod, centre + 2.6 * canvas.r * rod
@@ -180,14 +184,6 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
             )
             canvas.out[GROUND].append(Shape("box", *ends, sizes, HOUSING, vector(thick)))
             canvas.carry()
-
-
-def _rod_direction(canvas: Canvas, end: End) -> Array | None:
-    """Return the direction from a joint to the rest of its link; None if the link is only that point."""
-    rest = np.array(stations(canvas.mechanism, end.link)) - np.asarray(end.point)
-    towards = rest.sum(0)
-    length = float(np.linalg.norm(towards))
-    return towards / length if length > 0.1 * canvas.r else None
 
 
 DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {

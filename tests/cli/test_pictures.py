@@ -64,7 +64,6 @@ def test_invalid_options_of_render_are_rejected(mechsim, tmp_path, options, mess
         (("--fps", "20"), "--fps has no effect on a picture"),
         (("--slow", "10"), "--slow has no effect on a picture"),
         (("--positions", "3", "--angle", "20deg"), "--angle has no effect with --positions"),
-        (("--trace", "--speed", "5rpm"), "--speed has no effect with --trace"),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed has no effect under motion laws"),
     ],
 )

@@ -29,12 +29,10 @@ def test_derivatives_are_written_and_reported(sensitivity, tmp_path):
 
 @pytest.mark.long
 @draws
-def test_tolerances_are_reported_and_their_bands_plotted(sensitivity, tmp_path):
+def test_tolerances_are_reported_and_their_bands_written(sensitivity, tmp_path):
     tolerances = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"
     arguments = ("four_bar", "--of", "C", "--tolerances", tolerances, "--samples", "500")
-    code, out, err = sensitivity(
-        *arguments, "--angles", "0:360:60deg", "--plot", "band.svg", "-o", "t.csv", "--json"
-    )
+    code, out, err = sensitivity(*arguments, "--angles", "0:360:60deg", "-o", "t.csv", "--json")
     assert code == 0, err
     reported = json.loads(out)["tolerances"]
     item = reported["quantities"]["C.x"]
@@ -45,7 +43,6 @@ def test_tolerances_are_reported_and_their_bands_plotted(sensitivity, tmp_path):
     table = files.read(tmp_path / "t.csv")
     assert np.abs(table["C.x.worst"].max() - item["worst"]) <= 1e-18
     assert {"C.x/crank", "C.y/coupler", "C.y.low", "C.y.std"} <= set(table)
-    assert (tmp_path / "band.svg").read_text().startswith("<?xml")
 
 
 @pytest.mark.parametrize(

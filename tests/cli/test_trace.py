@@ -2,7 +2,6 @@ import json
 
 import numpy as np
 import pytest
-from drawing import draws
 from valid_scene import changed
 
 from mechsim import files
@@ -87,24 +86,6 @@ def test_a_user_defined_mechanism_is_traced(trace):
     code, out, err = trace(str(gallery.files()["elliptic_trammel"]), "--starts", "10")
     assert code == 0, err
     assert out.count("assemblies meet at crank ") == 2
-
-
-@pytest.mark.slow
-@draws
-def test_a_video_of_a_trace_rejects_motion_options(mechsim, tmp_path):
-    arguments = ("render", *SWINGS[:3], "--trace", "--size", "96x72")
-    code, out, err = mechsim(*arguments, "--frames-per-turn", "6", "-o", "frames")
-    assert (code, out) == (0, "wrote 6 frames to frames\n"), err
-    assert len(list((tmp_path / "frames").iterdir())) == 6
-    code, out, err = mechsim(*arguments, "-o", "still.png")
-    assert (code, out) == (0, "wrote still.png\n"), err
-    for options, output in (
-        (("--turns", "2"), "--turns has no effect"),
-        (("--from", "both"), "--from has no effect"),
-    ):
-        code, _, err = mechsim(*arguments, *options, "-o", "no.mp4")
-        assert code == 2
-        assert output in err
 
 
 def test_locking_an_undetermined_joint_allows_the_trace(trace, file):

@@ -161,19 +161,6 @@ def test_driver_values_outside_the_workspace_are_rejected(compiled):
         solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
 
 
-@pytest.mark.slow
-def test_angles_outside_a_certified_range_are_rejected():
-    solver = ms.compile("elliptic_trammel", certify=True)
-    low, high = solver.code.assembly.interval
-    assert "Certified by interval arithmetic from -1.567" in solver.header
-    assert solver.code.assembly.certificate.range == (low, high)
-    solver.solve([low, high])
-    with pytest.raises(AssemblyError, match="outside"):
-        solver.solve([high + 1e-9])
-    with pytest.raises(InputError, match=r"bennett is not certified: overconstrained.*; leave certify out"):
-        ms.compile("bennett", certify=True)
-
-
 def test_a_missing_compiler_is_reported(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(MissingToolError, match="CC=no-such-compiler is not found; install gcc or clang"):

@@ -96,7 +96,10 @@ def test_an_idle_spin_is_no_error():
 
 
 @draws
-def test_the_ghost_is_visible_only_with_an_error(linkage, motion):
+def test_the_ghost_is_visible_only_with_an_error(linkage, motion, monkeypatch):
+    # a picture with a ghost has no shadow
+    monkeypatch.setattr("mechsim.pictures.render.drawn_model.DrawnModel.stands_on_wall", False)
+
     def picture(run):
         return render.still(linkage.mechanism, run, exact=motion, size=SIZE, notes=False, labels=False)
 

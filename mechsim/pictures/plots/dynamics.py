@@ -94,7 +94,11 @@ def dynamics_sheet(
 ) -> "Figure":
     """Draw torque or drives, reactions, powers and speed fluctuation on one sheet."""
     figure, axes = blank(2, 2, (10.4, 6.6))
-    _driving(axes[0, 0], study, simulated)
+    ax = axes[0, 0]
+    if study.forces.drives:
+        _drives(ax, study.forces, simulated)
+    else:
+        _torque(ax, study, simulated)
     _polar(axes[0, 1], study)
     _powers(axes[1, 0], study)
     if fluctuation is None:
@@ -102,13 +106,6 @@ def dynamics_sheet(
     else:
         _speeds(axes[1, 1], fluctuation, even)
     return figure
-
-
-def _driving(ax: "Axes", study: Prescribed, simulated: ForceRecord | None) -> None:
-    if study.forces.drives:
-        _drives(ax, study.forces, simulated)
-    else:
-        _torque(ax, study, simulated)
 
 
 def _torque(ax: "Axes", study: Prescribed, simulated: ForceRecord | None) -> None:

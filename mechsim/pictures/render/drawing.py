@@ -1,4 +1,4 @@
-"""Frames of a motion, drawn in order, with shadows, paths and arrows."""
+"""Frames of a motion, drawn in order, with paths and arrows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import gl_backend as backends
-from mechsim.pictures.render import scenery
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
 from mechsim.pictures.render.frame_poses import (
     FramePoses,
@@ -36,70 +35,12 @@ from mechsim.pictures.render.scenery import DECOR, Chain, chain
 from mechsim.shapes.body import point_colours
 from mechsim.shapes.camera import clearest_pose
 
-PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 # colour of the mark of a loop closure
 CLOSURE = np.array([0.85, 0.11, 0.60, 1.0], dtype=np.float32)
-MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 # distance of arrows in front of the solid links, in rod radii; see `drawn_model.BEHIND`
 BEFORE = 6.0
-LAYERS = 3
-# half the width of a soft shadow edge for each metre above the wall
-SPREAD = 0.018
-# distance between layers in units of the picture's height: below a pixel, above the resolution of depths
-STEP = 2e-4
-# remaining fraction of a solid's thickness and height, so that no matrix is singular; less than a layer
-MIN_THICKNESS = 1e-4
-# an emissive colour without reflected light: flat shadows have no sides to shade
-GLOW = 99.0
-
-
-class Shadow:
-    """The shadow of a drawn model's solids on its first wall."""
-
-    def __init__(self, drawn: DrawnModel):
-        model, wall = drawn.model, drawn.wall
-        self.drawn, self.point, self.normal = drawn, wall.point, wall.normal
-        # a ghost is transparent and casts no shadow
-        solid = (model.geom_type != PLANE) & (model.geom_rgba[:, 3] == 1.0)
-        self.geoms = np.flatnonzero(solid)
-        self.types = [int(kind) for kind in model.geom_type[self.geoms]]
-        # the scene counts each mesh twice, for its hull
-        self.meshes = [2 * int(mesh) for mesh in model.geom_dataid[self.geoms]]
-        self.sizes: Array = model.geom_size[self.geoms].copy()
-        light = scenery.light_direction(drawn.camera, wall.normal)
-        along = np.outer(light, wall.normal) / float(light @ wall.normal)
-        self.press = np.eye(3) - along + MIN_THICKNESS * np.outer(wall.normal, wall.normal)
-        lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missing_light)
-        shares = np.arange(1, LAYERS + 1) / LAYERS
-        tones = np.multiply.outer(np.minimum(lit + shares * (unlit - lit), 1.0), scenery.PAPER)
-        self.colours = np.column_stack([tones / (1.0 + GLOW), np.ones(LAYERS)]).astype(np.float32)
-
-    def put(self, scene: mujoco.MjvScene) -> None:
-        """Add the shadow of the current pose to a scene, as far as it has room."""
-        data = self.drawn.data
-        off = data.geom_xpos[self.geoms] - self.point
-        matrices = (self.press @ data.geom_xmat[self.geoms].reshape(-1, 3, 3)).reshape(-1, 9)
-        above = np.maximum(off @ self.normal, 0.0)[:, None]
-        flat = self.point + off @ self.press.T
-        geoms, ngeom, step = scene.geoms, scene.ngeom, STEP * self.drawn.camera.height
-        # the uppermost layer first, so that hidden geometry of the others is not drawn
-        for layer in reversed(range(LAYERS)):
-            wider = SPREAD * (1.0 - 2.0 * layer / (LAYERS - 1))
-            positions = flat + (layer + 1) * step * self.normal
-            sizes = np.maximum(self.sizes + wider * above, 0.1 * self.sizes)
-            solids = zip(self.types, self.meshes, sizes, positions, matrices, strict=True)
-            for kind, mesh, half_size, position, matrix in solids:
-                if ngeom >= scene.maxgeom:
-                    break
-                geom = geoms[ngeom]
-                mujoco.mjv_initGeom(geom, kind, half_size, position, matrix, self.colours[layer])
-                geom.specular, geom.emission, geom.category = 0.0, GLOW, DECOR
-                if kind == MESH:
-                    geom.dataid = mesh
-                ngeom += 1
-        scene.ngeom = ngeom
 
 
 class Trace:
@@ -109,7 +50,6 @@ class Trace:
         self.drawn, look = drawn, drawn.look
         self.width = 2.4 * look.size[1] / 480.0 / drawn.camera.scale
         colours = point_colours(drawn.mechanism)
-        self.shadow = Shadow(drawn) if drawn.stands_on_wall else None
         self.paths: dict[str, Chain] = {}
         self.fixed: list[Chain] = []
         for name, path in drawn.frames.paths.items():
@@ -120,10 +60,8 @@ class Trace:
             self.fixed.extend(self.paths.values())
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:
-        """Add shadow, lines and arrows of a frame to a scene."""
+        """Add lines and arrows of a frame to a scene."""
         now, trace = self.drawn.frames, self.drawn.look.trace
-        if self.shadow:
-            self.shadow.put(scene)
         for fixed in self.fixed:
             fixed.put(scene)
         for name in now.starts.keys() & {*self.drawn.look.closures}:

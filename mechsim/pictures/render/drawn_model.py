@@ -19,7 +19,7 @@ from mechsim.pictures.render import scenery
 from mechsim.pictures.render.frame_poses import FramePoses, Ghost, far_paths
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
-from mechsim.pictures.render.scenery import GREY, Arrows, arrows
+from mechsim.pictures.render.scenery import GREY, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
 from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
@@ -237,7 +237,8 @@ class DrawnModel:
         if not (self.normals or look.bodies):
             self.low, self.high, floor = lowered(self.low, self.high, self.up, 2.0 * self.radius)
             balls, radii = add_stands(self.shapes[GROUND], self.up, floor, self.radius, (balls, radii))
-        self.arrows = self._arrows()
+        reach = float((self.high - self.low).max())
+        self.arrows = [arrows(kind, self.frames.vectors.get(kind, {}), reach) for kind in self.look.arrows]
         for arrow_set in self.arrows:
             tips = arrow_set.tips(frames.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
@@ -284,11 +285,6 @@ class DrawnModel:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    @property
-    def missing_light(self) -> float:
-        """The emission for which a slanted wall looks as white as a frontal one."""
-        return 0.25 * (1.0 - float(self.wall.normal @ self.camera.back))
-
     def _shapes(self) -> dict[str, list[Shape]]:
         """The bodies of links that the look gives, else those drawn from the joints."""
         links = [GROUND, *self.links]
@@ -311,10 +307,6 @@ class DrawnModel:
             for name, pose in self.frames.poses.items()
         }
         return free_sides(self.mechanism, poses)
-
-    def _arrows(self) -> list[Arrows]:
-        extent = float((self.high - self.low).max())
-        return [arrows(kind, self.frames.vectors.get(kind, {}), extent) for kind in self.look.arrows]
 
     def _extent(self) -> tuple[Array, Array]:
         """Balls that enclose all shapes over all frames: centres (k, 3) and radii (k,)."""
@@ -341,8 +333,10 @@ class DrawnModel:
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
         scenery.prepare(spec, self.camera, middle)
-        scenery.add_light(spec, self.camera, middle, self.wall.normal, shadow=False)
-        scenery.add_grid(spec, "wall", self.wall, self.grid_step, self.missing_light)
+        scenery.add_light(spec, self.camera, middle, self.wall.normal, shadow=self.stands_on_wall)
+        # a slanted wall looks as white as a frontal one
+        emission = 0.25 * (1.0 - float(self.wall.normal @ self.camera.back))
+        scenery.add_grid(spec, "wall", self.wall, self.grid_step, emission)
         for shape in self.shapes[GROUND]:
             scenery.add_shape(spec, spec.worldbody, shape)
         for link in self.links:
@@ -360,7 +354,8 @@ class DrawnModel:
     @property
     def stands_on_wall(self) -> bool:
         """Whether the backdrop supports the mechanism; on a distant wall a shadow only confuses."""
-        if self.look.overlay > 1:
+        # a ghost would cast a second shadow
+        if self.look.overlay > 1 or self.ghost:
             return False
         if self.normals:
             return abs(float(self.normals[GROUND] @ self.wall.normal)) > 0.9

@@ -257,18 +257,6 @@ def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array,
     light.castshadow = shadow
 
 
-def brightness(camera: Camera, normal: Array, emission: float) -> tuple[float, float]:
-    """Return the brightness of a white wall relative to its colour, in the lamp's light and in its shadow.
-
-    Args:
-        camera: the camera with the headlight.
-        normal: unit vector off the wall.
-        emission: light of its own.
-    """
-    unlit = emission + AMBIENT + HEADLIGHT * max(0.0, float(normal @ camera.back))
-    return unlit + LAMP * max(0.0, -float(normal @ light_direction(camera, normal))), unlit
-
-
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     """Set the common properties of all pictures: material, soft light from the camera, distances."""
     # a geom whose colour is MuJoCo's usual one takes that of its material: the same

@@ -18,7 +18,7 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, platform_data, quaternions
+from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
 from mechsim.shapes.joints import link_shapes
@@ -56,7 +56,6 @@ def page(view: View, library: str = "") -> str:
         data=data.replace("<", "\\u003c"),
         three="" if library else three_js(),
         library=library,
-        platform=view.platform.link if view.platform else "",
         live=view.live.code.replace("</", "<\\/").replace("<!", "<\\!") if view.live else "",
     )
 
@@ -82,12 +81,16 @@ def _data(view: View) -> dict[str, Any]:
     if not (planar or view.bodies):
         floor -= 2.0 * radius
         balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
+    colours = point_colours(mechanism)
     return {
         "name": mechanism.name,
         "radius": radius,
         "bodies": {link: [_solid(shape) for shape in shapes[link]] for link in shapes},
         "joints": _joints(mechanism),
-        "points": _points(mechanism),
+        "points": [
+            {"name": name, "link": link, "at": local, "colour": colours[name][:3]}
+            for name, (link, local) in mechanism.points.items()
+        ],
         "closures": [
             {"link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
             for name in view.closures
@@ -98,7 +101,6 @@ def _data(view: View) -> dict[str, Any]:
         "floor": {"normal": _short(normal), "at": floor},
         "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
-        "platform": platform_data(mechanism, view.platform) if view.platform else None,
         "live": {**view.live.data, "edges": _edges(mechanism)} if view.live else None,
     }
 
@@ -162,14 +164,6 @@ def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
             "driven": joint.name in {driven.name for driven in mechanism.driven_joints},
         }
         for joint in mechanism.joints
-    ]
-
-
-def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
-    colours = point_colours(mechanism)
-    return [
-        {"name": name, "link": link, "at": local, "colour": colours[name][:3]}
-        for name, (link, local) in mechanism.points.items()
     ]
 
 

@@ -1,4 +1,4 @@
-"""Records of an interactive page: sliders, poses, read-outs, platforms with prescribed poses."""
+"""Records of an interactive page: sliders, poses, read-outs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,19 +6,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import moved_links, with_rods
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose, Vector
+from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import errors, factor, returns_to_start
 from mechsim.shapes.camera import Angles
 from mechsim.shapes.shape import Shape
-
-# coordinates of a platform, named as drivers are: of its reference point in [m], and Cardan angles in [rad]
-POSE_COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def quaternions(rotation: Array) -> Array:
@@ -27,78 +22,6 @@ def quaternions(rotation: Array) -> Array:
 
     flat = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
     return flat.reshape(*rotation.shape[:-2], 4)
-
-
-@dataclass(frozen=True, slots=True)
-class PlatformDrive:
-    """A link that the page moves by its pose; the page solves the joints for it.
-
-    Attributes:
-        link: name of the platform.
-        point: its reference point, in its own frame in [m].
-        origin: name of that point; the link's name for its origin.
-        coordinates: those of `POSE_COORDINATES` that the drivers control.
-        start: link -> initial pose.
-        limits: driver -> lowest and highest value in SI, if a file states them.
-    """
-
-    link: str
-    point: Vector
-    origin: str
-    coordinates: tuple[str, ...]
-    start: Mapping[str, Pose]
-    limits: Mapping[str, tuple[float, float]]
-
-
-def platform_data(mechanism: Mechanism, platform: PlatformDrive) -> dict[str, Any]:
-    """Return the data of the page's solver; links are numbered, the ground is -1."""
-    links = [link.name for link in mechanism.links]
-    joints = [joint.name for joint in mechanism.joints]
-    return {
-        "name": f"move {platform.link}",
-        "link": links.index(platform.link),
-        "point": list(platform.point),
-        "origin": platform.origin,
-        "coordinates": list(platform.coordinates),
-        "size": mechanism.characteristic_length,
-        "links": links,
-        "start": [_pose(platform.start[link]) for link in links],
-        "joints": [_joint(joint, links) for joint in mechanism.joints],
-        "drivers": [
-            {
-                "name": driver.name,
-                "joint": joints.index(driver.name),
-                "unit": KINDS[driver.kind].units[0],
-                "limits": list(platform.limits[driver.name]) if driver.name in platform.limits else None,
-            }
-            for driver in mechanism.driven_joints
-        ],
-    }
-
-
-def _pose(pose: Pose) -> list[float]:
-    return [*_exact(pose.position), *_exact(quaternions(pose.rotation))]
-
-
-def _joint(joint: Joint, links: list[str]) -> dict[str, Any]:
-    kind = KINDS[joint.kind]
-    return {
-        "a": _end(joint.a, links),
-        "b": _end(joint.b, links),
-        "slides": [COLUMN[axis] for axis in kind.slides],
-        "turns": len(kind.turns),
-        "cosine": float(np.cos(joint.cross_angle)),
-    }
-
-
-def _end(end: End, links: list[str]) -> dict[str, Any]:
-    link = -1 if end.link == GROUND else links.index(end.link)
-    return {"link": link, "point": list(end.point), "frame": _exact(end.frame.T)}
-
-
-def _exact(values: Array) -> list[float]:
-    """Return numbers that JSON writes with all digits, in the order of their rows."""
-    return [float(value) for value in np.ravel(values)]
 
 
 # unit of a slider; "%" is the position on a closed curve of assemblies
@@ -231,7 +154,6 @@ class View:
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
-        platform: link with a prescribed pose; None without one.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
             only.
     """
@@ -244,7 +166,6 @@ class View:
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
     up: Up | None = None
-    platform: PlatformDrive | None = None
     live: LivePage | None = None
 
 

@@ -145,7 +145,10 @@ def trace_curve(
         AssemblyError: where the curve has no smooth continuation, or does not close.
         MobilityError: where more than one degree of freedom is undetermined.
     """
-    solver, initial = loops.solver(start, _crank(loops)), start
+    tree = loops.loops.tree
+    along = np.zeros(tree.count)
+    along[tree.index_of[tree.mechanism.drivers[0]]] = 1.0
+    solver, initial = loops.solver(start, along[loops.loops.unknown]), start
     segments: list[CurveSegment] = []
     branch_points: list[float] = []
     length, largest = FIRST_LENGTH, 0.0
@@ -299,13 +302,6 @@ def _same_revolutions(loops: FreeLoops, segment: CurveSegment, arc: float, initi
         counted |= _counted(coupling)
     displacement = segment.value_at(arc)[: tree.count] - initial.values[:, 0] / loops.loops.units
     return bool((np.abs(displacement[counted]) < 1e-6).all())
-
-
-def _crank(loops: FreeLoops) -> Array:
-    tree = loops.loops.tree
-    along = np.zeros(tree.count)
-    along[tree.index_of[tree.mechanism.drivers[0]]] = 1.0
-    return along[loops.loops.unknown]
 
 
 def _blocked_message(loops: FreeLoops, coordinates: Coordinates) -> str:

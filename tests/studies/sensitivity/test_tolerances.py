@@ -2,14 +2,13 @@
 
 from functools import cache
 from itertools import product
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mechsim.errors import InputError
 from mechsim.studies.sensitivity.moved_family import MovedFamily
-from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
+from mechsim.studies.sensitivity.sensitivity import derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import path_bands, tolerance_study
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances, written_tolerances
 from mechsim.subjects.readers import parametric_model
@@ -158,24 +157,3 @@ def test_a_slide_has_no_radial_clearance():
     result = table("slider_crank", quantities=("B.x",))
     with pytest.raises(InputError, match="radial clearances exist for revolute or spherical joints only"):
         tolerance_study(result, {"slide.clearance": 1e-5}, samples=0)
-
-
-def drawn_derivatives(by, units, dimensions):
-    """Return the axes of a plot of derivatives: dimension -> quantity -> (n,)."""
-    pytest.importorskip("matplotlib")
-    from mechsim.report.sensitivity_plots import sensitivity_plot
-
-    named = {name: SimpleNamespace(unit=unit) for name, unit in dimensions.items()}
-    moved = SimpleNamespace(over=("angle", ANGLES), designs=SimpleNamespace(dimensions=named))
-    values = {quantity: np.zeros(len(ANGLES)) for quantity in units}
-    return sensitivity_plot(Sensitivity(moved, values, by, units, {})).axes
-
-
-def test_nonzero_derivatives_are_plotted_per_mm_or_degree():
-    gradient = {"P.x": np.ones(len(ANGLES)), "P.z": np.zeros(len(ANGLES))}
-    (ax,) = drawn_derivatives(
-        {"crank": gradient, "tilt": gradient}, {"P.x": "m", "P.z": "m"}, {"crank": "m", "tilt": "rad"}
-    )
-    assert "derivatives of P.x [mm per mm or °]" in (ax.get_title(), ax.get_title("left"))
-    drawn = {line.get_label(): line.get_ydata()[0] for line in ax.get_lines()}
-    assert drawn == {"crank": pytest.approx(1.0), "tilt": pytest.approx(1e3 * np.pi / 180.0)}

@@ -23,7 +23,6 @@ for (const grid of DATA.grids) {
   for (const readout of grid.readouts) readout.values = floats(readout.values);
   if (grid.ghost) grid.ghost.values = floats(grid.ghost.values);
 }
-if (DATA.platform) DATA.grids.push(platformGrid(DATA.platform));
 if (DATA.live) DATA.grids.unshift(liveGrid(DATA.live));
 
 /* ---- between nodes ---- */
@@ -500,7 +499,7 @@ function update() {
   if (grid.solver) showReach(grid, !!poses);
 }
 
-/* reachable ranges of a platform's coordinates: of the moved one at once, of the others at rest */
+/* reachable ranges of the sliders: of the moved one at once, of the others at rest */
 let reachDelay = 0;
 function showReach(grid, reached) {
   clearTimeout(reachDelay);
