@@ -4,7 +4,7 @@ The functions are those of `mechsim.analytic.dynamics`, which take mechanisms an
 """
 
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from os import PathLike
 from typing import Any, ParamSpec, TypeVar
 
@@ -24,7 +24,8 @@ def _loading(function: Callable[P, R]) -> Callable[P, R]:
         source: Any = args[0] if args else None
         # MuJoCo is not imported to recognise its objects
         if isinstance(source, str | PathLike) or type(source).__name__ in ("MjModel", "MjSpec"):
-            rest: Any = (load(source, still=True), *args[1:])
+            made = partial(load, source, still=True)
+            rest: Any = (made if options.get("parameters") else made(), *args[1:])
             return function(*rest, **options)
         return function(*args, **options)
 

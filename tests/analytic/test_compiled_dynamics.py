@@ -332,6 +332,22 @@ def test_many_runs_with_friction_are_taken_one_by_one():
     assert float(runs["lost"][1, -1]) > 0.0
 
 
+def test_many_designs_are_the_runs_one_by_one():
+    cranks, start = [0.028, 0.032], {"crank.q": [0.2, 0.3]}
+    runs = ms.dynamics.run_many(
+        "four_bar", initial=start, parameters={"crank": cranks}, duration=0.1, samples=2
+    )
+    np.testing.assert_array_equal(runs["parameter crank"], cranks)
+    for i, crank in enumerate(cranks):
+        design = ms.load("four_bar", {"crank": crank}, still=True)
+        single = ms.dynamics.run(design, initial={"crank.q": start["crank.q"][i]}, duration=0.1, samples=2)
+        np.testing.assert_allclose(runs["B.x"][i], single.motion.points["B"].position[:, 0], atol=1e-12)
+    with pytest.raises(ms.InputError, match="a name, a file or a function"):
+        ms.dynamics.run_many(design, parameters={"crank": cranks}, duration=0.1)
+    with pytest.raises(ms.InputError, match="krank"):
+        ms.dynamics.run_many("four_bar", parameters={"krank": cranks}, duration=0.1)
+
+
 def test_many_runs_reject_columns_that_do_not_fit():
     with pytest.raises(ms.InputError, match="different numbers"):
         ms.dynamics.run_many(

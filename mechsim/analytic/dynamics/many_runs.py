@@ -43,18 +43,21 @@ def run_many(
     source: Any,
     forces: Forces | None = None,
     *,
-    initial: Mapping[str, ArrayLike],
+    initial: Mapping[str, ArrayLike] | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
     duration: float | str,
     samples: int = 100,
     tolerance: float = TOLERANCE,
     threads: int | None = None,
 ) -> "Dataset":
-    """Integrate the motion of a mechanism from many initial states, as `run` does from one.
+    """Integrate the motion of a mechanism from many initial states or of many designs, as `run` does one.
 
     Args:
-        source: as `run` takes it.
+        source: as `run` takes it; with `parameters` a name, a file, or a function that returns the source of
+            a dictionary of them.
         forces: as `run` takes them.
         initial: initial coordinates `J.q` and rates `J.v` in SI, (n,) each or one number.
+        parameters: parameters of the designs in SI, (n,) each or one number. Designs are set up one by one.
         duration: time in [s], or text.
         samples: instants after the first at which the results are evaluated.
         tolerance: relative error of an integration step.
@@ -68,42 +71,61 @@ def run_many(
         InputError: for invalid values.
         AssemblyError: if the loops do not close at the initial values of a run.
     """
-    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
-    end, columns = units.si(duration, "s", "the duration"), _columns(initial)
-    count = len(next(iter(columns.values())))
+    end = units.si(duration, "s", "the duration")
+    columns, designs = _columns(initial or {}, parameters or {})
+    count = len(next(iter((columns | designs).values())))
     require_settings(end, samples, tolerance)
     times = np.linspace(0.0, end, samples + 1)
-    together = _in_c(model, columns, times, tolerance, threads)
     settings: dict[str, Any] = {"duration": end, "samples": samples, "tolerance": tolerance}
-    singles = {
-        i: run(model, initial={name: float(column[i]) for name, column in columns.items()}, **settings)
-        for i in range(count)
-        if together is None or together[1][i] is None
-    }
-    return _dataset(times, count, columns, together, singles)
+
+    def single(source: Any, i: int) -> DynamicRun:
+        return run(source, forces, initial=_row(columns, i), **settings)
+
+    together, singles = None, dict[int, DynamicRun]()
+    if designs:
+        if not callable(source):
+            raise InputError("parameters need a name, a file or a function of them as the source of the runs")
+        singles = {i: single(source(_row(designs, i)), i) for i in range(count)}
+    else:
+        model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+        together = _in_c(model, columns, times, tolerance, threads)
+        remaining = [i for i in range(count) if together is None or together[1][i] is None]
+        singles = {i: single(model, i) for i in remaining}
+    named = {f"initial {name}": column for name, column in columns.items()}
+    named |= {f"parameter {name}": column for name, column in designs.items()}
+    return _dataset(times, count, named, together, singles)
 
 
-def _columns(initial: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """Return the initial values as columns of equal length."""
-    if not initial:
-        raise InputError("initial values of many runs are missing; give those that differ, such as J.q")
+def _row(columns: Mapping[str, Array], i: int) -> dict[str, float]:
+    return {name: float(column[i]) for name, column in columns.items()}
+
+
+def _columns(
+    initial: Mapping[str, ArrayLike], parameters: Mapping[str, ArrayLike]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return initial values and parameters as columns of equal length."""
+    values = [*initial.values(), *parameters.values()]
+    if not values:
+        raise InputError(
+            "initial values or parameters of many runs are missing; give those that differ, such as J.q"
+        )
     try:
-        rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, np.float64)) for v in initial.values()))
+        rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, np.float64)) for value in values))
     except ValueError:
-        lengths = {name: np.size(value) for name, value in initial.items()}
-        raise InputError(f"initial values have different numbers {lengths}; give equally many") from None
+        lengths = {name: np.size(value) for name, value in [*initial.items(), *parameters.items()]}
+        raise InputError(
+            f"the values of many runs have different numbers {lengths}; give equally many"
+        ) from None
     if rows[0].ndim != 1 or not len(rows[0]):
-        raise InputError(f"initial values of many runs have the shape {rows[0].shape}; give (n,)")
-    return dict(zip(initial, rows, strict=True))
+        raise InputError(f"the values of many runs have the shape {rows[0].shape}; give (n,)")
+    first = len(initial)
+    return dict(zip(initial, rows[:first], strict=True)), dict(zip(parameters, rows[first:], strict=True))
 
 
 def _values(model: DynamicModel, columns: Mapping[str, Array]) -> InitialValues | None:
     """Return the initial values of all runs together; None if they contain rotations."""
     count = len(next(iter(columns.values())))
-    rows = [
-        initial_values(model, {name: float(column[i]) for name, column in columns.items()})
-        for i in range(count)
-    ]
+    rows = [initial_values(model, _row(columns, i)) for i in range(count)]
     if rows[0].rotations or rows[0].spins:
         return None
     return InitialValues(
@@ -213,5 +235,5 @@ def _dataset(
     variables |= {"outcome": ("run", outcomes), "executed": ("run", executed)}
     return library.Dataset(
         variables,
-        {"t": times} | {f"initial {name}": ("run", values) for name, values in columns.items()},
+        {"t": times} | {name: ("run", values) for name, values in columns.items()},
     )
