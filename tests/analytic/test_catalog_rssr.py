@@ -137,25 +137,6 @@ def test_the_two_assembly_modes_match_a_scan_of_the_rocker(linkage):
         assert min(np.linalg.norm(position - point) for point in listed) <= 4e-4 * linkage.rocker
 
 
-def test_parallel_shafts_give_the_planar_four_bar():
-    planar = catalog.make("four_bar")
-    spatial = catalog.make(
-        "rssr",
-        crank=planar.crank,
-        coupler=planar.coupler,
-        rocker=planar.rocker,
-        pivot=(0.0, planar.ground, 0.0),
-        gamma1=np.pi / 2,
-        gamma2=0.0,
-        branch=1,
-    )
-    angles = np.linspace(0.0, 6.0, 40)
-    flat, solid = planar.solve(angles, 3.0, 2.0).points["B"], spatial.solve(angles, 3.0, 2.0).points["P3"]
-    for quantity in ("position", "velocity", "acceleration"):
-        expected, measured = getattr(flat, quantity), getattr(solid, quantity)
-        assert np.abs(measured[:, [1, 2, 0]] - expected).max() <= 1e-14 * np.abs(expected).max()
-
-
 @pytest.mark.parametrize("step", [0.0, 1e-9, -1e-9, 1e-13])
 def test_the_motion_is_smooth_where_the_published_form_is_singular(step):
     linkage = LAYOUTS["looper"]

@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 
 from mechsim import catalog
 from mechsim.analytic.loops import assemble, residual_norms, turned_by
-from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.theory.assur import assur_groups
-from mechsim.theory.mobility_count import mobility, plane_normal
+from mechsim.theory.mobility_count import mobility
 
 JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]
 
@@ -352,28 +351,6 @@ def test_an_undriven_dof_is_rejected_with_its_links():
         assur_groups(planar(positions))
     both = assur_groups(planar(positions), ("crank", "rocker"))
     assert [group.links for group in both.groups] == [("coupler", "link")]
-
-
-def test_planarity_depends_on_every_axis():
-    rotated = rotation("x", 0.7) @ rotation("y", -1.1)
-    normal = plane_normal(planar(FOUR_BAR, rotation_matrix=rotated))
-    assert normal is not None
-    assert normal == pytest.approx(rotated[:, 2], abs=1e-15)
-    assert groups_of(planar(FOUR_BAR, rotation_matrix=rotated)) == groups_of(planar(FOUR_BAR))
-    assert plane_normal(catalog.make("rssr").mechanism) is None
-    tilted = planar({"crank": FOUR_BAR["crank"], "A": FOUR_BAR["A"]})
-    slide = Joint(
-        "out", "prismatic", End("coupler", axis=(0.0, 1.0, 1e-6)), End("slider", axis=(0.0, 1.0, 1e-6))
-    )
-    nonplanar = Mechanism(
-        name="bent",
-        links=(*tilted.links, Link("slider")),
-        joints=(*tilted.joints, slide),
-        driver="crank",
-        points={},
-        guess={**tilted.guess, "slider": IDENTITY},
-    )
-    assert plane_normal(nonplanar) is None
 
 
 @pytest.mark.parametrize(

@@ -74,25 +74,6 @@ def test_the_velocity_image_is_similar_to_the_base_link():
         assert np.ptp(sides) <= 1e-12 * max(sides)
 
 
-def test_the_scale_gives_the_speed_of_the_crank_pin():
-    linkage = catalog.make("warp_knitter")
-    plan = velocity_plan(linkage, 2.0, 3.0)
-    first_plan, second_plan = plan.crank2_stopped, plan.crank1_stopped
-    assert first_plan.scale * np.linalg.norm(first_plan.vectors["a"]) == pytest.approx(
-        3.0 * linkage.crank1, rel=1e-14
-    )
-    assert second_plan.scale * np.linalg.norm(second_plan.vectors["d"]) == pytest.approx(
-        6.0 * linkage.crank2, rel=1e-14
-    )
-    assert (first_plan.stopped, first_plan.driver, second_plan.stopped, second_plan.driver) == (
-        "crank2",
-        "rod5",
-        "crank1",
-        "rod3",
-    )
-    assert {end for line in first_plan.lines for end in line} <= set(first_plan.vectors)
-
-
 def test_cranks_at_rest_give_plans_of_scale_zero():
     plan = velocity_plan(catalog.make("warp_knitter"), 0.6, 0.0)
     assert plan.crank2_stopped.scale == plan.crank1_stopped.scale == 0.0
