@@ -16,9 +16,7 @@ import structure
 GATES = {
     ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
     ("cli.simulate", "cli.scene_run"): "--ctrl",
-    ("cli.validate", "report.validation"): "--report, --plot",
-    ("cli.validate", "pictures.plots"): "--plot",
-    ("cli.validate", "pictures.plots.motion"): "--plot",
+    ("cli.validate", "report.validation"): "--report",
     ("cli.validate", "studies.reference"): "--reference",
     ("cli.export", "subjects.cam_files"): "--cam",
     ("studies.agreement.agreement", "studies.agreement.attribution"): "--against",

@@ -17,7 +17,7 @@ from mechsim.cli.earlier import ChangeJson, compared_with, earlier_checks
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json
-from mechsim.cli.output_paths import output_folder, plot_file
+from mechsim.cli.output_paths import output_folder
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
     findings_in_json,
@@ -67,7 +67,6 @@ class ValidateOptions:
         "own settings.",
     )
     formula: bool = option(True, "Whether to run the formulas that files name, which are Python code.")
-    plot: Annotated[str | None, plot_file("Draw the quantity farthest off with --against")] = None
     compare_to: str | None = option(
         None, "Also state what became better or worse since this output of --json.", metavar="EARLIER.json"
     )
@@ -182,8 +181,6 @@ def _validate(
         design = load_parametric(models[0], sets, driven, moving=False)
         _require_crank(stated, [design.make({})])
         return _against(design, chosen, folder, verbose)
-    if chosen.plot is not None:
-        raise InputError("--plot goes with --against; name what the model is compared with")
     names = list(models or catalog.MECHANISMS)
     names += list(gallery.files()) if chosen.whole_gallery or not models else []
     if driven_or_changed and len(names) != 1:
@@ -323,12 +320,6 @@ def _against(
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
     data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}
-    if chosen.plot is not None:
-        from mechsim.pictures import plots
-        from mechsim.pictures.plots.motion import agreement_plot
-        from mechsim.report.validation import worst_first
-
-        plots.write(chosen.plot, agreement_plot(worst_first(agreement)[0]))
     if folder is not None:
         from mechsim.report.validation import write_agreement_report
 

@@ -259,11 +259,18 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
     """
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
+    mechanism = agreement.solver.mechanism
+    rows: dict[str, Any] = {
+        "compared with": agreement.source,
+        "driven": ", ".join(mechanism.drivers),
+        "instants": len(agreement.evaluation),
+        "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
+    }
     section = Section(
         name=agreement.solver.name,
         title=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
-        facts=_agreement_facts(agreement),
+        facts=rows | explanations(agreement),
         picture=_picture(agreement.solver, agreement.evaluation.motion, notes),
         plots=[
             (f"{curves.name}: exact and claimed", _webp(plots.drawn(agreement_plot(curves), "png")))
@@ -306,17 +313,6 @@ def _curves(agreement: Agreement, i: int) -> TwoCurves:
         source=agreement.source,
         shares=shares,
     )
-
-
-def _agreement_facts(agreement: Agreement) -> dict[str, Any]:
-    mechanism = agreement.solver.mechanism
-    rows: dict[str, Any] = {
-        "compared with": agreement.source,
-        "driven": ", ".join(mechanism.drivers),
-        "instants": len(agreement.evaluation),
-        "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
-    }
-    return rows | explanations(agreement)
 
 
 def explanations(agreement: Agreement) -> dict[str, Any]:

@@ -34,7 +34,7 @@ COMMANDS = tuple(
         "view rssr -o out.html",
         "trace looper --starts 3000 -o out.csv",
         "sensitivity rssr --of P3 --tolerances crank=10um --samples 3000000 -o out.csv",
-        f"validate {SCENE} --drive crank=600rpm --duration 2 --plot out.svg",
+        f"validate {SCENE} --drive crank=600rpm --duration 2",
     )
 )
 

@@ -192,7 +192,22 @@ def written(
     image = Image.fromarray(picture)
     edge = letters(camera.resolution)
     occupied = _notes(image, camera, notes, instant, edge) if notes else []
-    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, occupied, stood)
+    # write names next to their points; coincident points share one
+    named = shared({name: camera.pixel(placement) for name, placement in labels.items()})
+    widths = [_font(edge).getlength(name) for name, _ in named]
+    before = [stood.get(name) for name, _ in named]
+    spots = placed(
+        [position for _, position in named],
+        widths,
+        1.1 * edge,
+        0.7 * clear * camera.scale + 0.3 * edge,
+        camera.resolution,
+        occupied,
+        before,
+    )
+    for (name, _), (spot, placement) in zip(named, spots, strict=True):
+        stood[name] = placement
+        _text(image, (spot.x_low, spot.y_high - 0.2 * edge), name, edge, "ls")
     return np.asarray(image)
 
 
@@ -205,27 +220,6 @@ def foot(resolution: tuple[int, int], lines: int) -> float:
     """Return the fraction of a picture's height that legend lines take, at most 0.4."""
     # above a margin and the line of the scale bar
     return min(0.4, (0.8 + 1.5 + LINE * lines) * letters(resolution) / resolution[1]) if lines else 0.0
-
-
-def _labels(
-    image: "Image.Image",
-    camera: Camera,
-    labels: dict[str, Array],
-    off: float,
-    edge: int,
-    occupied: Sequence[Rectangle],
-    stood: dict[str, Placement],
-) -> None:
-    """Write names next to their points; coincident points share one."""
-    named = shared({name: camera.pixel(placement) for name, placement in labels.items()})
-    widths = [_font(edge).getlength(name) for name, _ in named]
-    before = [stood.get(name) for name, _ in named]
-    spots = placed(
-        [position for _, position in named], widths, 1.1 * edge, off, camera.resolution, occupied, before
-    )
-    for (name, _), (spot, placement) in zip(named, spots, strict=True):
-        stood[name] = placement
-        _text(image, (spot.x_low, spot.y_high - 0.2 * edge), name, edge, "ls")
 
 
 def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edge: int) -> list[Rectangle]:
