@@ -338,7 +338,7 @@ class Canvas:
         current = 0.0
         if joint.a.link in guess and joint.b.link in guess:
             current = float(displacement(joint, guess[joint.a.link], guess[joint.b.link]))
-        driver = self.mechanism.driven_joints[0].b
+        driver = (*self.mechanism.driven_joints, *self.mechanism.joints)[0].b
         arms = [vector(end.point) for end in self.mechanism.ends(driver.link)]
         reach = 2.0 * max(float(np.linalg.norm(np.subtract(arm, driver.point))) for arm in arms)
         return current - reach, current + reach

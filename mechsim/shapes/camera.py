@@ -127,9 +127,9 @@ def directions(
 
 
 def _shaft(mechanism: Mechanism) -> Array:
-    """Return the normal of the plane of motion, else the axis of the first driver."""
+    """Return the normal of the plane of motion, else the axis of the first driver or joint."""
     normals = hinged_normals(mechanism)
-    return normals[GROUND] if normals else np.asarray(mechanism.driven_joints[0].a.axis)
+    return normals[GROUND] if normals else np.asarray((*mechanism.driven_joints, *mechanism.joints)[0].a.axis)
 
 
 def framed(

@@ -142,3 +142,12 @@ def test_the_comparison_in_the_air_rejects_another_weight(tmp_path):
 def test_a_rope_that_is_too_short_is_rejected(tmp_path):
     with pytest.raises(InputError, match=r"rope.gap starts at -0.1, beyond its stop at 0"):
         ms.dynamics.run(written(tmp_path, BALL), initial={"rope.gap.q": -0.1}, duration=0.1)
+
+
+def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
+    from mechsim.shapes.joints import link_shapes
+
+    path = written(tmp_path, BALL)
+    run = ms.dynamics.run(path, initial={"ball.v": 1}, duration=0.1, samples=4)
+    assert {*run.motion.links} == {"ball"}
+    assert link_shapes(load(path, still=True).mechanism)["ball"]

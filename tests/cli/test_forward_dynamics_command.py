@@ -221,7 +221,10 @@ def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys)
     (tmp_path / "pendulum.xml").write_text(
         """<mujoco><worldbody><body name="rod"><joint name="pivot" axis="0 1 0" armature="0.1"/>
         <geom type="capsule" size="0.01" fromto="0 0 0 0.3 0 0"/></body></worldbody>
-        <actuator><adhesion name="glue" body="rod" ctrlrange="0 1"/></actuator></mujoco>"""
+        <actuator><adhesion name="glue" body="rod" ctrlrange="0 1"/></actuator>
+        <tendon><fixed name="cord" limited="true" range="-1 1">
+        <joint joint="pivot" coef="1"/></fixed></tendon>
+        </mujoco>"""
     )
     arguments = [
         "dynamics",
@@ -236,7 +239,10 @@ def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys)
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in (0, None)
-    assert "left out of the dynamics: actuators glue" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "left out of the dynamics" in error
+    assert "actuators glue" in error
+    assert "limits of the tendons cord" in error
 
 
 def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):

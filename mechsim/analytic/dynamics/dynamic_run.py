@@ -39,6 +39,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import state_variable
 from mechsim.model.limits import Ranges, require_within
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
@@ -289,8 +290,11 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         )
         accelerations[:, which], driving[:, which] = dynamics.acceleration, dynamics.driving
         kinetic[which], potential[which] = dynamics.kinetic, dynamics.potential
+    motion, gaps = motion_of(equations, whole, accelerations, times), gaps_of(equations.model.mechanism)
+    # a gap has no body
+    links = {k: link for k, link in motion.links.items() if k.removeprefix(VIRTUAL_PREFIX) not in gaps}
     return DynamicRun(
-        motion=motion_of(equations, whole, accelerations, times),
+        motion=replace(motion, links=links),
         kinetic=kinetic,
         potential=potential,
         work=states[:, -2],

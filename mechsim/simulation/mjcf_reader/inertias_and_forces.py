@@ -150,9 +150,12 @@ def left_out_of_dynamics(model: mujoco.MjModel) -> list[str]:
     """Return the effects that MuJoCo simulates and the dynamics of this package omit, in a few words each."""
     others = [name for i, name in enumerate(actuator_names(model)) if _actuator(model, i, name) is None]
     tendons = bool(model.tendon_stiffness.any() or model.tendon_damping.any())
+    ropes = [str(model.tendon(t).name) or f"{t}" for t in np.flatnonzero(model.tendon_limited)]
     present = {
         "fluid": bool(model.opt.density or model.opt.viscosity),
         "springs and dampers of tendons": tendons,
+        f"limits of the tendons {listed(ropes)}": bool(ropes),
+        "friction of tendons": bool(model.tendon_frictionloss.any()),
         "gravity compensation": bool(model.body_gravcomp.any()),
         f"actuators {listed(others)}": bool(others),
     }
