@@ -13,6 +13,7 @@ from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
+from mechsim.model.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily
@@ -107,6 +108,9 @@ def fit(
     measured = measured_of(files.read(table), solver, table)
     speed = _crank_speed(options.speed, measured, solver)
     moved = MovedFamily(parametric, measured.angles, speed, Loading())
+    quantities = scalar_quantities([*single(measured.values, moved).values()], solver.mechanism)
+    timed = any(quantity.order or quantity.loaded for quantity in quantities)
+    stated.exclude(["speed"], "on measured positions", not timed)
     with progress("fit", None) as report:
         result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
     data = _as_dict(result, measured, output)

@@ -73,10 +73,6 @@ class AnimationOptions:
         if self.slow is not None:
             return self._slowed(duration, self.slow)
         if timed and not picture:
-            if self.turns != 1.0 or self.frames_per_turn is not None:
-                raise InputError(
-                    "--turns and --frames-per-turn apply to a crank without a motion law; leave them out"
-                )
             return max(1.0, self._slowed(duration, 1.0))
         # samples of a picture only define the paths; some of them are its positions
         if positions > 1:
@@ -143,7 +139,7 @@ def render(
     look = replace(look, **drawn_as(solver))
     notes.extend(without_geoms(solver, look.bodies))
     timed = not solver.motion_laws.crank
-    stated.exclude(["speed"], "under motion laws", timed)
+    stated.exclude(["speed", "turns", "frames_per_turn"], "under motion laws", timed)
     if animation.slow is None and not timed:
         unshown = ["speed"] if animation.method == "closed" and not look.arrows else []
         stated.exclude(unshown + ([] if path.suffix else ["fps"]), "without --slow")
@@ -253,7 +249,7 @@ def _written(
 def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look) -> None:
     """Raise InputError for options that exclude each other."""
     if output.endswith(".png"):
-        stated.exclude(["fps", "slow"], "on a picture")
+        stated.exclude(["fps", "slow", "frames_per_turn"], "on a picture")
         if look.overlay > 1:
             stated.exclude(["angle"], "with --positions, which show the whole motion")
     else:

@@ -111,10 +111,14 @@ def sweep(
     released = any(text.partition(":")[0] in RELEASED for text in options.measure)
     # --duration sets the duration of the runs
     duration = arguments.pop("duration") if released else None
-    subject, dimensions = swept_designs(source.model, changed_parameters(source.sets), **arguments)
+    changed = changed_parameters(source.sets)
+    subject, dimensions = swept_designs(source.model, changed, **arguments)
+    ranges = _ranges(options, subject, dimensions)
+    if twice := sorted({*ranges} & {*changed}):
+        raise InputError(f"--set {twice[0]} has no effect, since --vary varies it; leave it out")
     task = swept_task(
         subject,
-        _ranges(options, subject, dimensions),
+        ranges,
         options.measure,
         design=options.design,
         sample=options.sample,

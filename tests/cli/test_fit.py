@@ -51,6 +51,9 @@ def test_the_crank_speed_comes_from_the_table(fit, tmp_path):
     assert json.loads(out)["dimensions"]["coupler"]["value"] == pytest.approx(0.0913, rel=1e-9)
     code, out, err = fit(*arguments, "--speed", "600rpm")
     assert (code, "62.83 rad/s, but the crank of the table rotates at 31 rad/s" in err) == (2, True)
+    files.write_table(tmp_path / "angles.csv", {"angle": ANGLES, "rocker": motion.joints["rocker"].value})
+    code, out, err = fit("four_bar", "--to", "angles.csv", "--vary", "coupler", "--speed", "600rpm")
+    assert (code, "--speed has no effect" in err) == (2, True)
 
 
 @pytest.mark.long
