@@ -76,6 +76,8 @@ class EquilibriumJson(TypedDict):
     everywhere: bool
     potential: float
     modes: list[ModeJson]
+    # force of each stop in contact
+    stops: dict[str, float]
 
 
 class LoadCurveJson(TypedDict):
@@ -251,7 +253,10 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
             {True: "yes", False: "no", None: "undecided"}[equilibrium.stable],
             "yes" if equilibrium.reached else "no",
             number(equilibrium.potential),
-            ", ".join(_root_text(mode) for mode in equilibrium.modes),
+            ", ".join(
+                [f"stop of {name} presses with {number(force)}" for name, force in equilibrium.stops.items()]
+                + [_root_text(mode) for mode in equilibrium.modes]
+            ),
         )
         for equilibrium in solutions
     ]
@@ -293,6 +298,7 @@ def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
         "everywhere": equilibrium.everywhere,
         "potential": equilibrium.potential,
         "modes": [_mode_facts(mode) for mode in equilibrium.modes],
+        "stops": dict(equilibrium.stops),
     }
 
 

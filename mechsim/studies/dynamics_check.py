@@ -370,7 +370,8 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     at_rest = linear.equations.kinematics(linear.q, np.zeros((len(linear.q.values), 1)))
     links = motion_of(linear.equations, at_rest, at_rest.rates, np.zeros(1)).links
     try:
-        state = static_state(model.mechanism, model.forces, coordinates, links)
+        # with the forces of stops
+        state = static_state(model.mechanism, linear.equations.model.forces, coordinates, links)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     exact = linear.roots.values

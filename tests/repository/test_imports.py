@@ -96,7 +96,7 @@ REACHED = {
     "solve": 14300,
     "simulate": 23500,
     "validate": 26400,
-    "export": 27760,
+    "export": 27800,
     "check": 18600,
     "sample": 18600,
     "map": 19200,

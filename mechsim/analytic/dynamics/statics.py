@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.analytic.dynamics.contacts import CLOSED_GAP
 from mechsim.analytic.dynamics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
 from mechsim.analytic.dynamics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
@@ -31,9 +32,12 @@ from mechsim.analytic.dynamics.state_quantities import (
 )
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, FrictionError
+from mechsim.model.actuators import Actuator
 from mechsim.model.forces import Forces
-from mechsim.model.limits import require_count
-from mechsim.numerics.angles import wrapped
+from mechsim.model.limits import Ranges, require_count
+from mechsim.numerics.angles import REVOLUTION, wrapped
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
 
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
@@ -64,6 +68,8 @@ class Equilibrium:
         everywhere: whether every configuration of the search is an equilibrium, as without loads.
         singular: whether the mechanism has more degrees of freedom there than next to it: small motions about
             it are not linear, and it is neither stable nor unstable by its linear model.
+        stops: coordinate at a limit -> force of its stop on it, in [N m] or [N], which is part of the linear
+            model; empty for an equilibrium without a stop.
     """
 
     q: Mapping[str, float]
@@ -75,6 +81,7 @@ class Equilibrium:
     dimension: int = 0
     everywhere: bool = False
     singular: bool = False
+    stops: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def equilibria(
@@ -93,7 +100,8 @@ def equilibria(
     configuration, and at `starts` others, each a random step along the motion from the one before; without
     loops also at ten random configurations. Both also start at `assemblies` random configurations that close
     the loops in any assembly mode. Coulomb friction is ignored; loads over time have their value at time
-    zero. If every configuration of the search is an equilibrium, the initial one is returned.
+    zero. If every configuration of the search is an equilibrium, the initial one is returned. Equilibria
+    beyond limits of joints are left out; with one degree of freedom, those at a stop that presses are added.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -109,7 +117,8 @@ def equilibria(
 
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
     """
-    equations, initial_q = prepared_equations(source, forces, initial or {})
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    equations, initial_q = prepared_equations(model, None, initial or {})
     for name, count in (("starts", starts), ("assemblies", assemblies)):
         require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
     solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
@@ -117,8 +126,63 @@ def equilibria(
         require_regular(equations, initial_q, np.zeros_like(initial_q.values))
         dof = independent_rates(equations, initial_q).shape[1]
         return (_described(equations, RestingState(initial_q, True, dof, False), everywhere=True),)
+    ranges = getattr(model.solver, "ranges", {})
     described = [_described(equations, each) for each in distinct(equations, solutions)]
+    described = [each for each in described if _within(model, each.q, ranges)]
+    if ranges and independent_rates(equations, initial_q).shape[1] == 1:
+        described += _at_stops(model, equations, initial_q, ranges)
     return tuple(sorted(described, key=lambda equilibrium: equilibrium.potential))
+
+
+def _within(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> bool:
+    """Whether coordinates, angles up to whole revolutions, are within the ranges that they have."""
+    for name, (low, high) in ranges.items():
+        if name in q:
+            slides = model.mechanism.unit(name) == "m"
+            slack = CLOSED_GAP * (model.mechanism.characteristic_length if slides else 1.0)
+            value = q[name] if slides else low - slack + (q[name] - low + slack) % REVOLUTION
+            if not low - slack <= value <= high + slack and np.isfinite(value):
+                return False
+    return True
+
+
+def _at_stops(
+    model: DynamicModel, equations: EquationsOfMotion, start: Coordinates, ranges: Ranges
+) -> Iterator[Equilibrium]:
+    """Yield the equilibria on the curve of assemblies through a start at limits whose stop presses."""
+    curve, tree = curve_through(equations, start), equations.loops.tree
+    intervals = np.arange(len(curve.lengths))
+    ends = curve.configurations(intervals, curve.lengths)
+    sides = [(name, *end) for name, limits in ranges.items() for end in zip(limits, (-1.0, 1.0), strict=True)]
+    for name, limit, side in sides:
+        index = tree.index_of.get(name)
+        if index is None or not abs(limit) < np.inf:
+            continue
+
+        def beyond(q: Coordinates, index: int = index, limit: float = limit) -> Array:
+            away = q.values[index] - limit
+            return away if tree.slides[index] else wrapped(away)
+
+        first, last = beyond(curve.q), beyond(ends)
+        # an angle jumps by a revolution opposite the limit
+        for k in np.flatnonzero(((first > 0.0) != (last > 0.0)) & (np.abs(first - last) < np.pi)):
+            interval = intervals[k : k + 1]
+            length = root(
+                lambda u, interval=interval: float(beyond(curve.configurations(interval, np.array([u])))[0]),
+                0.0,
+                float(curve.lengths[k]),
+            )
+            q = curve.configurations(interval, np.array([length]))
+            state = equations.kinematics(q, np.zeros((tree.count, 1)))
+            none = np.zeros(len(equations.frictions))
+            force = float(equations.accelerate(state, np.zeros(1), none, (), [index]).contact[0, 0])
+            force /= float(equations.loops.units[index])
+            if force * side < 0.0 and _within(model, _coordinates(equations, q), ranges):
+                stop = Actuator(f"stop of {name}", {name: 1.0}, bias=(force, 0.0, 0.0))
+                forces = replace(model.forces, actuators=(*model.forces.actuators, stop))
+                balanced = replace(equations, model=model.with_forces(forces))
+                at_stop = _described(balanced, RestingState(q, True, 0, False))
+                yield replace(at_stop, stable=True, modes=(), stops={name: force})
 
 
 def _searched(
@@ -324,7 +388,8 @@ def prepared_equations(
     """Return the equations of motion of a mechanism and its initial configuration."""
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial)
-    equations = equations_of_motion(model, values.coordinates)
+    limited = dict.fromkeys(getattr(model.solver, "ranges", {}), 0.0)
+    equations = equations_of_motion(model, {**limited, **values.coordinates})
     q, rates = initial_state(equations, values)
     return with_determined_motion(equations, q, rates)[0], q
 
