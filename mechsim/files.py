@@ -26,6 +26,12 @@ from mechsim.numerics.resources import require_memory
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
 
+
+def is_table(text: str) -> bool:
+    """Whether a text is the name of a file with a table."""
+    return text.strip().lower().endswith(EXTENSIONS)
+
+
 # memory in bytes per byte of a text file, and per byte of an unpacked table, whose numbers can have one byte
 TEXT_MEMORY_FACTOR, TABLE_MEMORY_FACTOR = 10.0, 10.0
 SHORTER = "give a shorter table"

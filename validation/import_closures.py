@@ -14,6 +14,18 @@ import structure
 
 # (module, imported module) -> what asks for the import
 GATES = {
+    ("subjects.toml_reader", "subjects.toml_forces"): "forces in TOML",
+    ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
+    ("subjects.scene_findings", "simulation.findings"): "a MODEL in MJCF",
+    ("simulation.source", "simulation.mjcf_reader.fixed_bodies"): "locked joints",
+    ("simulation.source", "simulation.mjcf_reader.parsed_file"): "a keyframe",
+    ("subjects.mjcf_source", "subjects.requested_start"): "--start",
+    ("subjects.prescription", "subjects.requested_start"): "--start",
+    ("subjects.prescription", "subjects.law_text"): "--drive",
+    ("subjects.prescription", "subjects.pose_drivers"): "--drive",
+    ("subjects.prescription", "analytic.loops.rounded_geometry"): "a mechanism without formulas",
+    ("subjects.readers", "subjects.pose_drivers"): "drivers with motion laws",
+    ("subjects.toml_coordinates", "subjects.law_text"): "motion laws in TOML",
     ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
     ("cli.simulate", "cli.scene_run"): "--ctrl",
     ("cli.validate", "report.validation"): "--report",
@@ -33,7 +45,6 @@ GATES = {
     ("subjects.toml_reader", "model.belts"): "belts in TOML",
     ("subjects.toml_reader", "subjects.toml_curves"): "curves or cams in TOML",
     ("subjects.toml_reader", "subjects.toml_backlash"): "backlash of joints in TOML",
-    ("subjects.mjcf_source", "simulation.findings"): "a MODEL in MJCF",
 }
 # commands of the core, and those that only read MuJoCo models
 COMMANDS = ("list", "show", "solve", "simulate", "validate", "export", "check", "sample", "map")

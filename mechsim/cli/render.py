@@ -38,7 +38,7 @@ from mechsim.pictures.render.frame_poses import (
 from mechsim.studies.drawn_motion import MAX_SAMPLES, drawn_motion, joint_loads
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
-from mechsim.studies.scene.published_run import runs_as_published
+from mechsim.studies.scene.own_settings import runs_as_published
 from mechsim.units import crank_speed, option, parse_angle
 
 # duration of the animation of one cycle of a mode in [s]

@@ -22,12 +22,12 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.cli.verdict_text import findings_in_json, print_findings
+from mechsim.cli.verdict_text import findings_in_json, kind, print_findings
 from mechsim.model.finding import Finding
 from mechsim.model.joints import Coupling, Joint
-from mechsim.report.facts import facts, kind
+from mechsim.report.facts import facts
 from mechsim.subjects import gallery
-from mechsim.subjects.mjcf_source import scene_findings
+from mechsim.subjects.scene_findings import scene_findings
 from mechsim.theory.assur import AssurGroup
 from mechsim.units import option, parse_angle
 

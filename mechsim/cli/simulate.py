@@ -34,7 +34,7 @@ from mechsim.simulation.run import simulate as run_in_mujoco
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
 from mechsim.studies.motions import driven_as
 from mechsim.subjects.driver_positions import Poses, driver_path
-from mechsim.subjects.mjcf_source import scene_findings
+from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option, parse_length, parse_time
 
 # options without an effect on a file that is stepped under controls

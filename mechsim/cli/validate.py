@@ -35,8 +35,8 @@ from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.subjects import catalog, gallery, reference_data
 from mechsim.subjects.formula_file import with_formulas
-from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
+from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Check, Verdict
 

@@ -511,3 +511,18 @@ def compiled(text: str, names: Iterable[str]) -> Expression:
         raise InputError("has no value that is a finite real number") from None
     names = tuple(dict.fromkeys(name for name in used if name != "pi"))
     return Expression(text, names, instructions_of(tree, {}))
+
+
+# possible variables of an expression
+VARIABLES = {
+    "t": "the time in s",
+    "angle": "the crank's in rad",
+    "l": "the length",
+    "v": "its rate",
+}
+_VARIABLE = re.compile(rf"(?<![\w.])({'|'.join(VARIABLES)})(?!\w)")
+
+
+def variables(text: str) -> list[str]:
+    """Return the variables in a text: t, angle."""
+    return sorted(set(_VARIABLE.findall(text)))

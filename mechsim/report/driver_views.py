@@ -35,7 +35,7 @@ from mechsim.pictures.view.pose_grid import (
 )
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.release import Release
-from mechsim.studies.scene.published_run import runs_as_published
+from mechsim.studies.scene.own_settings import runs_as_published
 
 # of a motion with twice the samples: what the page holds, and some between to measure its error at
 SHOWN, MIDDLES = slice(None, None, 2), slice(1, None, 12)

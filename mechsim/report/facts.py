@@ -1,7 +1,6 @@
 """Properties of a mechanism for `mechsim show` and the report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
 from mechsim.model.belts import belts_of
 from mechsim.model.force_record import ForceRecord, Reaction
-from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -112,28 +110,6 @@ def about(solver: KinematicSolver) -> str:
         return solver.closed_form.declared.about
     path = None if solver.source is not None else gallery.files().get(solver.name)
     return "" if path is None else head_comment(str(path))
-
-
-def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
-    """Return the type of a mechanism: planar or spatial, links, degrees of freedom, range of the crank.
-
-    Args:
-        solver: the mechanism.
-        dofs: its degrees of freedom, if they differ from the number of drivers.
-    """
-    mechanism = solver.mechanism
-    drivers = len(mechanism.drivers)
-    words = [
-        "spatial" if hinged_normals(mechanism) is None else "planar",
-        f"{len(mechanism.links) + 1} links",
-        f"{drivers if dofs is None else dofs} DOF",
-    ]
-    if dofs not in (None, drivers):
-        words.append(several(drivers, "driver"))
-    elif solver.motion_laws.crank and mechanism.has_crank:
-        with suppress(SingularStartError):
-            words.append("full rotation" if solver.crank_range().full else "limited rotation")
-    return ", ".join(words)
 
 
 def _mobility(solver: KinematicSolver) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.state import FREE, SCALAR, limited_joints, scalar_joints
 
 if TYPE_CHECKING:
-    from mechsim.simulation.mjcf_reader import MujocoInput
+    from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
 # largest step of a driver on the path from the reference, in [rad] or characteristic lengths
 DRIVER_STEP = 0.1

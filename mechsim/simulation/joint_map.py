@@ -29,7 +29,7 @@ from mechsim.simulation.mjcf_reader.pose_chains import site_or_body
 from mechsim.simulation.state import HINGE, SLIDE, cross_matrices, mass_matrix
 
 if TYPE_CHECKING:
-    from mechsim.simulation.mjcf_reader import MujocoInput
+    from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12

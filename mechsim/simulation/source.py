@@ -24,9 +24,7 @@ from mechsim.simulation.equality_rows import CouplingConstraint
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.generator import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
-from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
-from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.follow import move_drivers
@@ -111,7 +109,11 @@ def _from_source(
     if isinstance(model, Mechanism):
         follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
         return from_mechanism(model, spec, points, follows_laws=follows_laws)
-    start = None if key is None else initial_qpos(spec.modelname, compiled(spec.copy()), key)
+    start = None
+    if key is not None:
+        from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
+
+        start = initial_qpos(spec.modelname, compiled(spec.copy()), key)
     return _custom_model(spec, points, CRANK if drivers is None else drivers, holds or {}, start)
 
 
@@ -148,7 +150,10 @@ def _custom_model(
     start: Array | None,
 ) -> ClosedModel:
     """Return a custom model with locked joints, in the closed state nearest to its initial state."""
-    spec, holds, start = without_locked_bodies(spec, holds, start)
+    if holds:
+        from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
+
+        spec, holds, start = without_locked_bodies(spec, holds, start)
     if holds:
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)

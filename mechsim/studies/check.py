@@ -15,8 +15,9 @@ from mechsim.simulation.findings.rules import (
     violations,
 )
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
-from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 from mechsim.simulation.mjcf_reader.file_text import root_of
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
+from mechsim.simulation.mjcf_reader.reading import read_model
 from mechsim.studies.robots.mujoco_models import mujoco_spec, rounded_angle
 from mechsim.subjects.mjcf_source import mujoco_input, with_nearest_assembly
 

@@ -12,7 +12,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motions import driven_as, simulated
-from mechsim.studies.scene.published_run import published_motion, runs_as_published
+from mechsim.studies.scene.own_settings import published_motion, runs_as_published
 
 # largest number of samples of a picture or video
 MAX_SAMPLES = 100_000

@@ -33,10 +33,10 @@ from mechsim.studies.agreement.agreement import (
     parametric,
 )
 from mechsim.studies.motions import profile_of, simulated
-from mechsim.studies.scene.published_run import PublishedRun, published_run
+from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.subjects.formula_file import with_formulas
-from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import parametric_model as dimension_family
+from mechsim.subjects.scene_findings import scene_findings
 from mechsim.verdict.checks import (
     Check,
     Verdict,
@@ -238,6 +238,8 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
         except BudgetError as error:
             verdicts["step"] = Verdict("failed", (), str(error))
         if solver.source is not None:
+            from mechsim.studies.scene.own_settings import published_run
+
             published, own = published_run(solver, profile), own_tolerance(solver.mechanism, tolerance)
             findings = by_severity(*(findings or ()), published.finding(own.value))
             if published.run or tolerance is not None:

@@ -5,13 +5,14 @@ import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeGuard
 
 import numpy as np
 
 from mechsim import files, units
 from mechsim.errors import InputError
+from mechsim.files import is_table
 from mechsim.model.expressions import (
+    VARIABLES,
     Evaluator,
     Expression,
     Instruction,
@@ -20,6 +21,7 @@ from mechsim.model.expressions import (
     instructions_of,
     parse_expression,
     unit_powers,
+    variables,
     without_time,
 )
 from mechsim.model.forces import Forces
@@ -37,13 +39,6 @@ _QUANTITY = re.compile(_NUMBER + r"\s*((?:[^\W\d_]|°)+)(?![\w(]|\s*\()")
 _PLACEHOLDER = "quantity_{}_"
 # units allowed in an expression
 _UNITS = ("m", "rad", "s", "N", "N m")
-# possible variables of an expression
-VARIABLES = {
-    "t": "the time in s",
-    "angle": "the crank's in rad",
-    "l": "the length",
-    "v": "its rate",
-}
 
 
 @dataclass(frozen=True)
@@ -306,7 +301,6 @@ def read_column(path: str, name: str, axes: Sequence[str], expected: str) -> tup
 
 
 _AXES: dict[str, Over] = {"t": "time", "time": "time", "angle": "angle"}
-_VARIABLE = re.compile(rf"(?<![\w.])({'|'.join(VARIABLES)})(?!\w)")
 
 
 @dataclass(frozen=True)
@@ -348,21 +342,6 @@ class WrittenLoad:
             else (Instruction("number", component.text),)
             for component in self.components
         )
-
-
-def variables(text: str) -> list[str]:
-    """Return the variables in a text: t, angle."""
-    return sorted(set(_VARIABLE.findall(text)))
-
-
-def is_profile(value: object) -> TypeGuard[str]:
-    """Whether a value is text with a load over time or crank angle."""
-    return isinstance(value, str) and (is_table(value) or bool(variables(value)))
-
-
-def is_table(text: str) -> bool:
-    """Whether a text is the name of a file with a table."""
-    return text.strip().lower().endswith(files.EXTENSIONS)
 
 
 def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, float]) -> LoadComponent:

@@ -18,15 +18,15 @@ from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.finding import HARMLESS, Finding
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, against
-from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
+from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription, file_reader
-from mechsim.subjects.requested_start import started_near
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
-    from mechsim.simulation.mjcf_reader import MjcfModel, MujocoInput
+    from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
+    from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
             return None
     elif type(closed).__name__ not in ("UrdfFile", "MjSpec", "MjModel"):
         return None
-    from mechsim.simulation.mjcf_reader import read_model
+    from mechsim.simulation.mjcf_reader.reading import read_model
 
     with suppress(MechsimError):
         return _with_exact_angles(closed, corrected(read_model(closed, lint=True).mechanism))
@@ -144,7 +144,8 @@ def read_mjcf(
         InputError: for models that MuJoCo rejects, or an unknown joint, keyframe or point; one line.
         AssemblyError: where a joint cannot reach the value at which it is locked.
     """
-    from mechsim.simulation.mjcf_reader import model_label, read_model
+    from mechsim.simulation.mjcf_reader.parsed_file import model_label
+    from mechsim.simulation.mjcf_reader.reading import read_model
 
     values = {
         name: _parser(name, value) if isinstance(value, str) else value
@@ -172,7 +173,12 @@ def read_mjcf(
         model = read(_with_exact_angles(source, exact))
         exact = corrected(model.mechanism, MAX_ANGLE)
     # pictures of a scene without gravity have z up, too
-    initial = _started(model, started_near(exact.mechanism, start or {}))
+    mechanism = exact.mechanism
+    if start:
+        from mechsim.subjects.requested_start import started_near
+
+        mechanism = started_near(mechanism, start)
+    initial = _started(model, mechanism)
     if initial.note or start:
         model = replace(model, qpos=_state(model, initial.mechanism))
     mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
@@ -233,7 +239,7 @@ def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":
 def _state(model: "MjcfModel", mechanism: Mechanism) -> Array:
     """Return the initial state of a model whose mechanism starts in its guess, (nq,)."""
     from mechsim.simulation.mjcf import compiled
-    from mechsim.simulation.mjcf_reader import states_of
+    from mechsim.simulation.mjcf_reader.reading import states_of
 
     values = {name: np.array([value]) for name, value in mechanism.guess_coordinates.items()}
     links = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in mechanism.guess.items()}
@@ -289,20 +295,3 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
         name: float(motion.joints[name].value[0]) for name in guess_coordinates if name in motion.joints
     }
     return replace(mechanism, guess=poses, guess_coordinates=guess_coordinates | locked)
-
-
-def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
-    """Return the findings in an MJCF file, the most severe first; None for any other mechanism.
-
-    Args:
-        solver: the mechanism.
-        laws: motion laws of the drivers; the default is those of the mechanism.
-    """
-    if solver.source is None:
-        return None
-    # MuJoCo is loaded for MJCF files only
-    from mechsim.simulation.findings import findings
-    from mechsim.simulation.mjcf import quiet
-
-    with quiet():
-        return findings(solver.source, laws or solver.motion_laws)

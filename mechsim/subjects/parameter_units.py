@@ -6,9 +6,8 @@ from typing import Any
 
 from mechsim.errors import InputError
 from mechsim.model.expressions import parse_expression
-from mechsim.subjects.law_text import is_profile
 from mechsim.subjects.toml_keys import ROOT, AnyOf, KeyType, ListOf, Number, Profile, Table, TableOf
-from mechsim.subjects.toml_values import TomlSource, is_quantity, shown
+from mechsim.subjects.toml_values import TomlSource, is_profile, is_quantity, shown
 from mechsim.units import Unit, of_any_kind
 
 # the units that a file can choose; numbers in other units are in SI

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechsim import units
 from mechsim.analytic.loops.mobility import undetermined_joints
-from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.analytic.loops.start import closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
@@ -19,13 +19,13 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws, steady
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.inputs import number
-from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.model_source import ModelSource, Prescription
-from mechsim.subjects.pose_drivers import with_pose_drivers
-from mechsim.subjects.requested_start import started_near
 from mechsim.subjects.toml_coordinates import FileMotionLaw
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit, WrittenUnits
+
+if TYPE_CHECKING:
+    from mechsim.subjects.law_text import Start
 
 # duration of motion laws in [s] if no table ends and no file states one
 DEFAULT_DURATION = 1.0
@@ -76,14 +76,11 @@ def prescribed_solver(
     elif solver.closed_form is None:
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
-        solver = solver.with_mechanism(started_near(solver.mechanism, prescription.start, solver.written))
+        solver = _at_requested_start(solver, prescription.start)
         if assembled:
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
-            exact = corrected(solver.mechanism)
-            start = closed_start(exact.mechanism)
-            facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
-            solver = solver.with_mechanism(start.mechanism, facts=facts)
+            solver = _assembled(solver)
         if not prescription.still and (turning := _turning_balls(solver.mechanism)) is not None:
             law: dict[str, State] = {turning.drivers[0]: steady(0.0, REVOLUTION)}
             fact = (
@@ -93,6 +90,25 @@ def prescribed_solver(
             laws, facts = make_motion_laws(turning, law, DEFAULT_DURATION), (*solver.facts, fact)
             return solver.with_mechanism(turning, motion_laws=laws, facts=facts)
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
+
+
+def _at_requested_start(solver: KinematicSolver, start: Mapping[str, str | float]) -> KinematicSolver:
+    """Return a solver in the assembly nearest to requested values of joints."""
+    if not start:
+        return solver
+    from mechsim.subjects.requested_start import started_near
+
+    return solver.with_mechanism(started_near(solver.mechanism, start, solver.written))
+
+
+def _assembled(solver: KinematicSolver) -> KinematicSolver:
+    """Return a solver whose loops close at its start, with what was moved for it."""
+    from mechsim.analytic.loops.rounded_geometry import corrected
+
+    exact = corrected(solver.mechanism)
+    start = closed_start(exact.mechanism)
+    facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
+    return solver.with_mechanism(start.mechanism, facts=facts)
 
 
 def written_guess(source: ModelSource) -> Mapping[str, Pose]:
@@ -139,7 +155,11 @@ def _with_prescription(
         raise InputError(
             f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
         )
-    mechanism = with_pose_drivers(solver.mechanism, prescription.drive)
+    mechanism = solver.mechanism
+    if any("." in name for name in prescription.drive):
+        from mechsim.subjects.pose_drivers import with_pose_drivers
+
+        mechanism = with_pose_drivers(mechanism, prescription.drive)
     if prescription.track:
         mechanism = replace(
             mechanism,
@@ -197,10 +217,12 @@ def _no_start() -> float:
     raise _NeedsStartError
 
 
-def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: Start, written: WrittenUnits) -> State:
+def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: "Start", written: WrittenUnits) -> State:
     """Return the parsed motion law of a driver."""
     unit = mechanism.unit(name)
     if isinstance(law, str):
+        from mechsim.subjects.law_text import parse_motion_law
+
         return parse_motion_law(law, name, unit, start, declared=written.declared(unit))
     return law.parse(name, unit, start) if isinstance(law, FileMotionLaw) else law
 
@@ -243,10 +265,11 @@ def duration_of(requested: float | None, stated: float | None, states: Mapping[s
         stated: duration in the file; None if it has none.
         states: motion laws of the drivers.
     """
-    ends = {
-        name: state.end_time
+    ends: dict[str, float] = {
+        name: end
         for name, state in states.items()
-        if isinstance(state, MotionLaw) and state.end_time is not None
+        # of a motion law by text
+        if (end := getattr(state, "end_time", None)) is not None
     }
     if requested is None:
         requested = stated if stated is not None else min(ends.values(), default=DEFAULT_DURATION)

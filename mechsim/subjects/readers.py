@@ -23,7 +23,6 @@ from mechsim.subjects.model_source import (
     file_reader,
     object_reader,
 )
-from mechsim.subjects.pose_drivers import is_pose_driven, motor_laws
 from mechsim.subjects.prescription import prescribed_solver, written_guess
 from mechsim.subjects.python_object import GivenObject
 
@@ -146,7 +145,11 @@ def load_by_motors(
     """
     source = open_model(model)
     solver = load(source, set, **options)
-    if solver.motion_laws.crank or not is_pose_driven(solver.mechanism):
+    if solver.motion_laws.crank:
+        return solver
+    from mechsim.subjects.pose_drivers import is_pose_driven, motor_laws
+
+    if not is_pose_driven(solver.mechanism):
         return solver
     undriven: dict[str, Any] = options | {"drive": None, "duration": None, "still": True}
     laws = motor_laws(solver, load(source, set, **undriven).mechanism)

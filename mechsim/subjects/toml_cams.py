@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import read
+from mechsim.files import is_table, read
 from mechsim.model.cams import PERIODIC, Cam, LiftLaw, SegmentedLaw
 from mechsim.model.contacts import Contact
 from mechsim.model.coupling_functions import TabledFunction
 from mechsim.model.joints import Coupling
 from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects.law_text import is_table
 from mechsim.subjects.toml_values import KeyPath, Values, written_function
 
 # follower -> lengths that it has besides the base radius, and those that it may have

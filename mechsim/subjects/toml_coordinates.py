@@ -2,20 +2,22 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import read
+from mechsim.files import is_table, read
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Belt, Coupling, Gear, state_variable
 from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
 from mechsim.subjects.toml_values import KeyPath, Values, suggestion, written_function
 from mechsim.units import Unit
+
+if TYPE_CHECKING:
+    from mechsim.subjects.law_text import MotionLaw, Start
 
 # excess of a rope over its path that is rounding, relative to their lengths
 SLACK = 1e-12
@@ -270,8 +272,10 @@ class FileMotionLaw:
     text: str
     path: KeyPath
 
-    def parse(self, name: str, unit: str, start: Start) -> MotionLaw:
+    def parse(self, name: str, unit: str, start: "Start") -> "MotionLaw":
         """Return the motion law, as `parse_motion_law`."""
+        from mechsim.subjects.law_text import parse_motion_law
+
         values = self.coordinates.values
         text = values.source.sibling(self.text) if is_table(self.text) else self.text
         with values.source.error_context(self.path):

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mechsim.errors import InputError
+from mechsim.files import is_table
 from mechsim.model.forces import (
     WEIGHT,
     Couple,
@@ -19,7 +20,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.model.nonlinear_springs import NonlinearSpring
-from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
+from mechsim.subjects.law_text import LoadComponent, combine_components, parse_component
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
 from mechsim.subjects.toml_motors import actuators_of, expression_controllers

@@ -26,7 +26,6 @@ from mechsim.subjects.toml_coordinates import (
     motion_laws_of,
     start_of,
 )
-from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
 from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, shown, values_of
@@ -85,18 +84,24 @@ class TomlModel(ModelSource):
         with source.error_context(()):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
             mechanism = replace(mechanism_of(coordinates, drivers, added), contacts=contacts)
-        require_pitch_points(source, mechanism, read)
         limits = limits_of(coordinates)
+        forces, facts = None, ()
+        if limits.stops or has_forces(read):
+            from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
+
+            require_pitch_points(source, mechanism, read)
+            forces = forces_of(values, mechanism, read, limits.stops)
+            facts = implausible_lengths(values, mechanism)
         solver = KinematicSolver(
             mechanism,
             parameters=values.parameters,
             formula=formula_path(source, read.get("formula", {}).get("python", "")),
-            forces=forces_of(values, mechanism, read, limits.stops),
+            forces=forces,
             initial=initial_of(coordinates),
             ranges=limits.ranges,
             restitution=limits.restitution,
             written=WrittenUnits(values.length, values.angle),
-            facts=implausible_lengths(values, mechanism),
+            facts=facts,
         )
         duration = read.get("duration")
         if duration is not None and not duration > 0.0:
@@ -123,6 +128,13 @@ class TomlModel(ModelSource):
                 else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
             )
         return Parameters(dimensions, parameter_dependencies(document))
+
+
+def has_forces(read: Mapping[str, Any]) -> bool:
+    """Whether a file has forces, friction of joints, or teeth."""
+    joints, couplings = (read.get(table, {}).values() for table in ("joints", "couplings"))
+    teeth = any("pressure_angle" in coupling for coupling in couplings)
+    return "forces" in read or teeth or any("friction" in joint for joint in joints)
 
 
 def has_curves(document: Mapping[str, Any]) -> bool:

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 from mechsim.errors import InputError
-from mechsim.files import read
+from mechsim.files import is_table, read
 from mechsim.model.coupling_functions import TabledFunction
 from mechsim.model.forces import Location, Spring, located
 from mechsim.model.links import ORIGIN
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
-from mechsim.subjects.law_text import is_table, python_expression, quantity, time_function
+from mechsim.subjects.law_text import python_expression, quantity, time_function
 from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
 from mechsim.units import Unit
 

@@ -13,10 +13,10 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
+from mechsim.files import is_table
 from mechsim.model.coupling_functions import WrittenFunction
-from mechsim.model.expressions import FUNCTIONS, evaluate_number
+from mechsim.model.expressions import FUNCTIONS, evaluate_number, variables
 from mechsim.numerics.inputs import HUGE, number
-from mechsim.subjects.law_text import is_profile
 from mechsim.subjects.toml_keys import (
     ROOT,
     AnyOf,
@@ -398,3 +398,8 @@ def _fits(key: KeyType, value: Any) -> bool:
             return any(_fits(alternative, value) for alternative in alternatives)
         case _:
             return isinstance(value, dict)
+
+
+def is_profile(value: object) -> TypeGuard[str]:
+    """Whether a value is text with a load over time or crank angle."""
+    return isinstance(value, str) and (is_table(value) or bool(variables(value)))

@@ -20,7 +20,7 @@ from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf import compiled, to_xml
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 from mechsim.studies.scene.exact_closure import exact_closure
 from mechsim.theory.continuation.free_loops import free_loops
 from mechsim.theory.continuation.mechanism_trace import CurveSearch

@@ -10,7 +10,7 @@ import mechsim as ms
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import AssemblyError, MobilityError
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 from mechsim.subjects.mjcf_source import read_mjcf
 
 # collinear joints, as in hand-written files: the residual acts along the line and rotates nothing

@@ -8,9 +8,9 @@ from model_files import model_text
 from mechsim.errors import InputError
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, VIRTUAL_PREFIX
-from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_reader.file_errors import MAX_DEPTH
 from mechsim.simulation.mjcf_reader.kinematic_tree import kinematic_tree, poses
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 # every kind of joint, several on one body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is

@@ -11,7 +11,7 @@ import mechsim as ms
 from mechsim.cli import main
 from mechsim.cli.schema import output_schema
 from mechsim.studies.drawn_motion import drawn_motion
-from mechsim.studies.scene.published_run import published_scene
+from mechsim.studies.scene.own_settings import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of
 from tests.valid_scene import changed

@@ -8,7 +8,7 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.mobility import driver_determinacy
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 # a ram and two links of equal lengths, which are folded onto each other at length 0
 LEG = model_text("folded_start_leg.xml")

@@ -9,9 +9,10 @@ from mechsim.cli import main
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion_laws import steady
 from mechsim.report.facts import facts
-from mechsim.simulation.mjcf_reader import states_of
-from mechsim.subjects.mjcf_source import read_mjcf, scene_findings
+from mechsim.simulation.mjcf_reader.reading import states_of
+from mechsim.subjects.mjcf_source import read_mjcf
 from mechsim.subjects.readers import load
+from mechsim.subjects.scene_findings import scene_findings
 
 # five bars in an inclined plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites with an
 # initial loop-closure error of 3 mm; one crank has another zero

@@ -25,7 +25,7 @@ from mechsim.errors import MechsimError
 from mechsim.simulation.closed_configurations import compiled_model
 from mechsim.simulation.findings.inspected import Inspected, driver_swing
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robustness"))
 from scene_findings import FACTOR, RATES, stepped_gap

@@ -25,7 +25,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf_reader import states_of
+from mechsim.simulation.mjcf_reader.reading import states_of
 from mechsim.subjects.mjcf_source import read_mjcf
 
 # samples; tolerance; allowed multiple of the correction of a file whose dimensions contradict each other

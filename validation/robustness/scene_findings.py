@@ -25,7 +25,8 @@ from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_sw
 from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
 from mechsim.simulation.findings.rules import BY_KIND, violations
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf_reader import MjcfModel, read_model
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 Spec = mujoco.MjSpec
 CONNECT = mujoco.mjtEq.mjEQ_CONNECT

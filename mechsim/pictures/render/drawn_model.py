@@ -26,8 +26,8 @@ from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 
 ROUND: Mapping[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",

@@ -22,8 +22,8 @@ from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf.included_files import included_lines
-from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON, WELD, is_readable
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile

@@ -15,9 +15,9 @@ from mechsim.simulation.findings.inspected import Inspected, loop_rank
 from mechsim.simulation.findings.rule_table import BY_KIND, with_severity
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf.edited_text import EditedText, equality_elements, set_options
-from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.state import limited_joints
 
 # number of random configurations that test the limits of passive joints, and the seed

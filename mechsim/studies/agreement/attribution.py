@@ -19,7 +19,7 @@ from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.misfit import Scales, candidate_errors
 from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.errors import cubic_interpolation
-from mechsim.studies.scene.published_run import published_scene
+from mechsim.studies.scene.own_settings import published_scene
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 

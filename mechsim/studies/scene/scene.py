@@ -15,10 +15,10 @@ from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
-from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names, did_you_mean, listed
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_in_scene
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scene.exact_closure import ASSEMBLED, ExactClosure, exact_closure
 

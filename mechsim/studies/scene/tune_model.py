@@ -23,7 +23,7 @@ from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet, to_xml
 from mechsim.simulation.mjcf.edited_text import EditedText, put_comment
 from mechsim.simulation.mjcf.joints import CRANK
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 from mechsim.simulation.plain_settings import ALLOWABLE, settings_of
 from mechsim.simulation.source import from_mechanism
 from mechsim.studies.budget import Budget

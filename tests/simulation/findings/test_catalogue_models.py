@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mechsim.simulation.findings import findings
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 MODELS = Path(__file__).parents[3] / "models"
 

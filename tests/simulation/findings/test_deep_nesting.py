@@ -8,7 +8,7 @@ from counted_calls import calls
 
 from mechsim.simulation.findings import implausible_numbers
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 
 def nested(tmp_path, depth):

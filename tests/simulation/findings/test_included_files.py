@@ -3,7 +3,7 @@
 from model_files import model_text
 
 from mechsim.simulation.findings import findings
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 MAIN = model_text("included_files_main.xml")
 ARM = model_text("included_files_arm.xml")

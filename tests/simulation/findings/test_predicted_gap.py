@@ -8,7 +8,7 @@ from valid_scene import changed
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing, wave
 from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 # a stiff servo moves the crank along its motion law
 SERVO = ('kp="10" kv="0.1"', 'kp="200" kv="4"')

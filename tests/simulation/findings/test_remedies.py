@@ -7,7 +7,7 @@ from valid_scene import SOUND, changed
 
 from mechsim.simulation.findings import findings
 from mechsim.simulation.findings.inspected import EQUALITY
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 HARD = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
 AGAIN = '    <connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>\n'

@@ -4,7 +4,7 @@ import pytest
 from valid_scene import changed
 
 from mechsim.simulation.findings import findings
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 
 def seeded(tmp_path, *changes, **options):

@@ -10,7 +10,7 @@ from model_files import model_text
 import mechsim as ms
 from mechsim import cli
 from mechsim.simulation.findings import findings
-from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 # a four-bar of 30, 90, 70 and 100 mm in closed position; angles of the links in deg from the law of cosines
 MOTOR = '<motor name="drive" joint="crank"/>'
