@@ -146,7 +146,7 @@ class FramePoses:
         return len(self.angle)
 
     def instant(self, frame: int) -> str:
-        """Return the label of a frame: its crank angle, or under motion laws its time."""
+        """Return the label of a frame: its crank angle, or without a crank its time."""
         if self.time is not None:
             return f"{self.time[frame]:.3f} s"
         return f"crank {round(np.rad2deg(float(self.angle[frame])), 1) % 360.0:5.1f}°"
@@ -222,7 +222,8 @@ def frame_poses(
     }
     points = {name: starts[name] for name in mechanism.points}
     requested = mixed(motion.angle, indices)
-    time = mixed(motion.time, indices) if motion.drivers and motion.time is not None else None
+    timed = motion.drivers or not mechanism.has_crank
+    time = mixed(motion.time, indices) if timed and motion.time is not None else None
     return FramePoses(requested, poses, points, paths, passed, vectors, starts, time)
 
 
