@@ -313,4 +313,6 @@ def main() -> None:
     """Run the command line; see `exit_codes.exit_code` for its exit codes."""
     # all matrices are small: threads of the linear algebra library would slow down those of mechsim
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # MuJoCo would load a window library, 60 ms; `pictures.render.gl_backend` chooses what draws pictures
+    os.environ.setdefault("MUJOCO_GL", "off")
     sys.exit(exit_code(lambda: app(standalone_mode=False)))

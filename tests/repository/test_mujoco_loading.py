@@ -102,3 +102,21 @@ print(ms.load(model).mechanism.joints[0].a.point[0])
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert result.stdout == "0.123456789\n"
+
+
+def test_a_command_that_draws_nothing_loads_no_window_library():
+    model = Path(mechsim.catalog.models()) / "four_bar.xml"
+    reported = f"""
+import sys
+from mechsim.cli import main
+sys.argv = ["mechsim", "check", {str(model)!r}]
+try:
+    main()
+finally:
+    assert "mujoco" in sys.modules and "glfw" not in sys.modules
+"""
+    environment = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+    result = subprocess.run(
+        [sys.executable, "-c", reported], capture_output=True, text=True, check=False, env=environment
+    )
+    assert result.returncode == 0, result.stderr
