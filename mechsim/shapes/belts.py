@@ -66,6 +66,8 @@ def draw_ropes(canvas: Canvas) -> None:
             low, colour = wheel_height(canvas) - 0.7 * canvas.r, wheel_colour(canvas, joint.b.link)
             upright = upright_end(joint.b, canvas.normals[joint.b.link]) if canvas.normals else joint.b
             canvas.disc(joint.b.link, upright, low, low + 1.4 * canvas.r, radius - 0.5 * canvas.r, colour)
+            hub = min(2.4 * canvas.r, 0.7 * radius)
+            canvas.disc(joint.b.link, upright, low, canvas.height(joint.b.link), hub, colour)
         for joint, weight in terms:
             if drums and KINDS[joint.kind].single and KINDS[joint.kind].slides:
                 _draw_falls(canvas, joint, weight, drums[0])
@@ -99,4 +101,6 @@ def _draw_falls(canvas: Canvas, slide: Joint, weight: float, drum: tuple[Joint, 
             centre, half = lower - pulley * (rotation @ across), 0.7 * canvas.r * (rotation @ drum[0].a.axis)
             colour = wheel_colour(canvas, slide.b.link)
             canvas.add(slide.b.link, "cylinder", centre - half, centre + half, pulley, colour)
+            if canvas.normals:
+                canvas.add(slide.b.link, "cylinder", centre, centre - rotation @ lift, 0.9 * canvas.r, STEEL)
             canvas.add(GROUND, "sphere", upper, upper, 1.2 * canvas.r, HOUSING)

@@ -24,7 +24,13 @@ from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, To
 from mechsim.numerics import c_library
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
 
-GALLERY = sorted((Path(ms.__file__).parents[1] / "models" / "gallery").glob("*.toml"))
+# the C code contains no couplings by functions
+BY_FUNCTION = {"cam_follower", "geneva_drive"}
+GALLERY = sorted(
+    path
+    for path in (Path(ms.__file__).parents[1] / "models" / "gallery").glob("*.toml")
+    if path.stem not in BY_FUNCTION
+)
 MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
 FREE_BODY = """<mujoco><worldbody><body name="plate" pos="0 0 1"><freejoint name="free"/>
 <inertial pos="0.1 -0.05 0.02" mass="2" diaginertia="0.02 0.03 0.04"/>
