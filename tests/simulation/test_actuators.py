@@ -31,6 +31,12 @@ CASES = {
     "forcerange": ('<position joint="j2" kp="20" forcerange="-1 2"/>', "1*sin(3*t)", 1),
     "actrange": ('<intvelocity joint="j3" kp="50" actrange="-.05 .05"/>', "0.4", 1),
 }
+if hasattr(mujoco.mjtGain, "mjGAIN_PID"):
+    CASES |= {
+        "pid": ('<pid joint="j2" kp="20" kv="1"/>', "20deg*sin(3*t)", 4),
+        "pid with integral": ('<pid joint="j2" kp="20" kv="1" ki="30"/>', "20deg*sin(3*t)", 4),
+        "dcmotor": ('<dcmotor joint="j1" resistance="2" motorconst="0.3 0.3"/>', "20*sin(5*t)", 4),
+    }
 TIME = 0.4
 
 

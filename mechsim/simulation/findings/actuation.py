@@ -9,7 +9,7 @@ from mechsim.model.finding import FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
-from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_names
+from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_count, actuator_names
 from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
 # initial deviation of a servo from its control target that is reported above this value, in [rad] or [m]
@@ -33,7 +33,7 @@ def fighting(scene: Inspected) -> Iterator[Finding]:
 def _too_many(scene: Inspected) -> Iterator[Finding]:
     """Yield servos that add no rank to the loops and the other servos, in every sample state."""
     model, lines = scene.model, _lines(scene)
-    servos = [a for a in range(model.nu) if _stiffness(scene, a) > 0.0]
+    servos = [a for a in range(actuator_count(model)) if _stiffness(scene, a) > 0.0]
     jacobians = [jacobian for jacobian, _ in scene.sample_jacobians]
     arms = [_directions(scene, qpos) for qpos in scene.sample_states]
     for a in servos:
@@ -67,7 +67,7 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     if not np.array_equal(scene.read.qpos, model.qpos0):
         return
-    for a in range(model.nu):
+    for a in range(actuator_count(model)):
         kp, force = _stiffness(scene, a), float(scene.started.actuator_force[a])
         off = force / kp if kp > 0.0 else 0.0
         if int(model.actuator_trntype[a]) not in ON_JOINT or abs(off) <= KICK:
@@ -90,7 +90,7 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
     if motion is None:
         return
     forces = _actuator_forces(scene, motion)
-    for a in range(scene.model.nu):
+    for a in range(actuator_count(scene.model)):
         largest = float(np.abs(forces[:, a]).max(initial=0.0))
         if _stiffness(scene, a) <= 0.0 or largest <= SLIGHT * float(np.abs(forces).max()):
             continue

@@ -15,7 +15,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import EQUALITY, RANK_TOLERANCE, Inspected, Swing
-from mechsim.simulation.mjcf_reader.coordinates import actuated_joints
+from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_count
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
 EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
@@ -98,7 +98,7 @@ def drive_directions(scene: Inspected) -> Array:
     for name in (*scene.drivers, *scene.read.mechanism.locked):
         own = np.zeros(model.nv)
         own[int(model.joint(name).dofadr[0])] = 1.0
-        acting = [a for a in range(model.nu) if name in actuated_joints(model, a)]
+        acting = [a for a in range(actuator_count(model)) if name in actuated_joints(model, a)]
         rows.append(arms[acting[0]] if acting else own)
     return np.array(rows).reshape(-1, model.nv)
 

@@ -20,9 +20,14 @@ ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 MAX_LISTED = 12
 
 
+def actuator_count(model: mujoco.MjModel) -> int:
+    """Return the number of actuators; MuJoCo 4 counts it apart from controls, of which a `pid` has two."""
+    return int(getattr(model, "nactuator", model.nu))
+
+
 def actuator_names(model: mujoco.MjModel) -> list[str]:
     """Return the names of a model's actuators; unnamed ones are numbered from 1."""
-    return [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
+    return [model.actuator(i).name or f"actuator{i + 1}" for i in range(actuator_count(model))]
 
 
 def listed(names: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Container, Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,6 +20,8 @@ from mechsim.simulation.state import SCALAR, gravity, rotation_matrix
 # kinds of actuators with affine gain and bias; the first of each is constant, or has no state
 GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+# of MuJoCo 4
+PID, DC_MOTOR = (int(getattr(mujoco.mjtGain, f"mjGAIN_{name}", -1)) for name in ("PID", "DCMOTOR"))
 DYNAMICS = tuple(
     int(kind)
     for kind in (
@@ -109,7 +112,9 @@ def _actuator(model: mujoco.MjModel, i: int, name: str) -> Actuator | None:
     """Return an actuator on hinges and slides with affine gain and bias; None for others."""
     target, joints = int(model.actuator_trnid[i, 0]), actuated_joints(model, i)
     kinds = int(model.actuator_gaintype[i]), int(model.actuator_biastype[i]), int(model.actuator_dyntype[i])
-    if not joints or not (kinds[0] in GAINS and kinds[1] in BIASES and kinds[2] in DYNAMICS):
+    regulated = _regulated(model, i, kinds)
+    affine = kinds[0] in GAINS and kinds[1] in BIASES and kinds[2] in DYNAMICS
+    if not joints or not (affine or regulated):
         return None
     if any(int(model.joint(joint).type[0]) not in SCALAR for joint in joints):
         return None
@@ -121,8 +126,12 @@ def _actuator(model: mujoco.MjModel, i: int, name: str) -> Actuator | None:
     bias *= kinds[1] == BIASES[1]
     # viscous friction of the actuator itself
     bias[2] -= _linear(model.actuator_damping[i])
-    inflow = None
-    if kinds[2] != DYNAMICS[0]:
+    first = int(model.actuator_ctrladr[i]) if hasattr(model, "actuator_ctrladr") else i
+    inflow, direct = None, (0.0, 0.0)
+    if regulated:
+        gain, bias, inflow, direct = regulated
+        bias = np.array(bias) - [0.0, 0.0, _linear(model.actuator_damping[i])]
+    elif kinds[2] != DYNAMICS[0]:
         time = max(float(model.actuator_dynprm[i, 0]), float(mujoco.mjMINVAL))
         inflow = (1.0, 0.0, 0.0, 0.0) if kinds[2] == DYNAMICS[1] else (1.0 / time, -1.0 / time, 0.0, 0.0)
     low, high = _range(model.actuator_forcelimited[i], model.actuator_forcerange[i])
@@ -135,11 +144,30 @@ def _actuator(model: mujoco.MjModel, i: int, name: str) -> Actuator | None:
         gain=vector(gain),
         bias=vector(bias),
         inflow=inflow,
-        control_range=_range(model.actuator_ctrllimited[i], model.actuator_ctrlrange[i]),
+        direct=direct,
+        control_range=_range(model.actuator_ctrllimited[first], model.actuator_ctrlrange[first]),
         state_range=_range(model.actuator_actlimited[i], model.actuator_actrange[i]),
         force_range=(low, high),
         inertia=float(model.actuator_armature[i]),
     )
+
+
+def _regulated(model: mujoco.MjModel, i: int, kinds: tuple[int, int, int]) -> Any:
+    """Return gain, bias, inflow and direct gains of a `pid`, or of a `dcmotor` without states; or None.
+
+    The force of a `pid` is kp (u - l) - kv l' + ki w with w' = u - l; that of a `dcmotor`, K (u - K l') / R.
+    """
+    gain, bias, dynamics = model.actuator_gainprm[i], model.actuator_biasprm[i], model.actuator_dynprm[i]
+    if kinds[0] == PID and kinds[1] == BIASES[1] and not (dynamics.any() or gain[1:].any() or bias[3:].any()):
+        inflow = (1.0, 0.0, -1.0, 0.0) if model.actuator_actnum[i] else None
+        return (float(gain[0]), 0.0, 0.0), bias[:3].copy(), inflow, (-float(bias[1]), 0.0)
+    if kinds[0] == DC_MOTOR and not (
+        dynamics.any() or gain[2:].any() or bias.any() or model.actuator_actnum[i]
+    ):
+        resistance, constant = gain[:2].tolist()
+        slowing = -(constant**2) / resistance
+        return (constant / resistance, 0.0, 0.0), np.array([0.0, 0.0, slowing]), None, (0.0, 0.0)
+    return None
 
 
 def _range(limited: bool, values: Array) -> Range:
