@@ -49,7 +49,6 @@ def fast_timers(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("time.perf_counter", reading)
     monkeypatch.setattr(budget, "perf_counter", reading)
-    monkeypatch.setattr(budget, "process_time", reading)
 
 
 @pytest.fixture

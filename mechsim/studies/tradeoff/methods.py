@@ -5,7 +5,7 @@ fraction of a revolution), compliance, impedance, refsafe and diagexact.
 """
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -142,7 +142,6 @@ def build_model(
     source: Model,
     profile: CrankProfile | None,
     speed: float,
-    require_time: Callable[[], None] = lambda: None,
 ) -> BuiltModel:
     """Generate or load a model and close its loops.
 
@@ -150,15 +149,12 @@ def build_model(
         source: a mechanism, or a custom model.
         profile: motion of the crank; None makes one revolution at the speed.
         speed: crank speed, in [rad/s].
-        require_time: callback between the stages; raises InputError at the end of the budget.
 
     Raises:
         AssemblyError: if the crank cannot make its whole motion.
     """
     spec = specification(source, Scene(level="motion"))
-    require_time()
     closed = from_spec(spec, tracked_points(source, spec), _crank(source, spec))
-    require_time()
     profile = profile or constant(speed, 1.0, closed.angle)
     return BuiltModel(closed, profile, first_state(closed, profile))
 

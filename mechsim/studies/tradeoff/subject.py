@@ -1,6 +1,6 @@
 """Subjects of a trade-off: a mechanism with its exact motion, or a custom model with a much finer run."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -14,83 +14,30 @@ from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import half_extent, plausible_order
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Model
-from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
 from mechsim.studies.tradeoff.methods import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
-# steps per revolution of the reference runs; divisors of these numbers, used if the runs exceed a fraction of
-# the budget; and that fraction
-FINE_STEPS, DIVISORS, REFERENCE_FRACTION = (3600, 7200, 14400), (1, 2, 5, 10, 25, 50), 0.4
-# fraction of the budget above which the first trial is not repeated; it includes the time of imports
-TRIAL_FRACTION = 0.05
+# steps per revolution of the reference runs
+FINE_STEPS = (3600, 7200, 14400)
 
 
-def reference_runs(built: BuiltModel, name: str, budget: Budget | None) -> dict[int, Motion]:
+def reference_runs(built: BuiltModel, name: str) -> dict[int, Motion]:
     """Return steps per revolution -> motion of the reference runs, in ascending order.
 
-    Args:
-        built: the model.
-        name: name of the model.
-        budget: time of all runs; None for the finest runs.
-
     Raises:
-        InputError: if a run diverges, or the budget is too short for the coarsest runs.
+        InputError: if a run diverges.
     """
-    steps, sufficient = (FINE_STEPS, None) if budget is None else affordable_steps(built, name, budget)
     runs: dict[int, Motion] = {}
-    for count in reversed(steps):
-        motion, _ = built.motion(Settings(steps_per_turn=count))
+    for count in FINE_STEPS:
+        settings = Settings(steps_per_turn=count)
+        motion, _ = built.motion(settings)
         if motion is None:
-            raise InputError(_divergence_message(name, count, tuple(runs), sufficient))
+            raise InputError(
+                f"{name} diverges at {count:,} steps a turn with {settings.integrator}, so no reference run "
+                "is possible; reduce the stiffness of the moving bodies, or give them more damping or mass"
+            )
         runs[count] = motion
-    return dict(reversed(runs.items()))
-
-
-def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tuple[int, ...], float | None]:
-    """Return steps per revolution of the finest runs within a fraction of the budget.
-
-    Returns:
-        The steps, ascending, and a budget in [s] sufficient for `FINE_STEPS`; None if the steps are those.
-
-    Raises:
-        InputError: if the budget is too short for the coarsest runs.
-    """
-    budget.require(name)
-    times, coarse = TrialTimes(budget), Settings(steps_per_turn=min(FINE_STEPS) // max(DIVISORS))
-    turns, integrator = built.profile.turns, Settings().integrator
-    for _ in range(2):
-        processor, remaining = budget.processor(), budget.remaining
-        seconds = built.motion(coarse)[1]
-        count = turns * coarse.steps_per_turn
-        times.add_trial(integrator, count, seconds, budget.processor() - processor)
-        budget.require(name)
-        if remaining - budget.remaining > TRIAL_FRACTION * budget.seconds:
-            break
-    options = [tuple(count // divisor for count in FINE_STEPS) for divisor in DIVISORS]
-    expected = [sum(times.expected(integrator, turns * count) for count in steps) for steps in options]
-    sufficient = float(np.ceil(budget.spent + budget.reserved + expected[0] / REFERENCE_FRACTION))
-    for steps, seconds in zip(options, expected, strict=True):
-        if seconds <= REFERENCE_FRACTION * budget.remaining:
-            return steps, None if steps == FINE_STEPS else sufficient
-    if expected[-1] <= budget.remaining + MAX_EXCESS * budget.seconds:
-        return options[-1], sufficient
-    least = np.ceil(budget.spent + budget.reserved + expected[-1] / REFERENCE_FRACTION)
-    raise InputError(
-        f"{name} took {budget.spent:.2g} s to load, build and try, and the coarsest reference takes "
-        f"{expected[-1]:.2g} s more, but the budget is {budget.seconds:g} s; give --budget {least:g}s or more"
-    )
-
-
-def _divergence_message(name: str, count: int, stable: Sequence[int], sufficient: float | None) -> str:
-    """Return a message on a diverged run with remedies: finer runs, if any, or a softer model."""
-    message = f"{name} diverges at {count:,} steps a turn with {Settings().integrator}"
-    message += f", though not at {stable[-1]:,}" if stable else ""
-    remedies = (
-        [] if sufficient is None else [f"--budget {sufficient:g}s has time for up to {max(FINE_STEPS):,}"]
-    )
-    if sufficient is None or not stable:
-        remedies.append("less stiffness, or more damping or mass, in the moving bodies")
-    return f"{message}, so no reference run is possible; possible remedies: {'; else '.join(remedies)}"
+    return runs
 
 
 # compared quantities; the drive is compared with its profile
@@ -154,12 +101,8 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
     return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
-def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = None) -> Subject:
-    """Return a mechanism as a subject, with the closed form or the loop equations as its reference.
-
-    Raises:
-        InputError: if the budget ends before the first trial.
-    """
+def subject_of(solver: KinematicSolver, speed: float) -> Subject:
+    """Return a mechanism as a subject, with the closed form or the loop equations as its reference."""
     name = solver.name
     profile = within_range(solver.mechanism, solver.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
@@ -169,32 +112,24 @@ def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = No
         solver.method,
         lambda motion: solver.solve(motion.angle, motion.speed, motion.acceleration),
     )
-    built = build_model(solver.mechanism, profile, speed, _time_check(budget, name))
-    if budget is not None:
-        budget.require(name)
+    built = build_model(solver.mechanism, profile, speed)
     return Subject(name, built, reference, stroke, abs(speed))
 
 
-def _time_check(budget: Budget | None, name: str) -> Callable[[], None]:
-    """Return a function that raises InputError at the end of the budget."""
-    return (lambda: None) if budget is None else lambda: budget.require(name)
-
-
-def subject_of_model(source: Model, name: str, speed: float, budget: Budget | None = None) -> Subject:
+def subject_of_model(source: Model, name: str, speed: float) -> Subject:
     """Return a custom model as a subject; its reference is a much finer run with an estimated error.
 
     Args:
         source: the model.
         name: name of the model.
         speed: crank speed, in [rad/s].
-        budget: time of all runs; a fraction of it limits the reference runs.
 
     Raises:
         AssemblyError: if the crank cannot make a full revolution.
-        InputError: if no reference is possible within the budget.
+        InputError: if a reference run diverges.
     """
-    built = build_model(source, None, speed, _time_check(budget, name))
-    runs = reference_runs(built, name, budget)
+    built = build_model(source, None, speed)
+    runs = reference_runs(built, name)
     max_steps, fine = list(runs.items())[-1]
     stroke = half_extent(point.position for point in fine.points.values())
     if not stroke > 0.0:
