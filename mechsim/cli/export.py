@@ -23,7 +23,6 @@ from mechsim.errors import InputError
 from mechsim.simulation.settings import SettingOptions
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model
-from mechsim.studies.robots.menagerie import Verification
 from mechsim.studies.robots.serial_twin import Coupled
 from mechsim.units import option
 
@@ -37,7 +36,6 @@ class ExportJson(TypedDict):
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
     left_out: NotRequired[str]
-    verification: NotRequired[Verification | None]
     couplings: NotRequired[list[Coupled]]
 
 
@@ -65,8 +63,7 @@ class ExportOptions:
     )
     style: str = option(
         "plain",
-        "menagerie: position actuators, keyframe `home`, and numbers that compare the model with the loop "
-        "equations.",
+        "menagerie: position actuators and the keyframe `home`.",
         metavar="plain|menagerie",
     )
     timestep: str | None = option(None, "Time step of the file; a bare number is seconds. [default: 0.1 ms]")
@@ -166,15 +163,12 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
             typer.echo(f"wrote {output}")
         if result.twin is not None:
             typer.echo(result.twin.summary(), err=output is None)
-        if result.verification is not None:
-            typer.echo(result.verification.markdown(), nl=False, err=output is None)
         for sentence in filter(None, (result.shortfall, result.left_out)):
             typer.echo(sentence, err=True)
 
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if output is None else None, "shortfall": result.shortfall}
     data["left_out"] = result.left_out
-    data["verification"] = result.verification
     data["couplings"] = result.twin.coupled if result.twin else ()
     return Result(data, text, not result.shortfall)
 

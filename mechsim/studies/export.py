@@ -25,7 +25,6 @@ from mechsim.units import crank_speed, si
 if TYPE_CHECKING:
     import mujoco
 
-    from mechsim.studies.robots.menagerie import Verification
     from mechsim.studies.robots.serial_twin import SerialTwin
 
 # level of a model, and the speed for which its settings are chosen, by default
@@ -45,7 +44,6 @@ class ExportedModel:
         text: of the file.
         shortfall: sentence on a tolerance that is not satisfied; empty if it is.
         left_out: sentence on a formula or friction that the file cannot contain; empty if none is left out.
-        verification: of a model in the style of Menagerie; None for others.
         twin: couplings of a serial twin and their errors; None for others.
     """
 
@@ -53,7 +51,6 @@ class ExportedModel:
     format: str
     text: str
     shortfall: str = ""
-    verification: Verification | None = None
     twin: SerialTwin | None = None
     left_out: str = ""
 
@@ -87,8 +84,7 @@ def export(
         format: "xml" or "toml"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
         independent: joints of the twin that move freely, with ranges in SI or text; by default those with
             actuators, within their limits.
-        style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms, and a
-            comparison with the loop equations at random configurations.
+        style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms.
         scene: contents of the MuJoCo model: "pose", "motion", "dynamics" or "picture".
         cut: joints at which loops are cut; by default the generator chooses.
         timestep: of the file, in [s] or text; by default 0.1 ms.
@@ -160,16 +156,13 @@ def _exported(
 ) -> ExportedModel:
     """Return a mechanism as a MuJoCo model in a style, or as TOML."""
     if style == "menagerie":
-        from mechsim.studies.robots.menagerie import verification
-
         has_motor = contents.speed is not None or contents.tolerance is not None
         if format != "xml" or contents.scene != LEVEL or has_motor:
             raise InputError(
                 "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
                 "--speed and --tolerance"
             )
-        text = _menagerie_text(solver, contents)
-        return ExportedModel(solver.name, format, text, verification=verification(text, solver))
+        return ExportedModel(solver.name, format, _menagerie_text(solver, contents))
     if style != "plain":
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
     if format == "toml":

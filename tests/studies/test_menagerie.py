@@ -1,4 +1,4 @@
-"""Models in the style of Menagerie: servos hold the home keyframe; the verification rejects a wrong model."""
+"""Models in the style of Menagerie: servos hold the home keyframe."""
 
 import mujoco
 import numpy as np
@@ -6,20 +6,11 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.studies.robots.menagerie import verification
 
 
 @pytest.fixture(scope="module")
 def ankle():
     return ms.export("humanoid_ankle", style="menagerie")
-
-
-@pytest.mark.long
-def test_the_model_agrees_with_the_loop_equations(ankle):
-    assert ankle.verification.configurations == 100
-    assert ankle.verification.position < 1e-13
-    assert ankle.verification.gravity_torque < 1e-12
-    assert "100 seeded random configurations" in ankle.verification.markdown()
 
 
 @pytest.mark.long
@@ -38,17 +29,6 @@ def test_servos_hold_the_closed_keyframe_and_follow_their_control(ankle):
     reached = [data.joint(model.actuator(i).name).qpos[0] for i in range(2)]
     assert reached == pytest.approx(target.tolist(), abs=0.02)
     assert np.abs(data.qvel).max() < 1e-2
-
-
-@pytest.mark.long
-def test_the_verification_rejects_a_wrong_model(ankle):
-    solver = ms.load("humanoid_ankle")
-    model = mujoco.MjSpec.from_string(ankle.text)
-    foot = model.body("foot")
-    foot.mass = 1.01 * foot.mass
-    assert verification(model.to_xml(), solver).gravity_torque > 1e-5
-    model.body("foot").sites[0].pos[0] += 1e-6
-    assert verification(model.to_xml(), solver).position > 1e-7
 
 
 @pytest.mark.parametrize(
@@ -71,7 +51,6 @@ WITH_SPRING = model_text("menagerie_with_spring.xml")
 def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
     written = ms.export(mujoco.MjSpec.from_string(WITH_SPRING), style="menagerie")
     model = mujoco.MjModel.from_xml_string(written.text)
-    assert written.verification.gravity_torque < 1e-12
     assert model.nu == 1
     assert model.actuator(0).name == "motor"
     np.testing.assert_allclose(model.joint("motor").range, [-0.5, 1.0], rtol=0, atol=1e-12)

@@ -34,5 +34,3 @@ CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
     springs,
     cheaper_steps,
 )
-# elements that cost time and exert no force
-VISUAL_ONLY = (visual_elements, limits, redundant_equalities, fused_bodies)
