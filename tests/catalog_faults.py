@@ -38,3 +38,16 @@ FAULTS = {
         "rod 5 0.1 % long": {"rod5": 0.049 * 1.001},
     },
 }
+
+# parameters for which the crank only swings
+SWINGING = {
+    "four_bar": {"rocker": 0.035},
+    "slider_crank": {"rod": 0.045},
+    "rssr": {"rocker": 0.009},
+    "rrsrr": {"link": 0.055},
+}
+# four-bars with change points
+COLLINEAR = {
+    "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
+    "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
+}

@@ -18,14 +18,13 @@ def extremes(
         list[str] | None,
         typer.Argument(
             metavar="[MODEL]...",
-            help="Models; size, dead centres and gears are varied for the catalogue only. Default: the "
-            "catalogue.",
+            help="Models; size is varied for the catalogue only. Default: the catalogue.",
             autocompletion=complete_models,
         ),
     ] = None,
-    quick: bool = option(False, "Test fewer values in shorter runs.", name="--quick"),
+    quick: bool = option(False, "Test fewer values.", name="--quick"),
 ) -> Result[StabilityMap]:
-    """Vary steps, speed, size, masses, poses, turns and gears until a run fails, and report where.
+    """Vary steps, speed, size, masses and initial poses until a run fails, and report where.
 
     Examples:
     mechsim extremes four_bar --quick
@@ -51,9 +50,6 @@ def _print(result: StabilityMap) -> None:
         for b in result.borders
     ]
     print_table("Borders", ("axis", "mechanism", "up to", "", "from", ""), borders)
-    drifts = [(d.mechanism, d.turns, d.first, d.last, d.passed) for d in result.drifts]
-    title = "Many turns: position error / size in the first and last hundredth"
-    print_table(title, ("mechanism", "turns", "first", "last", "no drift"), drifts)
     correct = len(result.trials) - len(result.wrong)
     typer.echo(
         f"{correct} of {len(result.trials)} runs ended as the analytic solution predicts, and reported it"

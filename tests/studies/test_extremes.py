@@ -13,11 +13,8 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import axes, stability_map
-from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
-
-SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett"), ("rssr",)))
@@ -60,41 +57,9 @@ def test_a_massless_rod_is_rejected():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
-@pytest.mark.parametrize("value", [pytest.param(1e-3, marks=pytest.mark.slow), 1e-12])
-def test_poses_reach_a_dead_centre_and_are_rejected_beyond(name, value):
-    linkage = catalog.make(name)
-    assert axes.dead_centre(linkage, value, "pose", False).passed
-    # closer, the loops of slider_crank (1e-11 rad) and rrsrr (1e-10 rad) still close within 1e-12 m
-    beyond = max(10.0 * value, 1e-9)
-    assert axes.dead_centre(linkage, beyond, "pose", True).outcome == "cannot assemble"
-
-
-@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
-def test_a_near_tangent_crank_keeps_its_assembly_mode(name):
-    trial = axes.near_tangent(catalog.make(name), 1e-10, "pose")
-    assert trial.outcome == trial.right == "passed"
-
-
-@pytest.mark.parametrize("which", special_designs("four_bar").change_points)
-def test_runs_near_and_through_a_change_point_report_their_outcome(which):
-    linkage = catalog.make("four_bar")
-    assert axes.change_point(linkage, which, True).outcome == "passed"
-    assert axes.change_point(linkage, which, False).passed
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])
 def test_a_distant_start_reports_its_true_outcome(value):
     assert all(axes.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))
-
-
-@pytest.mark.slow
-def test_large_gear_ratios_and_many_turns_pass():
-    assert axes.gear_ratio(catalog.make("warp_knitter"), 8.0).outcome == "passed"
-    drift = axes.drift(catalog.make("four_bar"), 200.0)
-    assert drift.passed
-    assert drift.last == pytest.approx(drift.first, rel=0.05)
 
 
 def test_a_false_outcome_fails_the_study():
@@ -102,8 +67,6 @@ def test_a_false_outcome_fails_the_study():
     assert StabilityMap([honest]).passed
     assert not StabilityMap([replace(honest, outcome="passed")]).passed
     assert not StabilityMap([replace(honest, expected="passed")]).passed
-    assert not StabilityMap([], [], [axes.Drift("rssr", 1e4, 1e-7, 3e-7)]).passed
-    assert not StabilityMap([], [], [axes.Drift("rssr", 1e4, 1e-7, np.nan)]).passed
 
 
 def test_bisection_finds_a_known_border():
@@ -149,7 +112,7 @@ def test_any_model_has_the_axes_that_apply_to_it():
     assert laws == {"steps", "mass ratio", "far start"}
     crank = {name for name, *_ in stability_map.axes_of(ms.load("jansen"), quick=True)}
     assert crank == laws | {"speed"}
-    assert {"size", "dead centre"} <= {name for name, *_ in stability_map.axes_of(catalog.make("rssr"), True)}
+    assert "size" in {name for name, *_ in stability_map.axes_of(catalog.make("rssr"), True)}
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from catalog_faults import COLLINEAR, SWINGING
 from grids import grid
 from model_files import model_mechanism
 
@@ -11,7 +12,6 @@ from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root
-from mechsim.studies.extremes.axes import special_designs
 from mechsim.theory.continuation import mechanism_trace, segments
 from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
 from mechsim.theory.continuation.mechanism_trace import trace
@@ -22,8 +22,8 @@ SOLVERS |= {
     f"{name} {case}": closed_form.with_parameters(**changes)
     for name, closed_form in tuple(SOLVERS.items())
     for case, changes in {
-        "swinging": special_designs(closed_form.name).swinging,
-        **special_designs(closed_form.name).change_points,
+        "swinging": SWINGING.get(name, {}),
+        **(COLLINEAR if name == "four_bar" else {}),
     }.items()
     if changes
 }

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from catalog_faults import SWINGING
 from grids import grid
 
 from mechsim import catalog, loops
@@ -11,18 +12,15 @@ from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
 from mechsim.studies import validate
-from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
 from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.tolerances import WELL_CONDITIONED, Tolerance
 
-SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
-
 
 def near_a_dead_centre(name, fraction):
     """Return a mechanism that swings over a fraction of its range, and that swing."""
-    linkage = catalog.make(name, **special_designs(name).swinging)
+    linkage = catalog.make(name, **SWINGING[name])
     low, high = linkage.crank_range().arcs[0]
     return linkage, swing(0.5 * (low + high), 0.5 * fraction * (high - low), 20.0)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from catalog_faults import FAULTS
+from catalog_faults import FAULTS, SWINGING
 from grids import grid
 
 from mechsim import catalog
@@ -13,7 +13,6 @@ from mechsim.errors import AssemblyError
 from mechsim.model.links import EX, EY, EZ
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation import simulate
-from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.validate import case_of
 from mechsim.verdict.crosscheck import crosscheck
 
@@ -25,7 +24,6 @@ CASES = [
     for name in catalog.MECHANISMS
     for i, fault in enumerate(FAULTS[name])
 ]
-SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
 
 
 @pytest.mark.long
@@ -100,7 +98,7 @@ def test_a_wrong_closed_form_fails():
 
 @pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 def test_swinging_cranks_are_validated_within_their_range(name):
-    swinging = catalog.make(name, **special_designs(name).swinging)
+    swinging = catalog.make(name, **SWINGING[name])
     arcs = swinging.crank_range()
     assert not arcs.full
     assert arcs.arcs

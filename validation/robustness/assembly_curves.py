@@ -22,7 +22,6 @@ from mechsim import catalog, loops
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.studies.extremes.axes import special_designs
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import load
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses
@@ -45,14 +44,28 @@ class Row:
     seconds: float
 
 
+# parameters for which the crank only swings
+SWINGING = {
+    "four_bar": {"rocker": 0.035},
+    "slider_crank": {"rod": 0.045},
+    "rssr": {"rocker": 0.009},
+    "rrsrr": {"link": 0.055},
+}
+# four-bars with change points
+COLLINEAR = {
+    "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
+    "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
+}
+
+
 def solvers() -> Iterator[tuple[str, KinematicSolver]]:
     """Yield catalogue mechanisms (default, swinging, collinear), then gallery mechanisms of one driver."""
-    for name, kind in catalog.MECHANISMS.items():
+    for name in catalog.MECHANISMS:
         default = catalog.make(name)
         for design_name, parameters in {
             "": {},
-            " swinging": special_designs(kind.name).swinging,
-            **special_designs(kind.name).change_points,
+            " swinging": SWINGING.get(name, {}),
+            **(COLLINEAR if name == "four_bar" else {}),
         }.items():
             if parameters or not design_name:
                 yield (

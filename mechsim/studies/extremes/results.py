@@ -1,12 +1,9 @@
-"""Results of a stress test: its runs, the borders between outcomes, and the errors of long runs."""
+"""Results of a stress test: its runs, and the borders between outcomes."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 from mechsim.model.finding import Outcome
-
-# ratio of the last errors to the first above which they drift
-MAX_GROWTH = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +12,7 @@ class Trial:
 
     Attributes:
         axis: the varied quantity.
-        mechanism: name in the catalogue, with a note on the change.
+        mechanism: name in the catalogue.
         value: value in the unit of the axis.
         outcome: outcome that the simulator reports without the closed form.
         right: outcome of the same run by the closed form.
@@ -67,30 +64,6 @@ class Border:
     after: Outcome
 
 
-@dataclass(frozen=True, slots=True)
-class Drift:
-    """Position errors of a long run relative to the closed form.
-
-    Attributes:
-        mechanism: name.
-        turns: number of revolutions.
-        first: largest error in the first hundredth of the run, in characteristic lengths.
-        last: largest error in the last hundredth of the run.
-    """
-
-    JSON: ClassVar[tuple[str, ...]] = ("mechanism", "turns", "first", "last", "passed")
-
-    mechanism: str
-    turns: float
-    first: float
-    last: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the error did not grow."""
-        return self.last <= MAX_GROWTH * self.first
-
-
 @dataclass
 class StabilityMap:
     """The result of a study.
@@ -98,19 +71,17 @@ class StabilityMap:
     Attributes:
         trials: all runs.
         borders: borders between outcomes along an axis.
-        drifts: position errors of the long runs.
     """
 
-    JSON: ClassVar[tuple[str, ...]] = ("passed", "borders", "drifts", "trials")
+    JSON: ClassVar[tuple[str, ...]] = ("passed", "borders", "trials")
 
     trials: list[Trial] = field(default_factory=list[Trial])
     borders: list[Border] = field(default_factory=list[Border])
-    drifts: list[Drift] = field(default_factory=list[Drift])
 
     @property
     def passed(self) -> bool:
-        """Whether every run ended as the closed form requires, and no long run drifted."""
-        return not self.wrong and all(drift.passed for drift in self.drifts)
+        """Whether every run ended as the closed form requires."""
+        return not self.wrong
 
     @property
     def wrong(self) -> list[Trial]:

@@ -9,7 +9,6 @@ import numpy as np
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
-from mechsim.studies.extremes.axes import SpecialDesigns, special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
 from mechsim.subjects import catalog
@@ -20,27 +19,16 @@ AXES: dict[str, str] = {
     "speed": "crank speed [rpm]",
     "size": "size of the mechanism [m]",
     "mass ratio": "mass of the coupler relative to that of the other links",
-    "dead centre": "distance to the dead centre [rad]",
-    "beyond dead centre": "angle beyond the dead centre [rad]",
-    "near tangent": "relative distance of a length from the limit of full turning",
     "far start": "error of the initial guess [size, rad]",
-    "change point": "distance to the change point [rad]",
-    "gear ratio": "gear ratio",
 }
 # number of bisections of a border, which locate it to a twentieth of a decade, and that of a quick study
 HALVINGS, QUICK_HALVINGS = 5, 2
-# largest exponent of two of the gear ratio, and revolutions of the long run, in a quick and in a full study
-MAX_EXPONENT, TURNS = (3, 6), (200.0, 10_000.0)
 
 Push = Callable[[Any, float], Trial]
 
 
 def _decades(low: float, high: float, interval: int = 1) -> list[float]:
     return [10.0**n for n in range(round(np.log10(low)), round(np.log10(high)) + 1, interval)]
-
-
-def _designs(solver: KinematicSolver) -> SpecialDesigns:
-    return special_designs(solver.name) if solver.closed_form is not None else SpecialDesigns()
 
 
 def axes_of(solver: KinematicSolver, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
@@ -62,14 +50,6 @@ def axes_of(solver: KinematicSolver, quick: bool) -> list[tuple[str, Push, Seque
             ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
             ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
         ]
-    if _designs(solver).swinging:
-        distances = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
-        for method in ("pose", "step"):
-            before = partial(axes.dead_centre, method=method, beyond=False)
-            pushes.append(("dead centre", before, distances))
-            pushes.append(("near tangent", partial(axes.near_tangent, method=method), distances))
-        beyond = partial(axes.dead_centre, method="pose", beyond=True)
-        pushes.append(("beyond dead centre", beyond, distances[::coarse]))
     for seed in range(2 if quick else 6):
         errors = [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0]
         pushes.append(("far start", partial(axes.far_start, seed=seed), errors))
@@ -86,12 +66,12 @@ def study(
 
     Args:
         solvers: mechanisms; None selects those of the catalogue.
-        quick: fewer values, coarser borders, shorter runs.
+        quick: fewer values and coarser borders.
         progress: callback after each axis of each mechanism.
     """
     result = StabilityMap()
     solvers = solvers or [catalog.make(name) for name in catalog.MECHANISMS]
-    total = sum(len(axes_of(solver, quick)) + _designs(solver).long_runs for solver in solvers)
+    total = sum(len(axes_of(solver, quick)) for solver in solvers)
     finished = 0
     for solver in solvers:
         name = solver.name
@@ -103,18 +83,4 @@ def study(
             result.borders += borders if axis != "far start" else []
             finished += 1
             progress(f"{name}: {axis}", finished / total)
-        if solver.closed_form is None:
-            continue
-        result.trials += [
-            axes.change_point(solver, which, swing_only)
-            for which in special_designs(name).change_points
-            for swing_only in (True, False)
-        ]
-        if solver.gear:
-            exponents = range(MAX_EXPONENT[0 if quick else 1] + 1)
-            result.trials += [axes.gear_ratio(solver, 2.0**exponent) for exponent in exponents]
-        if special_designs(name).long_runs:
-            result.drifts.append(axes.drift(solver, TURNS[0 if quick else 1]))
-            finished += 1
-            progress(f"{name}: {result.drifts[-1].turns:g} turns", finished / total)
     return result

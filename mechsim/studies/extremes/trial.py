@@ -27,8 +27,6 @@ def attempt(
     source: Any = None,
     *,
     expected: Outcome | None = None,
-    reachable: bool = False,
-    note: str = "",
     **options: Any,
 ) -> Trial:
     """Run a source in MuJoCo and check the run by the analytic solution.
@@ -37,14 +35,11 @@ def attempt(
         axis, value, expected: those of the trial.
         solver: the analytic solver.
         source: model for `simulate`; None for the mechanism of the solver.
-        reachable: whether formulas prove that the crank can make its motion, so that an exception is
-            wrong.
-        note: note on the change.
         options: other arguments of `simulate`; the default method is "step".
     """
     trial = Trial(
         axis=axis,
-        mechanism=f"{solver.name} {note}".strip(),
+        mechanism=solver.name,
         value=value,
         outcome="cannot assemble",
         right="cannot assemble",
@@ -54,7 +49,7 @@ def attempt(
         arguments: dict[str, Any] = {"method": "step", **options}
         run = simulate(solver.mechanism if source is None else source, **arguments)
     except MechsimError:
-        return replace(trial, right=expected or ("passed" if reachable else "cannot assemble"))
+        return replace(trial, right=expected or "cannot assemble")
     right, error = _true_outcome(solver, run)
     outcome = run.outcome
     if (

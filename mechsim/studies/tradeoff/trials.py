@@ -39,25 +39,25 @@ def measure_tradeoff(
         steps: numbers of steps per revolution.
         progress: callback after each trial.
     """
-    random, clock = np.random.default_rng(seed), budget if isinstance(budget, Budget) else Budget(budget)
+    random, time = np.random.default_rng(seed), budget if isinstance(budget, Budget) else Budget(budget)
     turns, methods = subject.built.profile.turns, stepping_methods()
     settings = [(method, n) for method in methods for n in steps if n <= subject.reference.max_steps]
     order = [settings[i] for i in random.permutation(len(settings))]
     order.sort(key=lambda pair: (pair[0].name != LOW_COMPLIANCE or pair[1] > min(steps), pair[0].rank))
     points = list[Point]()
     for method, n in order:
-        if points and clock.remaining < TIMING_FRACTION * clock.seconds:
+        if points and time.remaining < TIMING_FRACTION * time.seconds:
             break
         own = method.settings(n, subject.speed)
         motion, seconds = subject.built.motion(own)
         points.append(Point(method, own, subject.errors(motion), [seconds / turns]))
-        progress(f"{method.name}, {n} steps", clock.fraction)
+        progress(f"{method.name}, {n} steps", time.fraction)
     relevant = _relevant(points)
     for number in range(1, TIMING_ROUNDS):
         for point in (relevant[i] for i in random.permutation(len(relevant))):
-            if clock.remaining > 0.0:
+            if time.remaining > 0.0:
                 point.times.append(subject.built.stepped(point.settings)[1].processor / turns)
-                progress(f"timing, round {number + 1}", clock.fraction)
+                progress(f"timing, round {number + 1}", time.fraction)
     points.sort(key=lambda point: settings.index((point.method, point.settings.steps_per_turn)))
     tried = {point.method.name for point in points}
     return Tradeoff(
@@ -65,7 +65,7 @@ def measure_tradeoff(
         points,
         left_out=len(methods) * len(steps) - len(points),
         untried=tuple(method.name for method in methods if method.name not in tried),
-        seconds=clock.spent,
+        seconds=time.spent,
     )
 
 
