@@ -9,7 +9,6 @@ import typer
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import (
-    SPEED,
     DriveOptions,
     Sets,
     changed_parameters,
@@ -34,7 +33,6 @@ class ExportJson(TypedDict):
     mechanism: NotRequired[str]
     format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf", "csv", "dxf", "svg"]]
     text: NotRequired[str | None]
-    shortfall: NotRequired[str]
     left_out: NotRequired[str]
     couplings: NotRequired[list[Coupled]]
 
@@ -67,15 +65,9 @@ class ExportOptions:
         metavar="plain|menagerie",
     )
     timestep: str | None = option(None, "Time step of the file; a bare number is seconds. [default: 0.1 ms]")
-    tolerance: str | None = option(
-        None,
-        "Position error to keep in plain MuJoCo, with a motor and a keyframe in which it rotates at --speed; "
-        "a bare number is metres.",
-    )
     speed: str | None = option(
         None,
-        f"Crank speed of a motor and a keyframe; a bare number is rad/s. [default: {SPEED} with --tolerance, "
-        "else no motor]",
+        "Crank speed of a motor and a keyframe; a bare number is rad/s. [default: no motor]",
     )
 
     @property
@@ -91,9 +83,7 @@ class ExportOptions:
     def require_compatible(self, settings: Mapping[str, Any]) -> None:
         """Raise InputError for options that exclude each other, before the mechanism is loaded."""
         if not self.is_twin:
-            require_compatible(
-                self.file_format, self.scene, self.joints, settings, self.timestep, self.speed, self.tolerance
-            )
+            require_compatible(self.file_format, self.scene, self.joints, settings, self.timestep, self.speed)
 
 
 @command
@@ -133,23 +123,20 @@ def export(
         stated.exclude(["duration"], "without --format toml")
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
-    with progress("export", None) as report:
-        result = export_model(
-            model if options.is_twin else load_model(model, sets, driven),
-            path,
-            set=changed_parameters(sets) if options.is_twin else None,
-            independent=joint_ranges("--independent", options.independent) if options.independent else (),
-            format=options.file_format,
-            style=options.style,
-            scene=options.scene,
-            cut=options.joints,
-            timestep=options.timestep,
-            settings=settings,
-            tolerance=options.tolerance,
-            speed=options.speed,
-            progress=report,
-            **(driven.as_arguments() if options.is_twin else {}),
-        )
+    result = export_model(
+        model if options.is_twin else load_model(model, sets, driven),
+        path,
+        set=changed_parameters(sets) if options.is_twin else None,
+        independent=joint_ranges("--independent", options.independent) if options.independent else (),
+        format=options.file_format,
+        style=options.style,
+        scene=options.scene,
+        cut=options.joints,
+        timestep=options.timestep,
+        settings=settings,
+        speed=options.speed,
+        **(driven.as_arguments() if options.is_twin else {}),
+    )
     return _result(result, output)
 
 
@@ -163,14 +150,14 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
             typer.echo(f"wrote {output}")
         if result.twin is not None:
             typer.echo(result.twin.summary(), err=output is None)
-        for sentence in filter(None, (result.shortfall, result.left_out)):
-            typer.echo(sentence, err=True)
+        if result.left_out:
+            typer.echo(result.left_out, err=True)
 
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
-    data |= {"text": result.text if output is None else None, "shortfall": result.shortfall}
+    data |= {"text": result.text if output is None else None}
     data["left_out"] = result.left_out
     data["couplings"] = result.twin.coupled if result.twin else ()
-    return Result(data, text, not result.shortfall)
+    return Result(data, text)
 
 
 def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result[ExportJson]:

@@ -12,7 +12,6 @@ from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism, require_polynomials
-from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Level, Scene
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
@@ -20,7 +19,7 @@ from mechsim.simulation.settings import plain_settings
 from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
-from mechsim.units import crank_speed, si
+from mechsim.units import crank_speed
 
 if TYPE_CHECKING:
     import mujoco
@@ -42,7 +41,6 @@ class ExportedModel:
         name: of the mechanism.
         format: "xml" or "toml".
         text: of the file.
-        shortfall: sentence on a tolerance that is not satisfied; empty if it is.
         left_out: sentence on a formula or friction that the file cannot contain; empty if none is left out.
         twin: couplings of a serial twin and their errors; None for others.
     """
@@ -50,7 +48,6 @@ class ExportedModel:
     name: str
     format: str
     text: str
-    shortfall: str = ""
     twin: SerialTwin | None = None
     left_out: str = ""
 
@@ -70,9 +67,7 @@ def export(
     cut: Sequence[str] = (),
     timestep: float | str | None = None,
     settings: Mapping[str, Any] | None = None,
-    tolerance: float | str | None = None,
     speed: float | str | None = None,
-    progress: Progress = no_progress,
     **options: Any,
 ) -> ExportedModel:
     """Return a mechanism as a MuJoCo model or as TOML; write it if a path is given.
@@ -89,9 +84,7 @@ def export(
         cut: joints at which loops are cut; by default the generator chooses.
         timestep: of the file, in [s] or text; by default 0.1 ms.
         settings: fields of `Settings` that the file contains.
-        tolerance: position error that plain MuJoCo must satisfy, in [m] or text; determines the settings.
-        speed: of a motor and a keyframe, in [rad/s] or text; by default no motor without a tolerance.
-        progress: called with a description and the finished fraction.
+        speed: of a motor and a keyframe, in [rad/s] or text; by default no motor.
         options: `drive`, `lock` and further arguments of `load`.
 
     Raises:
@@ -110,18 +103,18 @@ def export(
         )
     if format in SERIAL_FORMATS:
         loops = options.pop("loops", None)
-        _require_twin(style, scene, cut, settings, timestep, speed, tolerance, *options.values())
+        _require_twin(style, scene, cut, settings, timestep, speed, *options.values())
         from mechsim.studies.robots.serial_twin import serial_twin
 
         twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
-        require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
+        require_compatible(format, scene, cut, settings, timestep, speed)
         solver = model if isinstance(model, KinematicSolver) and not set else load(model, set, **options)
-        contents = _Contents(scene, tuple(cut), settings, timestep, speed, tolerance)
+        contents = _Contents(scene, tuple(cut), settings, timestep, speed)
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = replace(
-            _exported(solver, format, style, contents, progress),
+            _exported(solver, format, style, contents),
             left_out=left_out if format == "toml" else _friction_left_out(solver, scene),
         )
     if output is not None:
@@ -148,19 +141,15 @@ class _Contents:
     settings: Mapping[str, Any]
     timestep: float | str | None
     speed: float | str | None
-    tolerance: float | str | None
 
 
-def _exported(
-    solver: KinematicSolver, format: str, style: str, contents: _Contents, progress: Progress
-) -> ExportedModel:
+def _exported(solver: KinematicSolver, format: str, style: str, contents: _Contents) -> ExportedModel:
     """Return a mechanism as a MuJoCo model in a style, or as TOML."""
     if style == "menagerie":
-        has_motor = contents.speed is not None or contents.tolerance is not None
-        if format != "xml" or contents.scene != LEVEL or has_motor:
+        if format != "xml" or contents.scene != LEVEL or contents.speed is not None:
             raise InputError(
-                "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
-                "--speed and --tolerance"
+                "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
+                "and --speed"
             )
         return ExportedModel(solver.name, format, _menagerie_text(solver, contents))
     if style != "plain":
@@ -168,8 +157,7 @@ def _exported(
     if format == "toml":
         text = to_toml(solver)
         return ExportedModel(solver.name, format, text)
-    text, shortfall = _mjcf_text(solver, contents, progress)
-    return ExportedModel(solver.name, format, text, shortfall)
+    return ExportedModel(solver.name, format, _mjcf_text(solver, contents))
 
 
 def _with_formula_from(solver: KinematicSolver, folder: Path) -> tuple[KinematicSolver, str]:
@@ -193,7 +181,7 @@ def _require_twin(style: str, scene: str, *others: object) -> None:
     if style != "plain" or scene != LEVEL or any(others):
         raise InputError(
             "a serial twin takes --independent, --loops and --set only; leave out --style, --scene, --cut, "
-            "--speed, --tolerance, --drive, --lock and what else changes the model"
+            "--speed, --drive, --lock and what else changes the model"
         )
 
 
@@ -204,20 +192,15 @@ def require_compatible(
     settings: Mapping[str, Any],
     timestep: float | str | None,
     speed: float | str | None,
-    tolerance: float | str | None,
 ) -> None:
     """Raise InputError for options that exclude each other."""
     if format not in FORMATS:
         raise InputError(f"there is no format {format!r}; choose from {', '.join(FORMATS)}")
     has_settings = bool(settings) or timestep is not None
-    has_motor = speed is not None or tolerance is not None
-    if format == "toml" and (cut or has_motor or has_settings or scene != LEVEL):
+    if format == "toml" and (cut or speed is not None or has_settings or scene != LEVEL):
         raise InputError(
-            "--scene, --cut, --speed, --tolerance and settings are for MuJoCo models; leave them out, "
-            "or --format toml"
+            "--scene, --cut, --speed and settings are for MuJoCo models; leave them out, or --format toml"
         )
-    if tolerance is not None and has_settings:
-        raise InputError("--tolerance determines the settings; leave out the others")
 
 
 def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
@@ -247,25 +230,19 @@ def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     return mjcf.to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
 
 
-def _mjcf_text(solver: KinematicSolver, contents: _Contents, progress: Progress) -> tuple[str, str]:
-    """Return the text of a model with settings, and its shortfall from a tolerance; empty if satisfied."""
-    mechanism, settings, tolerance = solver.mechanism, contents.settings, contents.tolerance
+def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> str:
+    """Return the text of a model with settings."""
+    settings = contents.settings
     scene = Scene(level=cast(Level, contents.scene), cut=contents.cut or None, forces=solver.forces)
-    spec = exported(mechanism, scene)
+    spec = exported(solver.mechanism, scene)
     rate = crank_speed(SPEED if contents.speed is None else contents.speed)
     if "solref" not in settings:
         settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
     plain_settings(settings, contents.timestep, float(spec.option.timestep), rate).put_into(spec)
     if "drive_inertia" in settings:
         set_drive_inertia(spec, settings["drive_inertia"])
-    from mechsim.studies.scene import tune_model
+    if contents.speed is not None:
+        from mechsim.studies.scene import tune_model
 
-    if tolerance is None:
-        model = spec if contents.speed is None else tune_model.turning(spec, mechanism, rate)
-        return mjcf.to_xml(model), ""
-    length = si(tolerance, "m", "the tolerance")
-    if not 0.0 < length < float("inf"):
-        raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
-    text, error = tune_model.exported_model(spec, mechanism, rate, length, progress=progress)
-    shortfall = f"no MJCF file reaches {length:g} m for this model: the error is {error:.2g} m"
-    return text, "" if error <= length else shortfall
+        spec = tune_model.turning(spec, solver.mechanism, rate)
+    return mjcf.to_xml(spec)

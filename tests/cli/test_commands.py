@@ -323,13 +323,3 @@ def test_a_killed_run_leaves_no_partial_file(tmp_path: Path) -> None:
     # the file is complete or absent
     if (tmp_path / "out.csv").exists():
         assert len(files.read(tmp_path / "out.csv")["angle"]) == 360_001
-
-
-@pytest.mark.parametrize("options", [(), ("--json",)])
-def test_an_export_beyond_its_tolerance_has_exit_code_1(mechsim, monkeypatch, options):
-    monkeypatch.setattr(
-        "mechsim.studies.scene.tune_model.exported_model", lambda *_, **__: ("<mujoco/>", 1e-3)
-    )
-    answer = mechsim("export", "four_bar", "--tolerance", "1um", "-o", "out.xml", *options)
-    assert answer.code == 1
-    assert "the error is 0.001 m" in (answer.out if options else answer.err)

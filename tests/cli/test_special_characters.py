@@ -144,7 +144,6 @@ def test_a_page_escapes_names():
         pytest.param("plot odd.toml --kind motion -o p.png", marks=pytest.mark.slow),
         "dynamics inverse odd.toml --plot p.svg",
         "export odd.toml -o x.xml",
-        pytest.param("export odd.toml --tolerance 1mm -o x.xml", marks=pytest.mark.slow),
     ],
 )
 def test_special_names_cause_no_internal_error(mechsim, line):

@@ -14,19 +14,15 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import atomic_path, stem_of
+from mechsim.files import atomic_path
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import constant
 from mechsim.model.progress import Progress, no_progress
-from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.driven_run import first_state
-from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet, to_xml
-from mechsim.simulation.mjcf.edited_text import EditedText, put_comment
+from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.joints import CRANK
-from mechsim.simulation.mjcf_reader.reading import read_model
 from mechsim.simulation.plain_settings import ALLOWABLE, settings_of
 from mechsim.simulation.source import from_mechanism
-from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import (
     MEASURES,
     By,
@@ -38,12 +34,11 @@ from mechsim.studies.scene.errors import (
 )
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
-from mechsim.studies.scene.scene import UserScene, scene_of, with_assembled_start
+from mechsim.studies.scene.scene import UserScene, with_assembled_start
 from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, tuned
 from mechsim.studies.scene.write_tuned import (
     KEY,
     control_lines,
-    plain_model,
     python_of,
     setting_changes,
     tuned_text,
@@ -52,8 +47,6 @@ from mechsim.studies.scene.write_tuned import (
 from mechsim.units import si
 
 MOTOR, RUN_KEY = "motor", "turning"
-# number of revolutions of the search; the choice is verified over three times as many
-REVOLUTIONS = 2.0
 # inertia of the servo relative to that of the links; the servo accelerates the crank within 0.1 rad
 SERVO_INERTIA_RATIO = 10.0
 
@@ -71,13 +64,10 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
         AssemblyError: for a crank that cannot rotate fully.
     """
     if not mechanism.has_crank:
-        raise InputError(
-            f"{mechanism.name} has no single crank that can turn at a speed; leave out --speed and "
-            "--tolerance"
-        )
+        raise InputError(f"{mechanism.name} has no single crank that can turn at a speed; leave out --speed")
     spec = spec.copy()
     closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), follows_laws=False)
-    qpos, qvel = first_state(closed, constant(speed, REVOLUTIONS, mechanism.start))
+    qpos, qvel = first_state(closed, constant(speed, 1.0, mechanism.start))
     model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
     weight = (
         float(joint.armature)
@@ -87,49 +77,6 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
     motor.set_to_velocity(kv=weight * abs(speed))
     spec.add_key(name=RUN_KEY, qpos=qpos, qvel=qvel, ctrl=[speed])
     return spec
-
-
-@quiet()
-def exported_model(
-    spec: mujoco.MjSpec,
-    mechanism: Mechanism,
-    speed: float,
-    tolerance: float,
-    *,
-    budget: float | Budget = SECONDS,
-    progress: Progress = no_progress,
-) -> tuple[str, float]:
-    """Return the text of a model whose crank rotates within a tolerance, and its error after reading it back.
-
-    Args:
-        spec: as for `turning`.
-        mechanism: as for `turning`.
-        speed: crank speed, in [rad/s].
-        tolerance: distance of tracked points from the exact closure at the actual crank angle, in [m].
-        budget: duration of the search, in [s].
-        progress: callback after each trial.
-    """
-    with TemporaryDirectory() as folder:
-        path = Path(folder, f"{stem_of(mechanism.name)}.xml")
-        path.write_text(to_xml(turning(spec, mechanism, speed)), encoding="utf-8")
-        # its points are tracked over whole revolutions
-        read = read_model(str(path), drivers=[CRANK], key=RUN_KEY)
-        duration = REVOLUTIONS * REVOLUTION / abs(speed)
-        points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
-        scene = scene_of(read, read.mechanism, duration=duration, points=points or None, key=RUN_KEY)
-        result = tuned(scene, tolerance, "closure", budget=budget, progress=progress)
-        text = tuned_text(scene, result.best.settings, [], path.parent).after
-        path.write_text(text, encoding="utf-8")
-        written_scene = replace(scene, model=plain_model(str(path)))
-        error = SceneEvaluator().errors(run_scene(written_scene, records=None)).closure
-        edited = EditedText(text)
-        comment = [
-            f"mechsim export: {'satisfies' if error <= tolerance else 'does not satisfy'} {tolerance:g} m at "
-            f"{speed:g} rad/s over {REVOLUTIONS:g} turns, error {error:.2g} m;",
-            f"step it from keyframe {RUN_KEY} (mj_resetDataKeyframe(model, data, 0)), nothing else.",
-        ]
-        put_comment(edited, comment)
-    return edited.result, error
 
 
 @dataclass(frozen=True)
