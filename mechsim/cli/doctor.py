@@ -14,7 +14,7 @@ from mechsim.numerics import c_library
 EXTRAS = {
     "pictures": ("matplotlib", "mediapy", "jinja2", "PIL"),
     "tables": ("pandas", "xarray"),
-    "sweep": ("xarray", "netCDF4", "pyarrow"),
+    "sweep": ("xarray", "netCDF4"),
     "robots": ("yaml",),
 }
 # cost of a missing compiler: `ms.dynamics.run` of a four-bar released for 1 s takes 0.89 s in numpy and

@@ -42,7 +42,7 @@ def plot(
     mechsim plot sweep.nc --kind map --of range:rocker -o map.png
     mechsim plot four_bar --kind quantities --of rocker.v -o rocker.svg
     """
-    if source.model.lower().endswith((".nc", ".parquet", ".csv")):
+    if source.model.lower().endswith((".nc", ".csv")):
         require_taken("of a sweep", ("coordinates",), options)
         stated.exclude(("sets", "speed", *option_names(DriveOptions)), "on the file of a sweep")
         figure = drawn_sweep(source.model, options.coordinates, None if kind == "motion" else kind)

@@ -75,7 +75,6 @@ class SweepOptions:
     samples: int | None = option(None, "Configurations in a turn, or over the motion laws. [default: 72]")
     speed: Speed = "600rpm"
     check: int = option(0, "Check N random designs against MuJoCo.", metavar="N")
-    resume: bool = option(False, "Continue an interrupted sweep.", name="--resume")
 
 
 class SweepJson(WithMasses):
@@ -92,13 +91,13 @@ class SweepJson(WithMasses):
 @command
 def sweep(
     source: ModelOptions,
-    output: Annotated[str, output_file("Table to write: .nc, .parquet or .csv.")],
+    output: Annotated[str, output_file("Table to write: .nc or .csv.")],
     options: SweepOptions,
     *,
     stated: Stated,
     release: InitialOptions,
 ) -> Result[SweepJson]:
-    """Measure many designs of a mechanism; write a table, chunk by chunk.
+    """Measure many designs of a mechanism; write a table.
 
     Examples:
     mechsim sweep four_bar --vary crank=3cm:5cm:9 --measure range:rocker -o s.csv
@@ -131,7 +130,7 @@ def sweep(
     _exclude_without_effect(stated, task)
     require_count("the designs of --check", options.check, task.designs.count, "check fewer", least=0)
     with progress("sweep", None) as report:
-        result = run_sweep(task, output, resume=options.resume, progress=report)
+        result = run_sweep(task, output, progress=report)
     seconds = time.perf_counter() - start
     checked = check_sweep(task, result, options.check) if options.check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()

@@ -37,8 +37,7 @@ def output_faults(code: int | None, output: str) -> Iterator[str]:
 def file_faults(folder: Path, case: Case, code: int | None) -> Iterator[str]:
     """Yield what is wrong with the files left in a folder."""
     for path in folder.rglob("*"):
-        # a stopped sweep keeps its chunks for --resume
-        if path.name in case.files or any(component.endswith(".parts") for component in path.parts):
+        if path.name in case.files:
             continue
         # a report is a folder
         if not any(component in word for component in path.relative_to(folder).parts for word in case.words):

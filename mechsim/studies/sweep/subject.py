@@ -2,16 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily, numbers_of
+from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.python_object import PythonObject
 from mechsim.subjects.readers import open_model, parametric_model
-from mechsim.subjects.toml_reader import TomlModel
 
 
 @dataclass(frozen=True)
@@ -22,7 +20,6 @@ class SweptSubject:
         name: as requested.
         solver: the nominal design.
         design_family: its parameters, and the function that makes its designs.
-        identity: text that differs between subjects.
         closed: the formulas whose own parameters vary; None for other subjects.
         unitless: whether its parameters state no units, as arguments of a function in a Python file.
     """
@@ -30,7 +27,6 @@ class SweptSubject:
     name: str
     solver: KinematicSolver
     design_family: DesignFamily
-    identity: str
     closed: ClosedForm | None
     unitless: bool
 
@@ -51,17 +47,7 @@ def swept_subject(
     source = open_model(model)
     designs = parametric_model(source, set, **options)
     solver = designs.make({})
-    name, laws = model if isinstance(model, str) else solver.name, solver.motion_laws
-    drivers = solver.mechanism.drivers if laws.crank else (*laws.drivers, laws.duration)
-    identity = [
-        repr((name, drivers, sorted((set or {}).items()))),
-        numbers_of(solver.mechanism).tobytes().hex(),
-    ]
-    unitless = False
-    if isinstance(source, TomlModel):
-        identity.append(repr(source.source.document))
-    elif isinstance(source, PythonObject):
-        identity.append(Path(source.address.rpartition(":")[0]).read_text(encoding="utf-8"))
-        unitless = bool(source.parameters({}).dimensions)
+    unitless = isinstance(source, PythonObject) and bool(source.parameters({}).dimensions)
+    name = model if isinstance(model, str) else solver.name
     closed = None if unitless else solver.closed_form
-    return SweptSubject(name, solver, designs, "".join(identity), closed, unitless)
+    return SweptSubject(name, solver, designs, closed, unitless)

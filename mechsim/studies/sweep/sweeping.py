@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,14 +20,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation.run import simulate
 from mechsim.studies.release import DURATION, Release
-from mechsim.studies.sweep.chunks import (
-    EXTRA_BYTES,
-    ChunkFolder,
-    chunk_bounds,
-    identity,
-    require_disk,
-    run_chunks,
-)
+from mechsim.studies.sweep.chunks import chunk_bounds, run_chunks
 from mechsim.studies.sweep.designs import (
     SEED,
     Designs,
@@ -43,15 +35,7 @@ from mechsim.studies.sweep.measures import RELEASED, measures
 from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
 from mechsim.studies.sweep.released_runs import released_alone
 from mechsim.studies.sweep.subject import SweptSubject, swept_subject
-from mechsim.studies.sweep.table import (
-    HASH_ATTRIBUTE,
-    column_name,
-    dataset,
-    read_sweep,
-    require_libraries,
-    suffix_of,
-    write_sweep,
-)
+from mechsim.studies.sweep.table import column_name, dataset, require_libraries, suffix_of, write_sweep
 from mechsim.studies.sweep.task import BUILT, Measured, SweepTask, nothing_measured
 from mechsim.verdict.crosscheck import crosscheck
 
@@ -75,7 +59,6 @@ def sweep(
     samples: int | None = None,
     speed: float | str = 1.0,
     output: str | Path | None = None,
-    resume: bool = False,
     progress: Progress = no_progress,
     initial: Mapping[str, Initial] | None = None,
     until: str | None = None,
@@ -93,8 +76,7 @@ def sweep(
         set: parameter -> its value if it does not vary, as for `load`.
         samples: number of poses in a revolution, or over the motion laws of drivers; None for 72.
         speed: crank speed in [rad/s], or text, as "600rpm".
-        output: .nc, .parquet or .csv to write, chunk by chunk.
-        resume: whether to continue a stopped sweep.
+        output: .nc or .csv to write.
         progress: called with a description and the finished fraction, 0 to 1.
         initial: initial state of measures of runs and vibrations, as `mechsim.dynamics.run` takes it.
         until: event that ends these runs.
@@ -106,8 +88,7 @@ def sweep(
         range; rates and forces cover the middle 0.9 of it.
 
     Raises:
-        InputError: for an unknown parameter or measure, more designs than fit into memory or on disk, or an
-            output that contains another sweep.
+        InputError: for an unknown parameter or measure, or more designs than fit into memory.
         MissingToolError: if a library of `mechsim[sweep]` is not installed.
     """
     require_libraries(output)
@@ -124,7 +105,7 @@ def sweep(
         until=until,
         **options,
     )
-    return run_sweep(task, output, resume=resume, progress=progress)
+    return run_sweep(task, output, progress=progress)
 
 
 def swept_designs(
@@ -204,75 +185,30 @@ def run_sweep(
     task: SweepTask,
     output: str | Path | None = None,
     *,
-    resume: bool = False,
     progress: Progress = no_progress,
 ) -> Dataset:
     """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
     count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + BYTES_PER_TEXT
     # a table is in memory twice while it is built
-    require_memory(f"{count:,} designs", count, 2.0 * each + EXTRA_BYTES, "{most} fit: reduce the number")
-    sweep_hash = identity(task)
-    path = None if output is None else Path(output)
-    if path is not None:
-        suffix_of(path)
-        require_disk(path, count, each)
-        if _is_finished(path, sweep_hash, resume):
-            return read_sweep(path)
-    chunks = chunk_bounds(task)
-    folder = None if path is None else ChunkFolder(path, sweep_hash, len(chunks))
-    finished = {} if folder is None else folder.open(resume=resume)
-    table = nothing_measured(task, count)
-    count_finished, lock = sum(chunks[i][1] - chunks[i][0] for i in finished), threading.Lock()
+    require_memory(f"{count:,} designs", count, 2.0 * each, "{most} fit: reduce the number")
+    if output is not None:
+        suffix_of(output)
+    chunks, table, measured = chunk_bounds(task), nothing_measured(task, count), 0
 
-    def keep(number: int, result: Measured) -> None:
-        nonlocal count_finished
-        if folder is not None:
-            folder.write(number, result)
-        _store(table, chunks[number], result.values.values(), result.outcome, result.reason)
-        with lock:
-            count_finished += chunks[number][1] - chunks[number][0]
-            progress(f"{count_finished:,} of {count:,} designs", count_finished / count)
+    def keep(chunk: tuple[int, int], result: Measured) -> None:
+        nonlocal measured
+        rows = slice(*chunk)
+        for name, values in result.values.items():
+            table.values[name][rows] = values
+        table.outcome[rows], table.reason[rows] = result.outcome, result.reason
+        measured += chunk[1] - chunk[0]
+        progress(f"{measured:,} of {count:,} designs", measured / count)
 
-    for number in finished:
-        assert folder is not None
-        _store(table, chunks[number], *folder.read(number))
-    remaining = [(i, *ends) for i, ends in enumerate(chunks) if i not in finished]
-    try:
-        if remaining:
-            run_chunks(task, remaining, keep)
-    except InputError:
-        if folder is not None and not count_finished:
-            # a sweep that cannot start leaves no files
-            folder.remove()
-        raise
-    result = dataset(task, table.values, table.outcome, table.reason, {HASH_ATTRIBUTE: sweep_hash})
-    if path is not None and folder is not None:
-        write_sweep(path, result)
-        folder.remove()
+    run_chunks(task, chunks, keep)
+    result = dataset(task, table.values, table.outcome, table.reason)
+    if output is not None:
+        write_sweep(output, result)
     return result
-
-
-def _store(table: Measured, ends: tuple[int, int], values: Any, outcome: Any, reason: Any) -> None:
-    rows = slice(*ends)
-    for column, values_of in zip(table.values.values(), values, strict=True):
-        column[rows] = values_of
-    table.outcome[rows] = outcome
-    table.reason[rows] = reason
-
-
-def _is_finished(path: Path, sweep_hash: str, resume: bool) -> bool:
-    """Return whether the output contains this sweep and is resumed; reject one of another sweep."""
-    if not path.exists():
-        return False
-    stored = ""
-    if suffix_of(path) != ".csv":
-        try:
-            stored = str(read_sweep(path).attrs.get(HASH_ATTRIBUTE, ""))
-        except InputError:
-            stored = ""
-    if stored != sweep_hash:
-        raise InputError(f"{path} exists and contains another sweep; name another output, or remove it first")
-    return resume
 
 
 def built(result: Dataset) -> int:

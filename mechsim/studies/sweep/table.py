@@ -32,11 +32,9 @@ def library(name: str) -> Any:
         return import_module(name)
 
 
-SUFFIXES = (".nc", ".parquet", ".csv")
+SUFFIXES = (".nc", ".csv")
 # names of text columns
 TEXTS = ("outcome", "reason")
-# the attribute with the hash of the sweep
-HASH_ATTRIBUTE = "sweep"
 
 
 def dataset(
@@ -44,7 +42,6 @@ def dataset(
     values: Mapping[str, Array],
     outcome: NDArray[np.int8],
     reason: NDArray[np.object_],
-    attributes: Mapping[str, Any],
 ) -> "Dataset":
     """Return a sweep as a Dataset.
 
@@ -71,7 +68,7 @@ def dataset(
         **_driven(task),
         "mechsim": __version__,
     }
-    return xarray.Dataset(variables, coordinates, {**about, **attributes})
+    return xarray.Dataset(variables, coordinates, about)
 
 
 def _driven(task: SweepTask) -> dict[str, object]:
@@ -105,13 +102,13 @@ def require_libraries(path: str | Path | None) -> None:
     Raises:
         MissingToolError: for a missing library.
     """
-    needed = {".nc": ("netCDF4",), ".parquet": ("pyarrow",)}
-    for name in ("xarray", *needed.get("" if path is None else suffix_of(path), ())):
-        library(name)
+    library("xarray")
+    if path is not None and suffix_of(path) == ".nc":
+        library("netCDF4")
 
 
 def write_sweep(path: str | Path, result: "Dataset") -> None:
-    """Write a sweep as .nc, .parquet or .csv atomically; equal sweeps give equal bytes.
+    """Write a sweep as .nc or .csv atomically; equal sweeps give equal bytes.
 
     Raises:
         OutputError: if it cannot be written.
@@ -120,8 +117,6 @@ def write_sweep(path: str | Path, result: "Dataset") -> None:
     with atomic_path(path) as temporary:
         if kind == ".nc":
             result.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
-        elif kind == ".parquet":
-            _write_parquet(temporary, result)
         else:
             table = library("pandas").DataFrame(design_columns(result))
             table.to_csv(temporary, index=False, na_rep="nan", lineterminator="\n")
@@ -133,24 +128,6 @@ def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
     names = [*map(str, result.coords), *map(str, result.data_vars)]
     broadcast = {name: result[name].broadcast_like(result["outcome"]).transpose(*dims) for name in names}
     return {name: column.values.ravel() for name, column in broadcast.items()}
-
-
-def _write_parquet(path: Path, result: "Dataset") -> None:
-    import json
-
-    arrow, parquet = library("pyarrow"), library("pyarrow.parquet")
-    about = {
-        "attributes": {name: np.asarray(value).tolist() for name, value in result.attrs.items()},
-        "units": {str(name): column.attrs.get("units", "1") for name, column in result.variables.items()},
-        "grid": [str(name) for name in result.dims] if "design" not in result.dims else [],
-    }
-    table = design_columns(result)
-    arrays = [
-        arrow.array(column, arrow.string()).dictionary_encode() if name in TEXTS else arrow.array(column)
-        for name, column in table.items()
-    ]
-    arrow_table = arrow.table(arrays, names=[*table]).replace_schema_metadata({b"mechsim": json.dumps(about)})
-    parquet.write_table(arrow_table, path)
 
 
 def read_sweep(path: str | Path) -> "Dataset":
@@ -168,22 +145,13 @@ def read_sweep(path: str | Path) -> "Dataset":
             with xarray.open_dataset(path, engine="netcdf4") as file:
                 result = file.load()
         else:
-            result = _read_parquet(path) if kind == ".parquet" else _from_columns(_read_csv(path), {}, [], {})
+            result = _from_columns(_read_csv(path))
     except (OSError, ValueError, KeyError, TypeError) as error:
         line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} contains no sweep: {cut(line, 120)}") from None
     if "outcome" not in result:
         raise InputError(f"{path} contains no sweep: it has no column outcome")
     return result
-
-
-def _read_parquet(path: str | Path) -> "Dataset":
-    import json
-
-    table = library("pyarrow.parquet").read_table(path)
-    about = json.loads(table.schema.metadata[b"mechsim"])
-    columns_read = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
-    return _from_columns(columns_read, about["units"], about["grid"], about["attributes"])
 
 
 def _read_csv(path: str | Path) -> dict[str, Any]:
@@ -194,26 +162,21 @@ def _read_csv(path: str | Path) -> dict[str, Any]:
     }
 
 
-def _from_columns(
-    columns_read: Mapping[str, Any], units: Mapping[str, str], grid: list[str], attributes: Mapping[str, Any]
-) -> "Dataset":
-    xarray = library("xarray")
+def _from_columns(columns_read: Mapping[str, Any]) -> "Dataset":
     # parameter names contain no colon, unlike measures
     measured = [name for name in columns_read if name in TEXTS or ":" in name or name in FACT_NAMES]
-    parameter_names = [name for name in columns_read if name not in measured]
-    grid = grid or _grid_of({name: columns_read[name] for name in parameter_names})
-    if grid:
-        axes = {name: np.unique(columns_read[name]) for name in grid}
+    parameters = {name: column for name, column in columns_read.items() if name not in measured}
+    if grid := _grid_of(parameters):
+        axes = {name: np.unique(column) for name, column in parameters.items()}
         shape = tuple(len(column) for column in axes.values())
         variables = {name: (grid, columns_read[name].reshape(shape)) for name in measured}
-        result = xarray.Dataset(variables, axes, dict(attributes))
     else:
         variables = {name: ("design", columns_read[name]) for name in measured}
-        coordinates = {name: ("design", columns_read[name]) for name in parameter_names}
-        result = xarray.Dataset(variables, coordinates, dict(attributes))
+        axes = {name: ("design", column) for name, column in parameters.items()}
+    result = library("xarray").Dataset(variables, axes)
     for name in result.variables:
         if name not in TEXTS:
-            result[name].attrs["units"] = units.get(str(name), "1")
+            result[name].attrs["units"] = "1"
     return result
 
 
