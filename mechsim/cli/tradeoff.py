@@ -35,7 +35,6 @@ class Advice(TypedDict):
     """Use of a setting on the command line and in a file."""
 
     command: str
-    export: str | None
     xml: str | None
 
 
@@ -179,7 +178,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
         point = result.choice(limit, by)
         if point is not None:
             how = advice(point, model, result.subject.speed)
-            lines = [how["command"], how["export"], how["xml"]]
+            lines = [how["command"], how["xml"]]
             bounds_of.setdefault("\n".join(filter(None, lines)), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")

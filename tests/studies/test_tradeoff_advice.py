@@ -37,4 +37,4 @@ def test_a_fragment_is_mjcf_with_the_settings():
 def test_settings_that_no_file_contains_have_only_a_command():
     reported = advice(point(STIFF), "slider_crank", SPEED)
     assert reported["command"].startswith("mechsim simulate slider_crank")
-    assert (reported["export"], reported["xml"]) == (None, None)
+    assert reported["xml"] is None

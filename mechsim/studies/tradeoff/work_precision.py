@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -175,12 +175,10 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
 
     Returns:
         "command": `mechsim simulate` with its options;
-        "export": `mechsim export` of a model with the settings, None if no file can contain them;
         "xml": a fragment of MJCF, None if it cannot contain all settings.
     """
     return {
         "command": command(point, model, speed),
-        "export": exporting(point, model, speed),
         "xml": fragment(point, speed),
     }
 
@@ -199,19 +197,6 @@ def _speed_text(speed: float) -> str:
         if np.isclose(float(short) * REVOLUTION / 60.0, speed, rtol=1e-12)
         else f"{speed!r}rad/s"
     )
-
-
-def exporting(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim export` with a point's settings; None if no file can contain them."""
-    settings = point.settings
-    if model.endswith(".xml") or fragment(point, speed) is None:
-        return None
-    # settings that a run derives from others
-    stated = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
-    derived = {"steps_per_turn", "constant_steps", "compliance", "drive_inertia"}
-    values = {name: value for name, value in stated.as_dict().items() if name not in derived}
-    options = [_option(name, _plain(value)) for name, value in values.items() if value is not None]
-    return " ".join(["mechsim", "export", model, f"--timestep {settings.timestep(speed)!r}", *options])
 
 
 def _solref(settings: Settings, speed: float) -> tuple[float, float]:
