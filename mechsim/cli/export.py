@@ -17,7 +17,6 @@ from mechsim.cli.options import (
     require_other_drivers,
 )
 from mechsim.cli.output_paths import output_file, writable
-from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.simulation.settings import SettingOptions
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible

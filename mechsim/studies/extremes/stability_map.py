@@ -13,14 +13,6 @@ from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
 from mechsim.subjects import catalog
 
-# name of an axis -> its quantity and unit
-AXES: dict[str, str] = {
-    "steps": "steps in a turn",
-    "speed": "crank speed [rpm]",
-    "size": "size of the mechanism [m]",
-    "mass ratio": "mass of the coupler relative to that of the other links",
-    "far start": "error of the initial guess [size, rad]",
-}
 # number of bisections of a border, which locate it to a twentieth of a decade, and that of a quick study
 HALVINGS, QUICK_HALVINGS = 5, 2
 
