@@ -55,7 +55,8 @@ def plot(
         stated.exclude(["track"], f"on plot {kind!r}", kind in OF_CRANKS)
         solver = source.load_moving()
         if not solver.motion_laws.crank and kind in OF_CRANKS:
-            raise InputError(f"plot {kind!r} needs a crank without a motion law; choose another kind")
+            kinds = ", ".join(name for name in PLOTS if name not in OF_CRANKS)
+            raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")
         plotted = PlotSource(
             solver=solver, speed=crank_speed(speed), options=options, model=LoadOptions().dynamic_model
         )

@@ -10,7 +10,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.pictures.render.drawing import Shadow, Source, named, still
+from mechsim.pictures.render.drawing import Source, named, still
 from mechsim.pictures.render.drawn_model import drawn_as, file_bodies
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import PAPER
@@ -45,13 +45,10 @@ def test_geoms_have_the_poses_and_colours_of_the_file(solver):
     np.testing.assert_allclose((high - low) / 2, [0.03, 0.02, 0.01], rtol=0.02)
 
 
-def test_a_scene_is_drawn_with_z_upwards_and_mesh_shadows(solver):
+def test_a_scene_is_drawn_with_z_upwards_and_its_meshes(solver):
     drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
     assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
-    scene = mujoco.MjvScene(drawn.model, maxgeom=200)
-    Shadow(drawn).put(scene)
-    meshes = {geom.dataid for geom in scene.geoms[: scene.ngeom] if geom.type == mujoco.mjtGeom.mjGEOM_MESH}
-    assert len(meshes) == drawn.model.nmesh == 2
+    assert drawn.model.nmesh == 2
 
 
 def test_a_pivot_at_a_point_is_labelled_with_the_name_of_the_point():
