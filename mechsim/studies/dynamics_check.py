@@ -248,10 +248,10 @@ def _compared_with_mujoco(
             gains |= _gains(relative)
             floors = {unit: floor * gains.get(unit, 1.0) * largest[unit] for unit in largest}
             converged = all(errors[name] <= enough * floors[unit] for name, unit, *_ in compared)
-            # kinked forces reduce the error too slowly for the steps that are left
-            left = np.log2(max(1.0, most / substeps))
+            # kinked forces reduce the error too slowly for the halvings that remain
+            halvings = np.log2(max(1.0, most / substeps))
             slow = enough > 1.0 and any(
-                changes[name] * (changes[name] / before[name]) ** left > enough * floors[unit]
+                changes[name] * (changes[name] / before[name]) ** halvings > enough * floors[unit]
                 for name, unit, *_ in compared
                 if before.get(name)
             )
