@@ -104,10 +104,10 @@ def drive_directions(scene: Inspected) -> Array:
 
 
 def moment_arms(scene: Inspected, qpos: Array) -> Array:
-    """Return the moment arms of the actuators in the DOFs at coordinates (nq,), (nu, nv)."""
+    """Return the moment arms of the actuators in the DOFs at coordinates (nq,), (actuators, nv)."""
     model, data = scene.loops_only, scene.loop_data
     data.qpos[:] = qpos
-    dense = np.zeros((model.nu, model.nv))
+    dense = np.zeros((actuator_count(model), model.nv))
     if model.nu:
         mujoco.mj_fwdPosition(model, data)
         arms = data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
