@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from validation.suites import chrono, modelica, page, pmks, squeezer, textbooks
+from validation.suites import chrono, gepetto, modelica, page, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, Suite
 
 SUITES = {
@@ -19,6 +19,7 @@ SUITES = {
     "textbooks": textbooks.SUITE,
     "modelica": modelica.SUITE,
     "squeezer": squeezer.SUITE,
+    "gepetto": gepetto.SUITE,
 }
 WRONG = ("mechsim wrong", "unexplained")
 

@@ -45,6 +45,8 @@ class Cut:
         columns: coordinates that move only one side.
         gains: change of side b by one unit of each, in [m] or [rad]; negative for side a.
         length: characteristic length of the mechanism, in [m].
+        one_sense: whether further equations, cosine = 1, keep a search away from antiparallel axes, which
+            satisfy the others. At a solution their derivatives are zero.
     """
 
     joint: Joint
@@ -52,6 +54,7 @@ class Cut:
     columns: NDArray[np.intp]
     gains: Array
     length: float
+    one_sense: bool = False
 
     @cached_property
     def lengths(self) -> list[int]:
@@ -67,7 +70,8 @@ class Cut:
             return [(2, 2, np.cos(self.joint.cross_angle))]
         if not kind.aligned:
             return []
-        return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
+        senses = [(i, i, 1.0) for i in kind.aligned_columns] if self.one_sense else []
+        return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)]), *senses]
 
     @cached_property
     def products(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:

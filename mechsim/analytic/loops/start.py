@@ -56,13 +56,20 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     )
     undriven = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
     solution, violation = close_nearest(undriven, initial)
+    across = _across(undriven, solution) if violation[0] >= CLOSED else ""
+    if violation[0] >= CLOSED and not across and mechanism.drivers:
+        others = all_closed(undriven, disturbed(undriven, initial))
+        each = [others.select(np.array([i])) for i in range(len(others))]
+        solution = min(each, key=lambda q: float(np.abs(q.values - initial.values).max()), default=solution)
+        violation = np.abs(undriven.linearise(solution)[0]).max(0, initial=0.0)
     if violation[0] < CLOSED:
         near_by = f"from the guess they close at {_driver_text(loops, solution)}"
         return f"{text}; {near_by}: start there, or change the dimensions"
-    if across := _across(undriven, solution):
+    if across:
         return f"{text}, because {across}; move one of its points by that"
     return (
-        f"{text}, and with free drivers Newton's method leaves {_widest(undriven, solution)} open; change "
+        f"{text}, and with free drivers Newton's method and {STARTS} damped starts leave "
+        f"{_widest(undriven, solution)} open; change "
         "the dimensions, the start of the drivers, or the guess"
     )
 
@@ -179,7 +186,8 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
 def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return configurations closed from approximate ones, without those that do not close."""
     system = LoopSystem(loops, loops.unknown)
-    result = newton(system, q, APPROACH, _damped)
+    one_sense = replace(loops, cuts=tuple(replace(cut, one_sense=True) for cut in loops.cuts))
+    result = newton(LoopSystem(one_sense, loops.unknown), q, APPROACH, _damped)
     nearly_closed = result.q.select(result.residual < NEARLY_CLOSED)
     result = newton(
         system, nearly_closed, POLISH, lambda matrix, right: least_norm(matrix, right, STEP_CUTOFF)
