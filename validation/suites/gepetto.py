@@ -2,7 +2,8 @@
 
 The residual is computed from the files alone: each joint and each closure relates the poses of two links, and
 the poses are those of the motion. A revolute joint keeps the origin and the axis, a fixed one the whole
-frame, a closure of type 3d the origin, of type 6d the frame.
+frame, UJOINT_XY the origin and a right angle between x of one frame and y of the other, a closure of type 3d
+the origin, of type 6d the frame.
 """
 
 import tempfile
@@ -47,6 +48,10 @@ def misfit(a: Pose, b: Pose, kind: str, axis: np.ndarray) -> float:
     apart = b[0] - a[0]
     if kind == "prismatic":
         apart = np.cross(apart, a[1] @ axis)
+    if kind.startswith("ujoint_"):
+        first, second = (np.eye(3)["xyz".index(letter)] for letter in kind[-2:])
+        right = ((a[1] @ first) * (b[1] @ second)).sum(-1)
+        return float(max(np.abs(apart).max(), np.abs(right).max()))
     turned = a[1] @ axis - b[1] @ axis if kind in ("revolute", "continuous") else a[1] - b[1]
     return float(max(np.abs(apart).max(), 0.0 if kind == "spherical" else np.abs(turned).max()))
 
