@@ -5,11 +5,12 @@ import subprocess
 
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from validation.suites import __main__ as command
-from validation.suites import chrono, modelica, pmks, squeezer, textbooks
+from validation.suites import chrono, gepetto, modelica, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, kept
 
 
@@ -132,3 +133,28 @@ def test_the_double_pendulum_in_which_dymola_errs_agrees_with_an_independent_int
 def test_a_coarse_step_misses_the_digits_of_the_squeezer(monkeypatch):
     monkeypatch.setattr(squeezer, "DIGITS", {1e-6: 9.0, 1e-10: 9.0})
     assert [case.outcome for case in squeezer.cases(None)] == ["unexplained", "right"]
+
+
+ROBOT = """<robot name="five_bar"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+<link name="d"/><link name="end_b"/><link name="end_d"/>
+<joint name="left" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+<joint name="elbow_a" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0 1 0"/>
+<axis xyz="0 0 1"/></joint>
+<joint name="right" type="revolute"><parent link="base"/><child link="c"/><origin xyz="1.2 0 0"/>
+<axis xyz="0 0 1"/></joint>
+<joint name="elbow_c" type="continuous"><parent link="c"/><child link="d"/><origin xyz="0 1 0" rpy="0 0 1.5"/>
+<axis xyz="0 0 1"/></joint>
+<joint name="in_b" type="fixed"><parent link="b"/><child link="end_b"/><origin xyz="1 0 0"/></joint>
+<joint name="in_d" type="fixed"><parent link="d"/><child link="end_d"/><origin xyz="1 0 0"/></joint>
+</robot>"""
+SIDECAR = "closed_loop: [[end_b, in_d]]\ntype: [3d]\nname_mot: [left, right]\n"
+
+
+def test_a_robot_is_judged_by_its_files_alone(tmp_path):
+    files = tmp_path / "robot.urdf", tmp_path / "robot.yaml"
+    for file, text in zip(files, (ROBOT, SIDECAR), strict=True):
+        file.write_text(text)
+    moved, sidecar = gepetto.motion_of(*files, ["left", "right"]), yaml.safe_load(SIDECAR)
+    assert gepetto.residual(ROBOT, sidecar, moved) <= gepetto.TOLERANCE
+    for right, wrong in (("1.2 0 0", "1.3 0 0"), ('"end_d"/><origin xyz="1', '"end_d"/><origin xyz="1.1')):
+        assert gepetto.residual(ROBOT.replace(right, wrong), sidecar, moved) > 0.05
