@@ -11,6 +11,7 @@ from mechsim.analytic.dynamics.dynamic_run import RunSegment
 from mechsim.analytic.dynamics.gaps import released, without_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.dynamics.state_quantities import motion_of
+from mechsim.analytic.dynamics.statics import with_stops
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS
@@ -377,8 +378,8 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     at_rest = linear.equations.kinematics(linear.q, np.zeros((len(linear.q.values), 1)))
     links = motion_of(linear.equations, at_rest, at_rest.rates, np.zeros(1)).links
     try:
-        # with the forces of stops
-        state = static_state(model.mechanism, linear.equations.model.forces, coordinates, links)
+        forces = with_stops(model.forces, equilibrium.stops)
+        state = static_state(model.mechanism, forces, coordinates, links)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     exact = linear.roots.values

@@ -78,7 +78,7 @@ def test_animation_options_for_a_still_picture_are_rejected(mechsim, tmp_path, o
 def test_scene_options_for_a_toml_export_are_rejected(mechsim, tmp_path):
     code, _, err = mechsim("export", "rssr", "--format", "toml", "--scene", "pose", "-o", "a.toml")
     assert code == 2
-    assert "--scene, --cut, --speed, --tolerance and settings are for MuJoCo models" in err
+    assert "--scene, --cut, --speed and settings are for MuJoCo models" in err
     assert not list(tmp_path.iterdir())
 
 

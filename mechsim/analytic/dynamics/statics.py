@@ -178,11 +178,18 @@ def _at_stops(
             force = float(equations.accelerate(state, np.zeros(1), none, (), [index]).contact[0, 0])
             force /= float(equations.loops.units[index])
             if force * side < 0.0 and _within(model, _coordinates(equations, q), ranges):
-                stop = Actuator(f"stop of {name}", {name: 1.0}, bias=(force, 0.0, 0.0))
-                forces = replace(model.forces, actuators=(*model.forces.actuators, stop))
-                balanced = replace(equations, model=model.with_forces(forces))
+                stops = {name: force}
+                balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
                 at_stop = _described(balanced, RestingState(q, True, 0, False))
-                yield replace(at_stop, stable=True, modes=(), stops={name: force})
+                yield replace(at_stop, stable=True, modes=(), stops=stops)
+
+
+def with_stops(forces: Forces, stops: Mapping[str, float]) -> Forces:
+    """Return forces with those of stops, coordinate -> force in [N m] or [N]."""
+    pressing = [
+        Actuator(f"stop of {name}", {name: 1.0}, bias=(force, 0.0, 0.0)) for name, force in stops.items()
+    ]
+    return replace(forces, actuators=(*forces.actuators, *pressing))
 
 
 def _searched(
