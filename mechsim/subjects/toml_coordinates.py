@@ -468,13 +468,16 @@ def _rope(coordinates: FileCoordinates, name: str, table: Mapping[str, Any], pat
     Raises:
         InputError: for unknown coordinates, or a rope that is slack where all its coordinates are stated.
     """
-    weights: dict[str, float] = table["rope"]
+    weights = dict[str, float]()
+    for coordinate, written in table["rope"].items():
+        where = (*path, "rope", coordinate)
+        coordinates.require(coordinate, (*path, "rope"))
+        unit = "m" if coordinates.units[coordinate] == "rad" else "1"
+        weights[coordinate] = coordinates.values.quantity(written, unit, where)
     if not any(weights.values()):
         raise coordinates.error(
             (*path, "rope"), "changes with no coordinate; give the change of its path per coordinate"
         )
-    for coordinate in weights:
-        coordinates.require(coordinate, (*path, "rope"))
     length, free = table.get("length", 0.0), table.get("path", 0.0)
     start = {
         key: coordinates.value(key, written, where) for key, (where, written) in _started(coordinates).items()

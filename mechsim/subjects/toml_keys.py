@@ -355,7 +355,10 @@ _COUPLING = Table(
             "pulley that presses on the outside of a belt",
             ("at", "radius"),
         ),
-        "rope": TableOf(Number("1", "in SI"), "of a rope: change of its path per coordinate, by coordinate"),
+        "rope": TableOf(
+            JointNumber("change of its path: a length per radian of an angle, a number for a slide"),
+            "of a rope: changes of its path by coordinate",
+        ),
         "length": Number("m", "of a rope or belt"),
         "path": Number("m", "of a rope: length of its path where its coordinates are 0"),
         "phase": JointNumber("driven coordinate at zero of the driver's; default 0"),
