@@ -17,7 +17,7 @@ RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
 
-Each picture opens a live 3-D page of its mechanism: turn drivers, change dimensions, drag points. Use the name
+Each picture opens a 3-D page of its mechanism: turn drivers, change dimensions (not of cams), drag points. Use the name
 wherever a command takes a model: `mechsim show klann`. Seven mechanisms have a closed form in the catalogue. The others are TOML
 files in `models/gallery`, each with its law as a few lines of Python. The animations take {pictures:.1f} MB together and
 load as they come into view; a view takes about {view:.1f} MB. Where reduced motion is preferred, the pictures stand still.
@@ -67,7 +67,12 @@ def _draw(extra: Path, name: str) -> None:
     # several drivers follow their motion laws and have no turn
     crank = json.loads(_output(f"show {name} --json")).get("crank_range")
     if not (view := extra / "views" / f"{name}.html").is_file():
-        _output(f"view {name} --live {'--speed 60rpm' if crank else ''} -o {view}")
+        options = f"{'--speed 60rpm' if crank else ''} -o {view}"
+        try:
+            _output(f"view {name} --live {options}")
+        except RuntimeError:
+            # dimensions of cams and slotted wheels cannot be changed on a page: their functions are not compiled
+            _output(f"view {name} {options}")
     still = extra / "pictures" / f"{name}.png"
     try:
         if not still.is_file():

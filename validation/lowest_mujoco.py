@@ -35,7 +35,7 @@ COMMANDS = (
     "tradeoff slider_crank --budget 30s",
     "tune {custom} --drive crank=60rpm --tolerance 100um --budget 20s -o {out}.xml",
     "reduce {custom} --drive crank=60rpm --tolerance 100um -o {out}.xml",
-    "sweep four_bar --vary crank=3cm:5cm:3 --measure range:rocker --method step -o {out}.csv",
+    "sweep four_bar --vary crank=3cm:5cm:3 --measure range:rocker --check 2 -o {out}.csv",
     "sensitivity four_bar --of B,rocker --to crank,coupler",
     "export four_bar --speed 60rpm -o {out}.xml",
     "export {custom} --format toml -o {out}.toml",

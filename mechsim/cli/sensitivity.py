@@ -112,7 +112,6 @@ class SensitivityJson(WithMasses):
     columns: dict[str, list[float]]
     left_out: dict[str, Any]
     output: str | None
-    plot: str | None
     tolerances: NotRequired[TolerancesJson]
 
 

@@ -161,10 +161,10 @@ def test_chains_that_end_in_welds_close_from_far_away():
         )
     mechanism = Mechanism("legs", tuple(links), tuple(joints), (), {"P": ("plate", (0.0,) * 3)})
     loops, initial = tree_loops(mechanism, guessed_poses(mechanism), {})
-    found = all_closed(loops, disturbed(loops, initial))
+    closed = all_closed(loops, disturbed(loops, initial))
     # with the equations alone 34 of 48 starts end in an assembly, of some robots none
-    assert len(found) == 48
-    poses = link_poses(loops.tree, found)
+    assert len(closed) == 48
+    poses = link_poses(loops.tree, closed)
     plate = poses.by_link(loops.tree.links)["plate"]
     for leg in range(LEGS):
         last, foot = poses.by_link(loops.tree.links)[f"l{leg}5"], np.array([np.cos(leg), np.sin(leg), 0.0])

@@ -150,7 +150,7 @@ ROBOT = """<robot name="five_bar"><link name="base"/><link name="a"/><link name=
 SIDECAR = "closed_loop: [[end_b, in_d]]\ntype: [3d]\nname_mot: [left, right]\n"
 
 
-def test_a_robot_is_judged_by_its_files_alone(tmp_path):
+def test_a_robot_is_compared_with_its_files(tmp_path):
     files = tmp_path / "robot.urdf", tmp_path / "robot.yaml"
     for file, text in zip(files, (ROBOT, SIDECAR), strict=True):
         file.write_text(text)

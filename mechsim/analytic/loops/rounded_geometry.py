@@ -105,7 +105,10 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     loops, guess = _loops_and_guess(mechanism)
     if not loops.rows:
         return Corrected(mechanism)
-    if all(_is_exact(loops, q) for q in generic_poses(loops, guess, PROBES, RANK_TOLERANCE)):
+    poses = generic_poses(loops, guess, PROBES, RANK_TOLERANCE)
+    # loops that lock return to the pose in which they can be assembled
+    moved = np.abs(poses[-1].values - poses[0].values)[:, 0] / loops.units
+    if moved.max(initial=0.0) > MOVING and all(_is_exact(loops, q) for q in poses):
         return Corrected(mechanism)
     nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
     if not _inconsistent(loops, _joined(nearly), ANGLE_TOLERANCE):
