@@ -96,7 +96,7 @@ REACHED = {
     "solve": 13100,
     "simulate": 18900,
     "validate": 21100,
-    "export": 27760,
+    "export": 21000,
     "check": 17400,
     "sample": 17600,
     "map": 18200,
