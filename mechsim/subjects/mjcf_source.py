@@ -223,11 +223,15 @@ def _started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
             coordinates = {name: reached[name] for name in values}
             return ClosedStart(replace(moved, locked=locked, guess_coordinates=coordinates), note)
     start = closed_start(started)
-    return (
-        ClosedStart(replace(start.mechanism, locked=locked), start.note)
-        if start.note
-        else ClosedStart(mechanism)
-    )
+    if not start.note:
+        return ClosedStart(mechanism)
+    unlocked = closed_start(replace(started, locked={}))
+    with suppress(AssemblyError):
+        # where the stated values do not close, a joint locked at its initial value stays where it is assembled
+        reached = start_poses(unlocked.mechanism)[1]
+        locked = {name: reached[name] if value == values[name] else value for name, value in locked.items()}
+        start = unlocked
+    return ClosedStart(replace(start.mechanism, locked=locked), start.note)
 
 
 def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":
