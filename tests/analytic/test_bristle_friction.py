@@ -51,10 +51,12 @@ def loaded(folder, text=BLOCK):
 def test_a_block_on_bristles_moves_as_by_scipy_and_in_mujoco(tmp_path):
     model = dynamic_model(loaded(tmp_path))
     run = ms.dynamics.run(model, duration=0.08, samples=8)
-    exact = solve_ivp(by_hand, (0.0, 0.08), np.zeros(3), "DOP853", run.time, rtol=1e-12, atol=1e-14)
+    # short steps: between long ones scipy interpolates with errors of 1e-9
+    options = {"rtol": 1e-12, "atol": 1e-14, "max_step": 5e-5}
+    exact = solve_ivp(by_hand, (0.0, 0.08), np.zeros(3), "DOP853", run.time, **options)
     slide = run.motion.joints["slide"]
     assert np.abs(slide.value - exact.y[0]).max() <= 1e-10
-    assert np.abs(slide.rate - exact.y[1]).max() <= 1e-9
+    assert np.abs(slide.rate - exact.y[1]).max() <= 1e-11
     assert np.abs(run.activation[0] - exact.y[2]).max() <= 1e-11
     assert run.energy_error <= 1e-11
     assert crosscheck_forward(run, model, initial_values(model, {})).passed
