@@ -227,7 +227,7 @@ def _started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
         return ClosedStart(mechanism)
     unlocked = closed_start(replace(started, locked={}))
     with suppress(AssemblyError):
-        # where the stated values do not close, a joint locked at its initial value stays where it is assembled
+        # a joint locked at its initial value stays where the file is assembled if its own values do not close
         reached = start_poses(unlocked.mechanism)[1]
         locked = {name: reached[name] if value == values[name] else value for name, value in locked.items()}
         start = unlocked
