@@ -82,8 +82,6 @@ def require_within(
 MAX_REVOLUTIONS = 1_000.0
 # largest number of time steps of a run; a step of a four-bar linkage takes MuJoCo about 3 us
 MAX_STEPS = 100_000_000
-# the same for a free run in which a stiff motor or damper limits the step of explicit integration
-MAX_STIFF_STEPS = 500_000
 # the same for a run of an unchanged MJCF scene, at 10 to 100 us per step
 MAX_SCENE_STEPS = 2_000_000
 

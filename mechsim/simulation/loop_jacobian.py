@@ -147,11 +147,6 @@ def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
     return transposed @ np.linalg.solve(matrix @ transposed, right)
 
 
-def has_undetermined_dofs(loops: ModelLoops) -> bool:
-    """Return whether the loops leave DOFs other than the crank undetermined, from the last solution."""
-    return loops.independent.basis is not None and len(loops.independent.row_space) < len(loops.free)
-
-
 def determinant_sign(loops: ModelLoops, jacobian: Array) -> Array:
     """Return the sign of the Jacobian's determinant with the crank locked, (n,): +1 or -1; 0 if unknown.
 

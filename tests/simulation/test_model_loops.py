@@ -100,13 +100,6 @@ def test_the_size_of_a_design_is_its_longest_body_or_loop_point_distance() -> No
     )
 
 
-def test_only_a_loop_with_an_idle_spin_has_undetermined_dofs() -> None:
-    for name, spins in (("four_bar", False), ("rssr", True)):
-        loops = loops_of(catalog.make(name).mechanism)
-        loop_jacobian.tangent(loops, loops.linearise(loops.model.qpos0[None])[1])
-        assert loop_jacobian.has_undetermined_dofs(loops) == spins
-
-
 def test_the_rank_of_a_batch_includes_every_state() -> None:
     loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     jacobians, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]

@@ -347,12 +347,6 @@ class AssemblyCurve:
         return offsets * self.joints.angular
 
 
-def crank_path_length(curve: AssemblyCurve) -> float:
-    """Return the path length of the crank angle along the whole curve, forwards and back, in [rad]."""
-    stations = [0.0, *(point.arc for point in curve.crank_turns), curve.length]
-    return float(np.abs(np.diff(curve.poses_at(stations).angle)).sum())
-
-
 def even_motion(curve: AssemblyCurve, steps: int, duration: float) -> Motion:
     """Return the motion along a whole closed curve at constant arc-length rate; the last pose is the first.
 
