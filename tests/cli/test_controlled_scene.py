@@ -50,20 +50,3 @@ def test_only_requested_settings_replace_those_of_the_file(mechsim):
     )
     settings = json.loads(answer.out)["settings"]
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "output"),
-    [
-        (("--ctrl", "motor=1"), "actuators of the model are servo"),
-        (("--ctrl", "servo"), "has no '='"),
-        (("--ctrl", "servo=1", "--lock", "swung"), "swung"),
-        (("--ctrl", "servo=1", "--speed", "3"), "--speed"),
-        (("--ctrl", "servo=1", "--setting", "steps_per_turn=50"), "steps_per_turn"),
-    ],
-)
-def test_incompatible_options_are_rejected(mechsim, arguments, output):
-    answer = mechsim("simulate", "finger.xml", *arguments)
-    assert answer.code == 2
-    assert output in answer.err
-    assert len(answer.err.strip().splitlines()) == 1

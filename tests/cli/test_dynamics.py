@@ -95,49 +95,6 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
     assert (code, reported["outcome"]) == (0, "passed")
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("arguments", "output"),
-    [
-        (("--motor", "dc:12,1"), "--motor is 'dc:12,1'; write constant:TORQUE"),
-        (("--motor", "steam:1"), "--motor is 'steam:1'"),
-        (("--motor", "line:5N,3rpm"), "--motor '5N' has unit 'N', which is the wrong kind"),
-        (("--motor", "dc:12,-1,0.1"), "motor resistance is -1.0 ohm"),
-        (("--friction", "crank"), "--friction is 'crank'; write JOINT="),
-        (("--friction", "elbow=1"), "there are only crank"),
-        (("--gravity", "1,2"), "--gravity is '1,2'; give three numbers"),
-        (("--method", "guess"), "there is no --method 'guess'"),
-        (("--spring", "P3:P2"), "--spring is 'P3:P2'; write A:B=STIFFNESS,REST"),
-        (("--spring", "P3:ground@1,2=5"), "has a position 'ground@1,2'; write LINK@X,Y,Z"),
-        (("--spring", "P3:P9=5"), "no point 'P9'"),
-        (("--spring", "P3:ground@0,1,0=-5"), "stiffness of the spring"),
-        (("--damper", "rocker=1,2"), "--damper is 'rocker=1,2'; write A:B=DAMPING"),
-        (("--gear", "2"), "--gear needs a motor"),
-        (("--gear", "0", "--motor", "constant:1"), "gear ratio of the motor is 0.0"),
-        (("--turns", "0"), "--turns is 0; give 1e-09"),
-        (("--tolerance", "0"), "tolerance of torque is 0.0"),
-        (("--tolerance", "1", "--method", "none"), "which --method none omits"),
-        (("--density", "-1"), "density of the rods is -1.0"),
-        (("--coefficient", "-1"), "coefficient of speed fluctuation is -1.0"),
-        (("--flywheel", "-1"), "moment of inertia of the flywheel"),
-        (("-o", "out.txt"), "ends in .txt"),
-        (("--plot", "out.bmp"), "ends in .bmp"),
-        (("--load", "missing.csv"), "there is no file missing.csv"),
-        (("--motor", "constant:1e300"), "1e+300; give a finite number with a magnitude below 1e+30"),
-        (("--density", "1e300"), "1e+300 kg/m3; give a finite number above 0, below 1e+30"),
-        (("--coefficient", "1e-300"), "1e-300; give 1e-09 or more"),
-        (("--speed", "1e300rpm"), "1e300rpm; give one other than 0"),
-    ],
-)
-def test_invalid_input_gives_one_line_and_exit_code_2(capsys, monkeypatch, arguments, output):
-    analysis = "forward" if {"--motor", "--gear"} & {*arguments} else "inverse"
-    code, out, err = run(capsys, monkeypatch, "rssr", *arguments, analysis=analysis)
-    assert code == 2
-    assert out == ""
-    assert output in err
-    assert err.count("\n") == 1
-
-
 @pytest.mark.parametrize(
     ("text", "output"),
     [
@@ -234,20 +191,6 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     code, _, _ = run(capsys, monkeypatch, *arguments, "--gravity", "0,-9.81,0", "--method", "none")
     assert code == 0
     assert np.ptp(np.genfromtxt(table, delimiter=",", names=True)["potential"]) > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--drive", "crank=sin(t)"), "--drive has no effect with --turns"),
-        (("--until", "crank.q=1rad"), "--turns and --until both end the run"),
-        (("--initial", "rocker.q=1rad"), "an initial value of rocker is given"),
-    ],
-)
-def test_turns_are_of_a_free_crank(capsys, monkeypatch, arguments, message):
-    code, _, error = run(capsys, monkeypatch, "four_bar", "--turns", "1", *arguments, analysis="forward")
-    assert code == 2
-    assert message in error
 
 
 def test_a_motor_of_a_file_is_replaced_by_the_prescribed_motion(mechsim, tmp_path):

@@ -124,44 +124,6 @@ def test_a_frequency_response_is_tabulated(facts):
     assert len(result["response"]["frequency"]) == len(result["response"]["magnitude"]) == 200
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--initial", "foo.q=1"], "initial value 'foo.q' is no value or rate of a joint"),
-        (["--initial", "crank.q=1kg"], "kg"),
-        (["--initial", "crank.q=1", "--initial", "crank.q=2"], "--initial names crank.q twice"),
-        # a four-bar of 0.1 m
-        (["--until", "B.x=90"], "write 90mm, or 90m if that is meant"),
-        (["--drive", "crank=0.3", "--initial", "A.q=0"], "write 0.3rad/s for a speed or 0.3rad for a"),
-        (["--until", "B.x"], "event 'B.x' is not QUANTITY=VALUE"),
-        (["--until", "distance:A,B=1kg"], "kg"),
-        (["--until", "force:A=1"], "needs accelerations or forces"),
-        (["--until", "expr:A.x*B.y=1mm"], "give a number in m2"),
-        (["--until", "crank.v=0"], "crank.v=0 holds at the start already"),
-        (["--until", "crank.q=30deg", "--initial", "crank.q=30deg"], "holds at the start already"),
-        # rejected before a run that would take hours
-        (
-            ["--of", "nothing", "--initial", "crank.v=9", "--duration", "1e6s"],
-            "has no quantity 'nothing'; choose from points and joints (A, B, C, crank",
-        ),
-        (
-            ["--of", "transmission", "--initial", "crank.v=0", "--duration", "1ms"],
-            "has no quantity transmission",
-        ),
-        (["response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
-        (["response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),
-        (["response", "crank"], "response is 'crank'; give LOAD:QUANTITY"),
-        (["modes", "--initial", "rocker.q=9rad"], "do not close at the initial values"),
-    ],
-)
-def test_invalid_input_gives_one_line(arguments, message, command):
-    code, _, error = command(*arguments)
-    assert code == 2
-    assert message in error
-    assert error.count("\n") == 1
-
-
 def test_distances_angles_and_expressions_are_quantities_of_a_run(tmp_path, facts):
     table = tmp_path / "run.csv"
     names = "distance:A,B,angle:crank,rocker,expr:A.x/B.y,crank.a"

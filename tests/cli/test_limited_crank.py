@@ -20,12 +20,3 @@ def test_solve_and_simulate_cover_one_swing_with_a_note(mechsim):
     assert "reachable range is -139.299 to 139.299 deg" in run.err
     swung = np.genfromtxt("run.csv", delimiter=",", names=True, deletechars="")["angle"]
     assert [swung.min(), swung.max()] == pytest.approx([-0.9 * END, 0.9 * END], rel=1e-5)
-
-
-def test_angles_beyond_the_range_are_rejected(mechsim):
-    answer = mechsim("solve", *SWINGS, "--angles", "0:360:5deg")
-    assert answer.code == 2
-    assert "its range is from -2.43123 to 2.43123 rad" in answer.err
-    answer = mechsim("simulate", *SWINGS, "--turns", "1")
-    assert answer.code == 2
-    assert "cannot make 1 turns" in answer.err

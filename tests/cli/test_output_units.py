@@ -18,53 +18,6 @@ def press(tmp_path):
     return str(path)
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ("show --set rx=40", "rx: 40 has no unit; the file is in mm: write 40mm or 40m"),
-        ("show --angle 30", "--angle: 30 has no unit; the file is in deg: write 30deg or 30rad"),
-        (
-            "sweep --vary rx=0:40:5 --measure stroke:B -o s.csv",
-            "rx: 0:40:5 has no unit; the file is in mm",
-        ),
-        ("sweep --vary rx=30,40 --measure stroke:B -o s.csv", "write 30,40mm or 30,40m"),
-        ("sweep --vary rx=30:40 --sample sobol:4 --measure stroke:B -o s.csv", "write 30:40mm or 30:40m"),
-        ("solve --angles 0:360:5", "--angles: 0:360:5 has no unit; the file is in deg: write 0:360:5deg"),
-        ("sensitivity --of B --angles 0,30", "--angles: 0,30 has no unit; the file is in deg"),
-        (
-            "solve --drive crank=30",
-            "'30', has no unit; write 30deg/s for a speed or 30deg for a position",
-        ),
-        ("solve --drive crank=30*sin(t)", "'30*sin(t)', has no unit, and the file is in deg"),
-        (
-            "solve --drive slide=1mm*t --lock crank=30",
-            "the locked position of crank: 30 has no unit",
-        ),
-        (
-            "solve --track P,rod@60,0,0",
-            "the position of P: 60,0,0 has no unit; the file is in mm",
-        ),
-        ("render --angle 30 -o p.png", "--angle: 30 has no unit"),
-        (
-            "dynamics forward --initial crank.q=30",
-            "crank.q: 30 has no unit; the file is in deg: write 30deg or",
-        ),
-        (
-            "dynamics statics --initial slide.q=40",
-            "slide.q: 40 has no unit; the file is in mm: write 40mm or",
-        ),
-        ("dynamics forward --until slide.q=40", "slide.q: 40 has no unit; the file is in mm: write 40mm or"),
-    ],
-)
-def test_a_number_without_a_unit_is_rejected_for_a_file_in_mm(mechsim, press, options, sentence):
-    words = options.split()
-    first = next(i for i, word in enumerate(words) if word.startswith("-"))
-    answer = mechsim(*words[:first], press, *words[first:])
-    assert answer.code == 2
-    assert sentence in answer.err
-    assert answer.out == ""
-
-
 def test_cells_of_designs_need_units_for_a_file_in_mm(mechsim, press, tmp_path):
     table = tmp_path / "designs.csv"
     for values, code in (("30mm\n0.04m\n", 0), ("30\n40\n", 2)):

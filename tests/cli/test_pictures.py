@@ -36,52 +36,6 @@ def test_pictures_are_rendered_from_either_method_or_both(mechsim, tmp_path, met
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--from", "nowhere"), "there is no method 'nowhere'"),
-        (("--slow", "10", "--frames-per-turn", "12"), "leave out --frames-per-turn"),
-        (("--slow", "-1"), "give numbers above 0"),
-        (("--frames-per-turn", "0"), "0 frames or samples"),
-        (("--turns", "nan"), "nan turns"),
-        (("--arrows", "speed"), "no arrow 'speed'"),
-        (("--angle", "30deg"), "only on a .png file"),
-        (("--from", "foo"), "choose closed, simulated or both"),
-        (("--turns", "1e9"), "fewer than 10000"),
-    ],
-)
-def test_invalid_options_of_render_are_rejected(mechsim, tmp_path, options, message):
-    code, _, err = mechsim("render", "rssr", "-o", "a.gif", *options, *SMALL)
-    assert code == 2
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--fps", "20"), "--fps has no effect on a picture"),
-        (("--slow", "10"), "--slow has no effect on a picture"),
-        (("--positions", "3", "--angle", "20deg"), "--angle has no effect with --positions"),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed has no effect under motion laws"),
-    ],
-)
-def test_animation_options_for_a_still_picture_are_rejected(mechsim, tmp_path, options, message):
-    code, _, err = mechsim("render", "rssr", "-o", "a.png", *options, *SMALL)
-    assert code == 2
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
-    assert not list(tmp_path.iterdir())
-
-
-def test_scene_options_for_a_toml_export_are_rejected(mechsim, tmp_path):
-    code, _, err = mechsim("export", "rssr", "--format", "toml", "--scene", "pose", "-o", "a.toml")
-    assert code == 2
-    assert "--scene, --cut, --speed and settings are for MuJoCo models" in err
-    assert not list(tmp_path.iterdir())
-
-
 INITIAL = ("--initial", "crank.q=-95deg")
 
 
@@ -93,25 +47,6 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
     quantities = ("--of", "crank.v,distance:A,C,torque") if kind == "quantities" else ()
     assert mechsim("plot", "warp_knitter", "--kind", kind, *quantities, "-o", "a.svg")[0] == 0
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--kind", "motion", "--of", "A.x,A.y"), "takes no --of, which is of quantities; leave it out"),
-        (("--kind", "transmission", "--from", "simulated"), "takes no --from, which is of motion, curve, "),
-        (("--kind", "error", "--points", "A"), "takes no --points"),
-        (("--kind", "quantities"), "no quantity is named; give --of"),
-        (("--kind", "phase"), "there is no plot 'phase'; choose from error, poses, motion, curve, "),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed has no effect under motion laws"),
-    ],
-)
-def test_an_option_of_another_kind_of_plot_is_rejected(mechsim, tmp_path, options, message):
-    code, _, err = mechsim("plot", "four_bar", *options, "-o", "a.png")
-    assert code == 2
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):
@@ -158,20 +93,6 @@ def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
         assert ("four_bar, mode 1" if "--mode" in options else "four_bar, released") in (
             tmp_path / "page.html"
         ).read_text()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--mode", "2", *INITIAL), "there is no mode 2; this equilibrium has modes 1 to 1"),
-        ((*INITIAL, "--angle", "3deg"), "--angle has no effect on drivers that are free"),
-        ((*INITIAL, "--duration", "1e9s"), "frames; give a shorter --duration"),
-    ],
-)
-def test_invalid_options_of_a_released_run_are_rejected(mechsim, options, message):
-    code, _, error = mechsim("render", "four_bar", *options, "-o", "a.png")
-    assert code == 2
-    assert message in error
 
 
 @pytest.mark.slow

@@ -59,20 +59,3 @@ def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_reduced_scene(mechsim,
     mujoco.mj_resetDataKeyframe(model, pad, 0)
     mujoco.mj_forward(model, pad)
     assert pad.body("pad").xpos[2] > 1.0  # pose of the keyframe and not of the reference configuration
-
-
-@pytest.mark.parametrize(
-    ("arguments", "output"),
-    [
-        (("--tolerance", "0"), "above 0"),
-        (("--tolerance", "7um", "--by", "closure"), "choose from trajectory, torque"),
-        (("--tolerance", "7um", "--ctrl", "motor=1"), "actuators of the model are servo"),
-        (("--tolerance", "7um", "--track", "nail"), "nail"),
-    ],
-)
-def test_invalid_input_gives_one_line_and_no_file(mechsim, finger, tmp_path, arguments, output):
-    answer = mechsim("reduce", finger, *arguments, "-o", "out.xml")
-    assert answer.code == 2
-    assert output in answer.err
-    assert len(answer.err.strip().splitlines()) == 1
-    assert not (tmp_path / "out.xml").exists()

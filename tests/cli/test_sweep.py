@@ -38,26 +38,6 @@ def test_json_output_is_one_object(mechsim):
     assert reported["seconds"] > 0.0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "output"),
-    [
-        (("--vary", "crnk=1mm:2mm:3"), "did you mean 'crank'"),
-        (("--vary", "crank=60mm:20mm:5"), "is in descending order"),
-        ((*VARY, "--measure", "rnge:rocker"), "no measure 'rnge:rocker'; did you mean"),
-        ((*VARY, "--vary", "crank=1mm:2mm:3"), "twice"),
-        ((*VARY, "--design", "none.csv"), "give only one"),
-        ((), "no parameter of four_bar varies"),
-        ((*VARY, "--samples", "0"), "0 poses"),
-    ],
-)
-def test_invalid_input_gives_one_line_and_no_file(mechsim, tmp_path, arguments, output):
-    answer = mechsim("sweep", "four_bar", *arguments, "--measure", "range:rocker", "-o", "out.nc")
-    assert answer.code == 2
-    assert output in answer.err
-    assert answer.err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_invalid_output_path_is_rejected_before_the_sweep(mechsim):
     for name, output in (("out.xls", "choose from .nc"), ("nowhere/out.nc", "create it first")):
         answer = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)

@@ -177,27 +177,6 @@ def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
     assert "def steps(" in (tmp_path / "run.py").read_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "output"),
-    [
-        (("four_bar", "--tolerance", "1e-5"), "is not an MJCF file"),
-        (("finger.xml", "--tolerance", "1kg"), "tolerance"),
-        (("finger.xml", "--tolerance", "1e-5", "--by", "luck"), "choose from closure, trajectory, torque"),
-        (("finger.xml", "--tolerance", "1e-5", "--ctrl", "motor=1"), "actuators of the model are servo"),
-        (("finger.xml", "--tolerance", "1e-5", "--ctrl", "servo=fast"), "actuator servo"),
-        (("finger.xml", "--tolerance", "1e-5", "--track", "nobody"), "nobody"),
-        (("finger.xml", "--tolerance", "1e-5", "--key", "home"), "home"),
-        (("finger.xml", "--tolerance", "1e-5", "--allow", "gravity"), "contacts, limits, friction"),
-    ],
-)
-def test_invalid_input_gives_one_line_and_no_file(mechsim, tmp_path, arguments, output):
-    answer = mechsim("tune", *arguments, "-o", "out.xml")
-    assert answer.code == 2
-    assert output in answer.err
-    assert len(answer.err.strip().splitlines()) == 1
-    assert not (tmp_path / "out.xml").exists()
-
-
 def test_the_input_file_is_not_overwritten(mechsim, tmp_path):
     answer = mechsim("tune", "finger.xml", "--tolerance", "1e-5", "-o", "finger.xml")
     assert answer.code == 2

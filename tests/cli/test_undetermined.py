@@ -2,35 +2,11 @@
 
 import pytest
 from model_files import model_text
-from scene_texts import FINGER
 
 from mechsim import files
 
 # a five-bar with one driven arm
 ONE_DRIVER = model_text("undetermined_one_driver.toml")
-DRIVEN_FINGER = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("solve",),
-        ("validate",),
-        ("simulate", "--method", "pose"),
-        ("render", "-o", "x.png"),
-        ("plot", "-o", "x.svg"),
-        ("dynamics inverse",),
-        ("sensitivity", "--of", "elbow"),
-    ],
-    ids=lambda arguments: arguments[0],
-)
-def test_an_underdetermined_motion_is_rejected_with_a_remedy(arguments, mechsim, tmp_path):
-    (tmp_path / "finger.xml").write_text(FINGER)
-    answer = mechsim(*arguments[0].split(), *DRIVEN_FINGER, *arguments[1:])
-    assert answer.code == 2
-    assert "underdetermined" in answer.err
-    assert "mechsim simulate --method step" in answer.err
-    assert "swing" in answer.err
 
 
 def test_an_underdetermined_crank_is_stepped_from_its_start(mechsim, tmp_path):

@@ -17,21 +17,6 @@ def short(angle):
 """
 
 
-def test_options_are_checked_before_a_formula_runs(mechsim):
-    code, out, err = mechsim("validate", "four_bar", "--against", "none.py:law", "--tolerance", "x")
-    assert (code, out) == (2, "")
-    assert err.startswith("mechsim: the tolerance 'x'")
-    assert err.count("\n") == 1
-
-
-def test_a_failed_validation_creates_no_report_folder(mechsim, tmp_path):
-    page = str(tmp_path / "page")
-    arguments = ("validate", "four_bar", "--report", page)
-    assert mechsim(*arguments, "--against", "none.csv", "--tolerance", "x").code == 2
-    assert mechsim(*arguments, "--set", "crank=9").code == 2
-    assert not list(tmp_path.iterdir())
-
-
 def test_gallery_names_are_listed_and_accepted_as_models(mechsim):
     code, out, _ = mechsim("list", "--json")
     assert not code

@@ -49,30 +49,6 @@ def test_work_beyond_memory_is_rejected_with_the_limit(
     assert list(tmp_path.iterdir()) == []
 
 
-# motions with too many revolutions: options, and a fragment of the message
-TOO_LONG = {
-    "--drive crank=1e6*t": "1.592e+05 revolutions or oscillations in 1 s; the limit is 1,000 per motion",
-    "--drive crank=1e9rpm": "Give a --duration of 6e-05 s or less",
-    "--drive crank=sin(1e5*t)": "Give a --duration of 0.062 s or less",
-    "--drive crank=1e-3*sin(1e5*t)": "revolutions or oscillations in 1 s",
-    # the phase of the cosine is a multiple of pi at every even probe
-    "--drive crank=cos(2*pi*2047*t)": "revolutions or oscillations in 1 s",
-    "--drive crank=t --duration 1e5": "in 100000 s; the limit is 1,000 per motion",
-    "--drive crank=t --duration 1e300": "Give a --duration of 6200 s or less",
-}
-COMMANDS = {
-    "solve": "-o a.csv",
-    "simulate": "-o a.csv",
-    "dynamics inverse": "-o a.csv",
-    "validate": "",
-    "show": "",
-    "view": "-o a.html",
-    "plot": "-o a.png",
-    "render": "-o a.png",
-    "sensitivity": "--of rocker",
-}
-
-
 def rejection_line(
     arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> str:
@@ -84,23 +60,6 @@ def rejection_line(
     assert ended.value.code == 2
     assert len(output.splitlines()) == 1
     return output
-
-
-@pytest.mark.parametrize("options", TOO_LONG)
-def test_a_motion_of_too_many_revolutions_is_rejected(
-    options: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert TOO_LONG[options] in rejection_line(f"solve four_bar {options}", monkeypatch, capsys)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_rejects_a_motion_that_is_too_long(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    arguments = f"{command} four_bar --drive crank=1e6*t {COMMANDS[command]}"
-    assert "the limit is 1,000" in rejection_line(arguments, monkeypatch, capsys)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_too_many_steps_of_a_scene_are_rejected(

@@ -57,10 +57,3 @@ def test_without_opengl_a_report_notes_the_missing_package(monkeypatch, tmp_path
     assert len(lines) == 1
     assert (tmp_path / "out" / "index.html").exists()
     assert not list((tmp_path / "out").glob("*.mp4"))
-
-
-def test_an_invalid_report_folder_is_rejected_before_the_validation(monkeypatch, tmp_path, capsys):
-    code, output = validated(monkeypatch, tmp_path, capsys, "four_bar", "--report", "no/such/folder")
-    assert code == 2
-    assert len(output.err.strip().splitlines()) == 1
-    assert "no/such" in output.err
