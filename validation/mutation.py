@@ -20,6 +20,7 @@ import random
 import resource
 import sys
 import time
+import tomllib
 from collections import Counter
 from itertools import zip_longest
 from multiprocessing import Pipe
@@ -31,93 +32,10 @@ import pytest
 from mutants import Mutant, mutants, unchanged
 
 ROOT = Path(__file__).resolve().parents[1]
-VERDICT = ["verdict/test_tolerances.py", "verdict/test_tolerance_values.py", "verdict/test_quantities.py"]
-CLOSURE = ["analytic/test_rates_are_derivatives.py", "analytic/test_closure.py"]
-TREE = ["analytic/test_tree_equations.py", "analytic/test_rates_are_derivatives.py"]
-LOOPS = [
-    "simulation/test_model_loops.py",
-    "analytic/test_negligible_equations.py",
-    "simulation/test_loop_constraints.py",
-    "simulation/test_free_bodies.py",
-    "simulation/test_recorded_motion.py",
-    "simulation/test_motion_laws.py",
-]
-PATHS = [
-    f"analytic/test_continuation_path.py::test_{element}"
-    for element in (
-        "a_smooth_path_needs_few_segments_and_none_is_rejected",
-        "a_segment_that_loses_most_of_its_rank_margin_is_halved",
-        "the_tangent_predictor_has_second_order",
-    )
-]
 # file of mechsim/ -> tests that reject its mutants, quickest first
-TESTS: dict[str, list[str]] = {
-    "verdict/tolerances.py": VERDICT,
-    "verdict/quantities.py": VERDICT,
-    "verdict/record_errors.py": ["verdict/test_error_sizes.py"],
-    "verdict/checks.py": VERDICT,
-    "verdict/crosscheck.py": [
-        *VERDICT,
-        "verdict/test_motion_law_drivers.py",
-        "verdict/test_other_assembly.py",
-        "verdict/test_crosscheck.py::test_rates_of_a_function_are_its_derivatives",
-    ],
-    "analytic/loops/maximal_coordinates.py": CLOSURE,
-    "analytic/loops/oracle.py": CLOSURE,
-    "analytic/loops/record.py": ["analytic/test_joint_motion.py", *CLOSURE],
-    "analytic/loops/constraints.py": [
-        *TREE,
-        "analytic/test_several_drivers.py",
-        "analytic/test_unassembled_starts.py",
-        "analytic/test_many_designs.py",
-        "analytic/test_assembly_without_guess.py",
-    ],
-    "analytic/loops/tree.py": TREE,
-    "analytic/loops/kinematics.py": TREE,
-    "analytic/loops/path.py": [
-        "analytic/test_tree_rates.py",
-        "analytic/test_rates_are_derivatives.py",
-        "analytic/test_change_points.py::test_loop_equations_and_closed_form_agree_through_change_points",
-    ],
-    "analytic/loops/motion.py": [
-        "analytic/test_crank_motion.py",
-        "analytic/test_undetermined_joints.py",
-        "analytic/test_several_drivers.py",
-    ],
-    "analytic/loops/design_motion.py": ["analytic/test_many_motion.py"],
-    "numerics/loop_solver.py": [
-        "analytic/test_loop_solver.py",
-        *PATHS,
-        "analytic/test_many_motion.py",
-    ],
-    "numerics/continuation.py": ["analytic/test_continuation_path.py"],
-    "simulation/poses/equations.py": ["simulation/test_pose_path.py", "simulation/test_free_bodies.py"],
-    **{
-        f"simulation/{name}.py": [
-            *LOOPS,
-            "simulation/test_spherical_change_points.py",
-            "studies/test_driven_forces.py",
-        ]
-        for name in ("model_loops", "loop_jacobian")
-    },
-    "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
-    "simulation/state.py": ["simulation/test_posed_bodies.py"],
-    "numerics/rank.py": ["numerics/test_rank.py"],
-    "simulation/equality_rows.py": [
-        "simulation/test_loop_constraints.py",
-        "simulation/test_recorded_motion.py",
-        "simulation/test_model_loops.py",
-    ],
-    "simulation/recording.py": [
-        "simulation/test_loop_constraints.py",
-        "simulation/test_recorded_motion.py",
-        "simulation/test_motion_laws.py",
-    ],
-    **{
-        f"numerics/{name}.py": ["numerics"]
-        for name in ("angles", "arrays", "convergence", "inputs", "newton")
-    },
-}
+TESTS: dict[str, list[str]] = tomllib.loads(
+    (Path(__file__).parent / "mutation_tests.toml").read_text(encoding="utf-8")
+)
 # hypothesis is loaded before pytest can rewrite it
 IGNORED = ["-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"]
 # plain asserts: rewriting them needs an import hook that would precede `Mutated`

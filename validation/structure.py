@@ -1,28 +1,25 @@
-"""The structure of a package in figures: packages, imports, cycles, layers, lines, the longest function.
+"""The structure of a package in figures: packages, imports, cycles, layers, lines.
 
     python validation/structure.py [FOLDER] [--list]
 
 FOLDER defaults to mechsim of this checkout. A package is a folder of it, or a file next to the folders.
 Imports under TYPE_CHECKING and inside functions count. A cycle is a set of files that import each other.
 The number of layers is the length of the longest chain of imports between packages. Lines of code are those
-without blank lines, comments and docstrings. With --list, the code lines of each folder, the constants
-without a comment, the options of each command, and the public functions of one name with different first
-sentences are listed.
+without blank lines, comments and docstrings. With --list, the options of each command and the code lines of
+each folder are listed.
 """
 
 import argparse
 import ast
 import io
 import tokenize
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import networkx as nx
 
 PACKAGE = Path(__file__).parents[1] / "mechsim"
-# methods of a class; a class with more is listed
-MAX_METHODS = 20
 # tokens that are not code
 NO_CODE = {
     tokenize.COMMENT,
@@ -115,14 +112,6 @@ def layers(graph: nx.DiGraph) -> int:
     return nx.dag_longest_path_length(nx.condensation(graph)) + 1
 
 
-def functions(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the lines, without signature and docstring, and the name of every function of a file."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            body = node.body[ast.get_docstring(node) is not None :]
-            yield (node.end_lineno or 0) - body[0].lineno + 1 if body else 0, node.name
-
-
 def docstring_lines(source: str) -> set[int]:
     """Return the numbers of the lines of docstrings."""
     lines: set[int] = set()
@@ -143,48 +132,14 @@ def code_lines(source: str) -> int:
     return len(lines - docstring_lines(source))
 
 
-def large_classes(source: str) -> list[str]:
-    """Return the classes with more than `MAX_METHODS` methods."""
-    classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
-    counts = {node.name: sum(isinstance(item, ast.FunctionDef) for item in node.body) for node in classes}
-    return [f"{name} ({count})" for name, count in counts.items() if count > MAX_METHODS]
-
-
-def uncommented_constants(source: str) -> list[str]:
-    """Return the names of constants of numbers without a comment, in their line or above their block."""
-    lines, names = source.splitlines(), []
-    for node in ast.parse(source).body:
-        if not isinstance(node, ast.Assign) or not _numeric(node.value):
-            continue
-        above = node.lineno - 2
-        while above >= 0 and lines[above] and lines[above][0].isupper():
-            above -= 1
-        if "#" not in lines[node.lineno - 1] and not (above >= 0 and lines[above].startswith("#")):
-            names += [name for target in node.targets for name in _upper_names(target)]
-    return names
-
-
-def same_names(package: Path = PACKAGE) -> dict[str, list[str]]:
-    """Return public functions of one name in several files whose first sentences differ: name -> files."""
-    first_sentences: defaultdict[str, dict[str, str]] = defaultdict(dict)
-    for path in modules(package).values():
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                first = (ast.get_docstring(node) or "").partition("\n")[0]
-                first_sentences[node.name][str(path.relative_to(package))] = first
-    return {name: sorted(files) for name, files in first_sentences.items() if len(set(files.values())) > 1}
-
-
 def figures(package: Path = PACKAGE) -> dict[str, object]:
     """Return the figures by name."""
     graph = import_graph(imports(package))
     between = packages(graph)
     sizes = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in modules(package).values()}
-    length, name, path = max((*function, str(path)) for path in sizes for function in functions(path))
     cyclic = cycles(graph)
     largest = max(sizes, key=lambda path: sizes[path])
     sources = [path.read_text(encoding="utf-8") for path in sizes]
-    classes = [name for source in sources for name in large_classes(source)]
     return {
         "packages": len(between),
         "folders": sum(path.is_dir() and any(path.rglob("*.py")) for path in package.iterdir()),
@@ -197,11 +152,7 @@ def figures(package: Path = PACKAGE) -> dict[str, object]:
         "lines": sum(sizes.values()),
         "lines of code": sum(code_lines(source) for source in sources),
         "lines of docstrings": sum(len(docstring_lines(source)) for source in sources),
-        f"classes > {MAX_METHODS} methods": ", ".join(classes) or "0",
-        "constants, no comment": sum(len(uncommented_constants(source)) for source in sources),
-        "functions of one name": len(same_names(package)),
         "largest file": f"{sizes[largest]} lines, {largest.relative_to(package)}",
-        "longest function": f"{length} lines, {name} in {Path(path).relative_to(package)}",
     }
 
 
@@ -214,32 +165,11 @@ def _called(node: ast.Call) -> str:
     return getattr(node.func, "attr", getattr(node.func, "id", ""))
 
 
-def _upper_names(target: ast.expr) -> list[str]:
-    elements = target.elts if isinstance(target, ast.Tuple) else [target]
-    return [node.id for node in elements if isinstance(node, ast.Name) and node.id.isupper()]
-
-
-def _numeric(value: ast.expr) -> bool:
-    """Return whether an expression consists of numbers."""
-    if isinstance(value, ast.Tuple):
-        return bool(value.elts) and all(_numeric(element) for element in value.elts)
-    if isinstance(value, ast.UnaryOp):
-        return _numeric(value.operand)
-    if isinstance(value, ast.BinOp):
-        return _numeric(value.left) and _numeric(value.right)
-    return isinstance(value, ast.Constant) and type(value.value) in (int, float)
-
-
-def _print_lists(package: Path) -> None:
-    """Print the code lines of each folder, and the constants and functions that the figures count."""
+def _print_folders(package: Path) -> None:
+    """Print the code lines of each folder."""
     folders: Counter[str] = Counter()
     for path in modules(package).values():
-        source, relative = path.read_text(encoding="utf-8"), path.relative_to(package)
-        folders["/".join(relative.parts[:2])] += code_lines(source)
-        for name in uncommented_constants(source):
-            print(f"no comment: {name} in {relative}")
-    for name, files in sorted(same_names(package).items()):
-        print(f"one name: {name} in {', '.join(files)}")
+        folders["/".join(path.relative_to(package).parts[:2])] += code_lines(path.read_text(encoding="utf-8"))
     for folder, count in folders.most_common():
         print(f"{count:6} {folder}")
 
@@ -266,7 +196,7 @@ def main() -> None:
     print(f"{'options of all commands':24} {sum(options_of.values())}")
     if options.list:
         print(*(f"  {name:22} {count}" for name, count in options_of.items()), sep="\n")
-        _print_lists(options.folder)
+        _print_folders(options.folder)
 
 
 if __name__ == "__main__":

@@ -215,28 +215,6 @@ def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods(tmp_path):
     assert study.forces.power_lost - pins == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ("coefficient = 0.2, ->", "A.friction.pin_radius has no effect without a coefficient"),
-        ("coefficient = 0.2 -> coefficient = 0.2, static = 0.1", "line 11: static friction"),
-        (
-            'pin_radius = "6 mm", ->',
-            "line 11: the coefficient of friction in revolute joint 'A' has no radius",
-        ),
-        (
-            "[links.crank] -> [forces.friction.A]\ncoulomb = 1\n[links.crank]",
-            "also given in joints.A.friction",
-        ),
-    ],
-)
-def test_invalid_friction_in_a_file_is_rejected_with_its_line(changed, message, tmp_path):
-    before, after = changed.split(" ->")
-    text = SLIDER_CRANK.lstrip().replace(before, after.strip())
-    with pytest.raises(InputError, match=message):
-        loaded(text, tmp_path)
-
-
 def test_a_spatial_chain_with_friction_in_every_kind_agrees_with_mujoco():
     model = dynamics.dynamic_model(ms.catalog.make("rrsrr"))
     radius = {"coefficient": 0.2, "pin_radius": 4e-3, "collar_radius": 3e-3, "bearing_length": 0.02}

@@ -252,26 +252,6 @@ def test_stops_are_written_and_read_back(tmp_path):
     assert again.forces.stop_ranges == {"J": (-0.001, 2.0)}
 
 
-@pytest.mark.parametrize(
-    ("limits", "message"),
-    [
-        ("{}", "needs lower or upper"),
-        ("{ stiffness = 10 }", "needs lower or upper"),
-        ("{ restitution = 0.5 }", "needs lower or upper"),
-        ("{ lower = 0, stiffness = 10, restitution = 0.5 }", "give these alone"),
-        ("{ lower = 0, damping = 10 }", r"stiffness of a stop is 0\.0; give a number above 0"),
-        ("{ lower = 0, stiffness = -1 }", r"stiffness of a stop is -1\.0"),
-        ("{ lower = 0, stiffness = 1, damping = -1 }", r"damping of a stop is -1\.0"),
-        ('{ lower = 0, stiffness = "5 N m/rad" }', "stiffness"),
-        ("{ lower = 0, stiffness = nan }", "finite"),
-        ("{ way = {} }", "way"),
-    ],
-)
-def test_invalid_stops_are_rejected(limits, message, tmp_path):
-    with pytest.raises(InputError, match=message):
-        slide(tmp_path, limits)
-
-
 def test_a_ball_has_no_coordinate_to_limit(tmp_path):
     text = model_text(
         "soft_stops_body.toml", kind="spherical", drivers="[]", lead="", limits="{ lower = 0 }", initial=""

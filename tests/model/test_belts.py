@@ -5,7 +5,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.model.belts import belts_of
 from mechsim.shapes.joints import link_shapes
 from mechsim.subjects.toml_writer import to_toml
@@ -68,19 +67,3 @@ def test_a_belt_is_written_and_read_again(tmp_path):
     (tmp_path / "again.toml").write_text(to_toml(model))
     (again,) = belts_of(ms.load(str(tmp_path / "again.toml")).mechanism)
     assert again.length == path.length
-
-
-@pytest.mark.parametrize(
-    ("more", "named"),
-    [
-        ("length = 1.3", "has the length 1.3 m, and its path around the pulleys"),
-        ("tensioner = { at = [0.01, 0, 0], radius = 0.03 }", "overlap"),
-        ("tensioner = { at = [0.1, 0.16, 0], radius = 0.03 }", "does not touch its tensioner"),
-        ("tensioner = { at = [0.15, 0, 0], radius = 0 }", "no radius above 0"),
-        ("tensioner = { radius = 0.1 }", "at"),
-        ("ratio = 2", "radii"),
-    ],
-)
-def test_impossible_belts_are_rejected(tmp_path, more, named):
-    with pytest.raises(InputError, match=named):
-        belt(tmp_path, more)

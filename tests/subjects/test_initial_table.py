@@ -50,21 +50,3 @@ def test_the_dynamics_command_uses_the_initial_state_of_a_file(tmp_path, monkeyp
         cli.main()
     assert ended.value.code in (0, None)
     assert "done at 0.01 s" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("crank.w = 3", "initial.crank.w is no state"),
-        ("wheel.q = 3", "wheel"),
-        ('crank.q = "3 mm"', "angle"),
-        ('crank.v = "3 mm"', "speed"),
-        ("crank.q = nan", "finite"),
-        ("crank = 3", "crank"),
-    ],
-)
-def test_an_invalid_initial_state_is_rejected_with_its_line(tmp_path, line, message):
-    text = TEXT.replace("crank.q = 30\n", line + "\n").replace('crank.v = "2 rad/s"\n', "")
-    with pytest.raises(ms.InputError, match=message) as caught:
-        ms.load(written(tmp_path, text))
-    assert "line 14" in str(caught.value)

@@ -97,27 +97,6 @@ def test_both_methods_agree_on_a_law_of_segments(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "named"),
-    [
-        ('radius = "6 mm", ', "", "radius is wrong; give radius"),
-        ('offset = "3 mm"', 'arm = "3 mm"', "arm is wrong; give radius and, if needed, offset"),
-        ('radius = "6 mm"', 'radius = "-6 mm"', "is -0.006 m; give a length above 0"),
-        ('cam = "lift"', 'cam = "lever"', "with a cam of the file .lift"),
-        ('over = "60 deg" } ]', 'over = "50 deg" } ]', "ends after 350 deg at 0 m; end after 360 deg at 0"),
-        ('to = "10 mm", ', "", "is no segment"),
-        ("[joints.contact]\nkind", "[joints.contact]\nlead = 1\nkind", "give only a = { link, cam }"),
-    ],
-)
-def test_cams_that_contradict_themselves_are_rejected(tmp_path, old, new, named):
-    path = write(tmp_path, "roller", SEGMENTS)
-    text = (tmp_path / "cam.toml").read_text()
-    assert old in text
-    (tmp_path / "cam.toml").write_text(text.replace(old, new, 1))
-    with pytest.raises(InputError, match=named):
-        ms.load(path)
-
-
-@pytest.mark.parametrize(
     ("rows", "named"),
     [
         ("q,value\n0,0\n2,0.01\n4,0.01\n6,0\n", "from 0 to 6 rad .*give one revolution"),

@@ -45,20 +45,6 @@ def test_limits_are_written_and_read_back(tmp_path):
     assert (read.ranges, read.restitution) == ({"height": (-0.001, 2.0)}, {"height": 0.25})
 
 
-@pytest.mark.parametrize(
-    ("limits", "message"),
-    [
-        ("{ lower = 1, upper = 0 }", "from 1 to 0; give a lower limit below"),
-        ("{ lower = 0, restitution = 2 }", "is 2; give 0 to 1"),
-        ("{ low = 0 }", "needs lower or upper, and takes restitution"),
-        ("{ way = { lower = 0 } }", "height.way"),
-    ],
-)
-def test_invalid_limits_are_rejected(limits, message, tmp_path):
-    with pytest.raises(InputError, match=message):
-        ball(tmp_path, limits)
-
-
 def test_limits_that_exclude_the_start_are_rejected(tmp_path):
     with pytest.raises(InputError, match=r"height starts at 1, beyond its stop at 0\.5"):
         ms.dynamics.run(ball(tmp_path, "{ upper = 0.5 }"), duration="1s")

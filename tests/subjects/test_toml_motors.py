@@ -7,7 +7,6 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.errors import InputError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.toml_writer import to_toml
 
@@ -111,19 +110,3 @@ def test_a_motor_is_written_and_read_back(case, tmp_path):
     holding = ms.dynamics.holding(model, initial={"hip.q": 0.0})["hip"]
     # at rest the motor has its steady current of zero volts, and the integral of the servo is its start
     assert holding == pytest.approx(WEIGHT - (0.0 if case != "pid" else 10.0), abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("motor", "message"),
-    [
-        ('kind = "pd"\nproportional = 3', "has no 'target'"),
-        ('kind = "dc"\nvoltage = 3\nresistance = 0\nconstant = 1', "resistance of 0; give one above 0"),
-        ('kind = "constant"\ntorque = 1\nstall = 2', "does not go with kind 'constant'"),
-        ('kind = "line"\nstall = 1\nno_load = -2', "drives nothing"),
-        ('kind = "pd"\ntarget = 1\nproportional = nan', "finite"),
-        ('kind = "pd"\ntarget = "sin("\nproportional = 1', "target|motion law"),
-    ],
-)
-def test_invalid_motors_are_rejected(motor, message, tmp_path):
-    with pytest.raises(InputError, match=message):
-        model_of(tmp_path, motor)

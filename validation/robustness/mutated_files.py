@@ -20,6 +20,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from importlib import import_module
@@ -62,59 +63,8 @@ TEXTS = (
 WEIGHTS = {"show": 6, "check": 6, "export": 4}
 # libraries that mechsim imports when they are needed
 LIBRARIES = ("networkx", "pydantic", "scipy.optimize", "yaml")
-# commands of each kind of file; FILE is the mutant, other files are those of `mutated`
-COMMANDS = {
-    ".toml": (
-        "show FILE",
-        "solve FILE --samples 7",
-        "simulate FILE --method pose --samples 7",
-        "dynamics inverse FILE --method none --samples 24",
-        "dynamics forward FILE --initial crank.v=1rad/s --duration 0.05 --method none --samples 10",
-        "validate FILE --no-formula",
-        "export FILE -o out.xml",
-        "export FILE --format toml -o out.toml",
-    ),
-    ".xml": (
-        "show FILE",
-        "check FILE",
-        "check FILE --fix out.xml",
-        "solve FILE --drive crank=1rad/s --samples 7",
-        "dynamics inverse FILE --drive crank=1rad/s --method none --samples 24",
-        "simulate FILE --drive crank=1rad/s --method pose --samples 7",
-        "map FILE --from crank=0:0.5 --to rocker --points 5 -o out.npz",
-        "sample FILE -n 5 -o out.npz",
-    ),
-    "tree.urdf": (
-        "show FILE --loops loops.yaml",
-        "check FILE --loops loops.yaml",
-        "export FILE --loops loops.yaml -o out.xml",
-        "solve FILE --loops loops.yaml --drive motor=1rad/s --samples 7",
-        "map FILE --loops loops.yaml --from motor=0:0.5 --to hip --points 5 -o out.npz",
-        "sample FILE --loops loops.yaml -n 5 -o out.npz",
-    ),
-    "loop.urdf": (
-        "show FILE",
-        "check FILE",
-        "solve FILE --drive motor=1rad/s --samples 7",
-        "dynamics inverse FILE --drive motor=1rad/s --method none --samples 7",
-        "map FILE --from motor=0:0.5 --to hip --points 5 -o out.npz",
-        "sample FILE -n 5 -o out.npz",
-    ),
-    ".yaml": ("show tree.urdf --loops FILE", "solve tree.urdf --loops FILE --samples 7"),
-    ".json": (
-        "show FILE",
-        "solve FILE --samples 7",
-        "dynamics inverse FILE --method none --samples 24",
-        "simulate FILE --method pose --samples 7",
-    ),
-    "at.csv": ("solve slider_crank --at FILE", "simulate slider_crank --at FILE"),
-    "profile.csv": (
-        "simulate slider_crank --profile FILE --method pose --samples 7",
-        "solve slider_crank --drive crank=FILE --samples 7",
-    ),
-    "loads.csv": ("dynamics inverse slider_crank --load FILE --method none --samples 24",),
-    "measured.csv": ("validate slider_crank --against FILE", "fit slider_crank --to FILE --vary rod"),
-}
+# commands of each kind of file
+COMMANDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def inputs() -> list[Path]:
