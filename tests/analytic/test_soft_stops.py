@@ -262,31 +262,9 @@ def test_a_ball_has_no_coordinate_to_limit(tmp_path):
 
 def test_states_are_drawn_between_soft_stops(tmp_path):
     """`sample` and `show` know limits of a TOML file, hard or soft."""
-    four_bar = """name = "four-bar"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "c" }
-limits = { lower = "-10 deg", upper = "100 deg", LAW }
-[joints.A]
-kind = "revolute"
-a = { link = "c", at = [0.1, 0, 0] }
-b = { link = "k" }
-[joints.B]
-kind = "revolute"
-a = { link = "k", at = [0.3, 0, 0] }
-b = { link = "r", at = [0.2, 0, 0] }
-[joints.C]
-kind = "revolute"
-a = { link = "ground", at = [0.3, 0, 0] }
-b = { link = "r" }
-[links.c]
-[links.k]
-[links.r]
-"""
     for law in ("restitution = 0.5", "stiffness = 20"):
         path = tmp_path / "four_bar.toml"
-        path.write_text(four_bar.replace("LAW", law))
+        path.write_text(model_text("soft_stops_four_bar.toml", law=law))
         crank = ms.sample(str(path), 50).qpos[:, 0]
         assert np.radians(-10.0) <= crank.min() < 0.0
         assert 1.0 < crank.max() <= np.radians(100.0)

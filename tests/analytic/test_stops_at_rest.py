@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model
@@ -11,48 +12,9 @@ from mechsim.studies.dynamics_check import crosscheck_equilibrium
 from mechsim.subjects.readers import load
 
 G = 9.81
-ARM = """name = "arm"
-drivers = ["hip"]
-[joints.hip]
-kind = "revolute"
-a.link = "ground"
-b.link = "rod"
-limits = { lower = "LOWER deg", upper = "UPPER deg" }
-[links.rod]
-inertia = { mass = "1 kg", centre = ["0.3 m", 0, 0], moments = [0.01, 0.01, 0.01] }
-"""
+ARM = model_text("stops_at_rest_arm.toml")
 # a crank of 0.1 m and a rod of 0.3 m; the crank alone has a mass, in its middle
-SLIDER = """name = "slider_crank"
-[joints.crank]
-kind = "revolute"
-a.link = "ground"
-b.link = "arm"
-[joints.A]
-kind = "revolute"
-a = { link = "arm", at = [0.1, 0, 0] }
-b.link = "rod"
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = [0.3, 0, 0] }
-b.link = "slider"
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0], reference = [0, 1, 0] }
-b = { link = "slider", axis = [1, 0, 0], reference = [0, 1, 0] }
-limits = { upper = "0.3 m" }
-[links.arm]
-inertia = { mass = 2, centre = [0.05, 0, 0], moments = [1e-3, 1e-3, 1e-3] }
-[links.rod]
-inertia = { mass = 0, centre = [0, 0, 0], moments = [0, 0, 0] }
-[links.slider]
-inertia = { mass = 0, centre = [0, 0, 0], moments = [0, 0, 0] }
-[forces]
-gravity = [9.81, 0, 0]
-[guess]
-arm = { at = [0, 0, 0], turn = { axis = [0, 0, 1], angle = "120 deg" } }
-rod = { at = [-0.05, 0.0866, 0], turn = { axis = [0, 0, 1], angle = "-17 deg" } }
-slider = { at = [0.237, 0, 0] }
-"""
+SLIDER = model_text("stops_at_rest_slider.toml")
 
 
 def model_of(folder, text):

@@ -180,14 +180,7 @@ def test_runs_modes_and_responses_are_plotted(tmp_path, command):
 
 
 def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys):
-    (tmp_path / "pendulum.xml").write_text(
-        """<mujoco><worldbody><body name="rod"><joint name="pivot" axis="0 1 0" armature="0.1"/>
-        <geom type="capsule" size="0.01" fromto="0 0 0 0.3 0 0"/></body></worldbody>
-        <actuator><adhesion name="glue" body="rod" ctrlrange="0 1"/></actuator>
-        <tendon><fixed name="cord" limited="true" range="-1 1">
-        <joint joint="pivot" coef="1"/></fixed></tendon>
-        </mujoco>"""
-    )
+    (tmp_path / "pendulum.xml").write_text(model_text("forward_dynamics_command_pendulum.xml"))
     arguments = [
         "dynamics",
         "forward",

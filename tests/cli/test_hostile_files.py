@@ -4,6 +4,7 @@ import json
 import re
 import time
 from pathlib import Path
+from string import Template
 
 import numpy as np
 import pytest
@@ -86,13 +87,7 @@ def mjcf(asset="", more="", mass="1"):
     return MJCF.format(asset=asset, more=more, mass=mass)
 
 
-GEARS = """name = "g"
-drivers = ["a"]
-joints.a = { kind = "revolute", a = { link = "ground" }, b = { link = "wheel" } }
-joints.b = { kind = "revolute", a = { link = "ground", at = [1, 0, 0] }, b = { link = "pinion" } }
-couplings.c = { driver = "a", driven = "b", ratio = RATIO }
-links = { wheel = {}, pinion = {} }
-"""
+GEARS = Template(model_text("hostile_files_gears.toml"))
 
 
 @pytest.mark.parametrize(
@@ -137,7 +132,12 @@ links = { wheel = {}, pinion = {} }
         ("f.toml", "a." * 100_000 + "a = 1", "show", "nests too deep"),
         ("f.toml", "name = 'g'\njoints = {}", "check", "has no joints"),
         ("f.toml", "name = 'g'\njoints = {}", "export -o out.xml", "has no joints"),
-        ("f.toml", GEARS.replace("RATIO", "1e11"), "solve", "the ratio 1e+11; give 1e+06 at most"),
+        (
+            "f.toml",
+            model_text("hostile_files_gears.toml", ratio="1e11"),
+            "solve",
+            "the ratio 1e+11; give 1e+06 at most",
+        ),
         # a long word is cut
         (
             "f.urdf",
@@ -160,7 +160,7 @@ def test_a_hostile_file_ends_in_one_short_line(run, tmp_path, name, text, comman
 
 def test_a_few_copies_and_the_largest_ratio_are_read(run, tmp_path):
     copies = mjcf(more='<replicate count="20"/><replicate count="9"><geom size="1"/></replicate>' * 60)
-    for name, text in (("f.xml", copies), ("f.toml", GEARS.replace("RATIO", "-1e6"))):
+    for name, text in (("f.xml", copies), ("f.toml", GEARS.substitute(ratio="-1e6"))):
         (tmp_path / name).write_text(text)
         code, _ = run(["show", name])
         assert code == 0

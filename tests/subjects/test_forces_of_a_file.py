@@ -63,17 +63,6 @@ def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):
 def test_a_rest_length_that_fits_in_metres_only_is_questioned(rest, is_questioned, tmp_path):
     # a block on a slide has the size 1 m
     path = tmp_path / "block.toml"
-    path.write_text(f"""name = "block"
-units = {{ length = "mm", angle = "deg" }}
-drivers = ["slide"]
-[links.block]
-inertia = {{ mass = 1, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
-[joints.slide]
-kind = "prismatic"
-a = {{ link = "ground", axis = [1, 0, 0] }}
-b = {{ link = "block", axis = [1, 0, 0] }}
-[forces]
-joint_springs.slide = {{ stiffness = 1000, rest = {rest} }}
-""")
+    path.write_text(model_text("forces_of_a_file_block.toml", rest=rest))
     facts = ms.load(str(path), still=True).facts
     assert any("'0.36 m'" in fact for fact in facts) == is_questioned

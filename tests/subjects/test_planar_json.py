@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
@@ -19,119 +20,14 @@ GROUND, CRANK, COUPLER, ROCKER = 0.1, 0.04, 0.11, 0.08
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
 FOUR_BAR = ms.catalog.make("four_bar", ground=GROUND, crank=CRANK, coupler=COUPLER, rocker=ROCKER)
 EXPECTED = FOUR_BAR.solve(ANGLES, speed=1.0)
-A, B = ([float(EXPECTED.points[name].position[0, i]) for i in (0, 1)] for name in "AB")
 # dimensions of the slider-crank; the slider starts on the line through it
 ROD, OFFSET = 0.2, 0.01
 SLIDER = CRANK + float(np.sqrt(ROD**2 - OFFSET**2))
 SLIDES = ms.catalog.make("slider_crank", crank=CRANK, rod=ROD, offset=OFFSET).solve(ANGLES, speed=1.0)
-PYLINKAGE = {
-    "name": "pylinkage",
-    "joints": [
-        {"id": "O", "type": "ground", "position": [0, 0]},
-        {"id": "A", "type": "revolute", "position": A},
-        {"id": "B", "type": "revolute", "position": B},
-        {"id": "O4", "type": "ground", "position": [GROUND, 0]},
-        {
-            "id": "half",
-            "type": "tracker",
-            "ref_joint1_id": "A",
-            "ref_joint2_id": "B",
-            "distance": COUPLER / 2,
-            "angle": 0,
-        },
-    ],
-    "links": [
-        {"id": "frame", "type": "ground", "joints": ["O", "O4"]},
-        {"id": "crank", "type": "driver", "joints": ["O", "A"], "motor_joint": "O", "angular_velocity": 0.1},
-        {"id": "coupler", "type": "link", "joints": ["A", "B"]},
-        {"id": "rocker", "type": "link", "joints": ["B", "O4"]},
-    ],
-}
-PYLINKAGE_SLIDER = {
-    "joints": [
-        {"id": "O", "type": "ground", "position": [0, 0]},
-        {"id": "A", "type": "revolute", "position": [CRANK, 0]},
-        {
-            "id": "B",
-            "type": "prismatic",
-            "position": [SLIDER, OFFSET],
-            "axis": [2, 0],
-            "line_point": [0, OFFSET],
-        },
-    ],
-    "links": [
-        {"id": "crank", "type": "driver", "joints": ["O", "A"], "motor_joint": "O"},
-        {"id": "rod", "type": "link", "joints": ["A", "B"]},
-    ],
-}
-PMKS = {
-    "Joints": [
-        {"X": 0, "Y": 0, "TypeOfJoint": "R", "Links": ["ground", "crank"]},
-        {"X": A[0], "Y": A[1], "TypeOfJoint": "R", "Links": ["crank", "coupler"]},
-        {"X": B[0], "Y": B[1], "TypeOfJoint": "R", "Links": ["coupler", "rocker"]},
-        {"X": GROUND, "Y": 0, "TypeOfJoint": "R", "Links": ["rocker", "Ground"]},
-        {"X": (A[0] + B[0]) / 2, "Y": (A[1] + B[1]) / 2, "TypeOfJoint": "R", "Links": ["coupler"]},
-    ],
-    "DrivingIndex": 0,
-}
-PMKS_SLIDER = {
-    "Joints": [
-        {"X": 0, "Y": 0, "TypeOfJoint": "R", "Links": ["ground", "crank"]},
-        {"X": CRANK, "Y": 0, "TypeOfJoint": "R", "Links": ["crank", "rod"]},
-        {"X": SLIDER, "Y": OFFSET, "Angle": 0.0, "TypeOfJoint": "RP", "Links": ["rod", "ground"]},
-    ]
-}
-NORMAL = {"Izz_cg": 2e-5, "mass": 0.05, "cg_local": [0.01, 0]}
-LINKAGE_SIM = {
-    "schema_version": "1.0.0",
-    "bodies": {
-        "ground": {"attachment_points": {"O2": [0, 0], "O4": [GROUND, 0]}},
-        "crank": {"attachment_points": {"O": [0, 0], "A": [CRANK, 0]}, **NORMAL},
-        "coupler": {
-            "attachment_points": {"A": [0, 0], "B": [COUPLER, 0]},
-            "coupler_points": {"half": [COUPLER / 2, 0]},
-        },
-        "rocker": {"attachment_points": {"O": [0, 0], "B": [ROCKER, 0]}},
-    },
-    "joints": {
-        "J1": {"type": "revolute", "body_i": "ground", "point_i": "O2", "body_j": "crank", "point_j": "O"},
-        "J2": {"type": "revolute", "body_i": "crank", "point_i": "A", "body_j": "coupler", "point_j": "A"},
-        "J3": {"type": "revolute", "body_i": "coupler", "point_i": "B", "body_j": "rocker", "point_j": "B"},
-        "J4": {"type": "revolute", "body_i": "ground", "point_i": "O4", "body_j": "rocker", "point_j": "O"},
-        "D1": {"type": "revolute_driver", "body_i": "ground", "body_j": "crank"},
-    },
-}
-LINKAGE_SIM_SLIDER = {
-    "schema_version": "1.0.0",
-    "bodies": {
-        "ground": {"attachment_points": {"O": [0, 0], "rail": [0.3, OFFSET]}},
-        "crank": {"attachment_points": {"O": [0, 0], "A": [CRANK, 0]}},
-        "rod": {"attachment_points": {"A": [0, 0], "B": [ROD, 0]}},
-        "slider": {"attachment_points": {"pin": [0, 0]}},
-    },
-    "joints": {
-        "J1": {
-            "type": "revolute",
-            "body_i": "ground",
-            "point_i": "O",
-            "body_j": "crank",
-            "point_j": "O",
-            "driven": True,
-        },
-        "J2": {"type": "revolute", "body_i": "crank", "point_i": "A", "body_j": "rod", "point_j": "A"},
-        "J3": {"type": "revolute", "body_i": "rod", "point_i": "B", "body_j": "slider", "point_j": "pin"},
-        # the slider's frame is rotated by -90 degrees
-        "J4": {
-            "type": "prismatic",
-            "body_i": "ground",
-            "point_i": "rail",
-            "body_j": "slider",
-            "point_j": "pin",
-            "axis_local_i": [1, 0],
-            "delta_theta_0": -np.pi / 2,
-        },
-    },
-}
+PYLINKAGE, PYLINKAGE_SLIDER, PMKS, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER = (
+    json.loads(model_text(f"planar_{name}.json"))
+    for name in ("pylinkage", "pylinkage_slider", "pmks", "pmks_slider", "linkage_sim", "linkage_sim_slider")
+)
 
 
 @pytest.fixture

@@ -10,16 +10,6 @@ import mechsim as ms
 from mechsim.subjects.mjcf_source import mujoco_input, read_mjcf
 
 # a parallelogram of 0.2 m x 0.1 m whose second link is turned about x
-LEG = """<mujoco model="leg"><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
-<body name="hip"><geom size="0.01"/><body name="calf"><joint name="calf" axis="0 0 1"/>
-<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.005" contype="0"/>
-<body name="foot" pos="0.2 0 0" {rotation}><joint name="ankle" axis="{axis}"/>
-<geom type="capsule" fromto="0 0 0 {foot}" size="0.005" contype="0"/>
-<body name="shin" pos="{foot}"><joint name="shin" axis="{axis}"/>
-<geom type="capsule" fromto="0 0 0 -0.2 0 0" size="0.005" contype="0"/></body></body></body></body>
-</worldbody>
-<equality><connect name="knee" body1="shin" body2="hip" anchor="-0.2 0 0"/></equality>
-<actuator><position name="servo" joint="calf" kp="20"/></actuator></mujoco>"""
 # text of the rotation and the axis in the turned frame, the lower end of the foot, and the error in [rad]
 ROUNDED = {
     "pi/2": ('euler="1.57 0 0"', "0 1 0", "0 0 -0.1", np.pi / 2 - 1.57),
@@ -38,7 +28,9 @@ ROUNDED = {
 
 
 def leg(rotation: str, axis: str, foot: str) -> mujoco.MjSpec:
-    return mujoco.MjSpec.from_string(LEG.format(rotation=rotation, axis=axis, foot=foot))
+    return mujoco.MjSpec.from_string(
+        model_text("rounded_angles_leg.xml", rotation=rotation, axis=axis, foot=foot)
+    )
 
 
 def least_gap(spec: mujoco.MjSpec, calf: float) -> float:

@@ -1,5 +1,7 @@
 """Loops of URDF files: every dialect closes the same four-bar, and invalid files are rejected."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from model_files import model_text
@@ -8,58 +10,16 @@ import mechsim as ms
 from mechsim import cli
 
 CRANK, ROD, FOLLOWER, GROUND = 0.3, 1.0, 0.7, 1.0
-TREE = f"""
-  <link name="base"/><link name="crank"/><link name="rod"/><link name="follower"/>
-  <joint name="motor" type="continuous">
-    <parent link="base"/><child link="crank"/><axis xyz="0 0 1"/>
-  </joint>
-  <joint name="knee" type="continuous">
-    <parent link="crank"/><child link="rod"/><origin xyz="0 {CRANK} 0"/><axis xyz="0 0 1"/>
-  </joint>
-  <joint name="hip" type="continuous">
-    <parent link="base"/><child link="follower"/><origin xyz="{GROUND} 0 0"/><axis xyz="0 0 1"/>
-  </joint>
-"""
 FIXED = (
     '<link name="{0}"/><joint name="{0}_joint" type="fixed"><parent link="{1}"/><child link="{0}"/>'
     '<origin xyz="{2}"/></joint>'
 )
-ENDS = FIXED.format("rod_end", "rod", f"{ROD} 0 0") + FIXED.format(
-    "follower_end", "follower", f"0 {FOLLOWER} 0"
-)
-CLOSING = FIXED.format("closing_pin_1", "rod", f"{ROD} 0 0") + FIXED.format(
-    "closing_pin_2", "follower", f"0 {FOLLOWER} 0"
-)
-BUSHING = """
-  <drake:linear_bushing_rpy>
-    <drake:bushing_frameA name="rod_end"/><drake:bushing_frameC name="follower_end"/>
-    <drake:bushing_torque_stiffness value="90 90 0"/><drake:bushing_torque_damping value="1 1 0"/>
-    <drake:bushing_force_stiffness value="1e4 1e4 1e4"/><drake:bushing_force_damping value="1 1 1"/>
-  </drake:linear_bushing_rpy>"""
-DIALECTS = {
-    "two parents": ENDS
-    + '<joint name="closing" type="continuous"><parent link="follower_end"/><child link="rod_end"/>'
-    + '<axis xyz="0 0 1"/></joint>',
-    "URDF+": f"""<loop name="closing" type="revolute">
-    <predecessor link="rod"><origin xyz="{ROD} 0 0"/></predecessor>
-    <successor link="follower"><origin xyz="0 {FOLLOWER} 0"/></successor><axis xyz="0 0 1"/></loop>""",
-    "Isaac Sim": f"""<loop_joint name="closing" type="spherical">
-    <link1 link="rod" xyz="{ROD} 0 0" rpy="0 0 0"/><link1 link="follower" xyz="0 {FOLLOWER} 0" rpy="0 0 0"/>
-    </loop_joint>""",
-    "Drake ball": f"""<drake:ball_constraint>
-    <drake:ball_constraint_body_A name="rod"/><drake:ball_constraint_body_B name="follower"/>
-    <drake:ball_constraint_p_AP value="{ROD} 0 0"/><drake:ball_constraint_p_BQ value="0 {FOLLOWER} 0"/>
-    </drake:ball_constraint>""",
-    "Drake bushing": ENDS + BUSHING,
-    "onshape-to-robot, ball": CLOSING,
-    "onshape-to-robot, revolute": CLOSING
-    + FIXED.format("closing_pin_1_z", "rod", f"{ROD} 0 0.1")
-    + FIXED.format("closing_pin_2_z", "follower", f"0 {FOLLOWER} 0.1"),
-}
+TEXTS = tomllib.loads(model_text("urdf_loops_dialects.toml"))
+DIALECTS, ENDS, BUSHING = TEXTS["dialects"], TEXTS["parts"]["ends"], TEXTS["parts"]["bushing"]
 
 
 def robot(*elements):
-    return f'<robot name="four_bar">{TREE}{"".join(elements)}</robot>'
+    return model_text("urdf_loops_tree.urdf", elements="".join(elements))
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -135,18 +136,7 @@ def test_a_coarse_step_misses_the_digits_of_the_squeezer(monkeypatch):
     assert [case.outcome for case in squeezer.cases(None)] == ["unexplained", "right"]
 
 
-ROBOT = """<robot name="five_bar"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
-<link name="d"/><link name="end_b"/><link name="end_d"/>
-<joint name="left" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
-<joint name="elbow_a" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0 1 0"/>
-<axis xyz="0 0 1"/></joint>
-<joint name="right" type="revolute"><parent link="base"/><child link="c"/><origin xyz="1.2 0 0"/>
-<axis xyz="0 0 1"/></joint>
-<joint name="elbow_c" type="continuous"><parent link="c"/><child link="d"/><origin xyz="0 1 0" rpy="0 0 1.5"/>
-<axis xyz="0 0 1"/></joint>
-<joint name="in_b" type="fixed"><parent link="b"/><child link="end_b"/><origin xyz="1 0 0"/></joint>
-<joint name="in_d" type="fixed"><parent link="d"/><child link="end_d"/><origin xyz="1 0 0"/></joint>
-</robot>"""
+ROBOT = model_text("suites_five_bar.urdf")
 SIDECAR = "closed_loop: [[end_b, in_d]]\ntype: [3d]\nname_mot: [left, right]\n"
 
 

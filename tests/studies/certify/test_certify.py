@@ -373,20 +373,8 @@ def test_a_dimension_in_a_function_without_bounds_is_rejected(tmp_path):
 
 def test_tilted_axes_are_not_treated_as_concentric(tmp_path):
     # points off the centre on a tilting axis move away from it
-    pivot = '{ link = "ground", at = [0, 0, 0.03], axis = ["sin(tilt)", 0, "cos(tilt)"] }'
-    text = f"""
-name = "tilted"
-drivers = ["crank"]
-[parameters]
-tilt = 0
-[joints]
-crank = {{ kind = "revolute", a = {pivot}, b = {{ link = "crank", at = [0, 0, 0.03] }} }}
-a = {{ kind = "revolute", a = {{ link = "crank", axis = [0.4, 0, 1] }}, b = {{ link = "rod" }} }}
-b = {{ kind = "revolute", a = {{ link = "rod", axis = [5, 0, 1] }}, b = {{ link = "b", axis = [1, 0, 1] }} }}
-c = {{ kind = "revolute", a = {{ link = "ground", axis = [1, 0, 0.1] }}, b = {{ link = "b" }} }}
-"""
     path = tmp_path / "tilted.toml"
-    path.write_text(text)
+    path.write_text(model_text("certify_tilted.toml"))
     assert not ms.certify(path, (0.0, 0.3), within={"tilt": 1e-3}).certified
 
 
