@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from typed_call import Answer, Call
 
 settings.register_profile(
     "mechsim",
@@ -61,3 +62,20 @@ def file(tmp_path: Path) -> Callable[[str], str]:
         return str(path)
 
     return written
+
+
+@pytest.fixture
+def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
+    """Return a function that runs a command in an empty folder, in this process."""
+    from mechsim.cli import main
+
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> Answer:
+        monkeypatch.setattr("sys.argv", ["mechsim", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        output = capsys.readouterr()
+        return Answer(int(ended.value.code or 0), output.out, output.err)
+
+    return call

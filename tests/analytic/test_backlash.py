@@ -69,18 +69,14 @@ def test_a_flank_carries_under_torque_and_mujoco_agrees_in_both_phases(tmp_path)
         (KNEE, {}, (0.05 + 1 * 0.1**2) * 0.3),
     ],
 )
-def test_the_flank_changes_where_the_force_does(tmp_path, text, laws, torque, monkeypatch, capsys):
+def test_the_flank_changes_where_the_force_does(tmp_path, text, laws, torque, mechsim):
     import json
 
-    from mechsim.cli import main
-
     driven = [argument for name, law in laws.items() for argument in ("--drive", f"{name}={law}")]
-    arguments = ["mechsim", "dynamics", "inverse", written(tmp_path, text), *driven, "--json"]
-    monkeypatch.setattr("sys.argv", [*arguments, *(["--duration", "1s"] if laws else [])])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
-    (force,) = json.loads(capsys.readouterr().out)["contacts"].values()
+    arguments = ["dynamics", "inverse", written(tmp_path, text), *driven, "--json"]
+    answer = mechsim(*arguments, *(["--duration", "1s"] if laws else []))
+    assert answer.code == 0
+    (force,) = json.loads(answer.out)["contacts"].values()
     assert force["changes"] == pytest.approx([0.5], abs=1e-12)
     assert force["backlash"] == pytest.approx(PLAY)
     assert force["largest"] == pytest.approx(abs(torque) * (2 * np.pi) ** 2, rel=1e-4)

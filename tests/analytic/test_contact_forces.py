@@ -54,14 +54,11 @@ def test_a_follower_that_is_pulled_away_has_no_contact_at_all(tmp_path):
 
 
 @pytest.mark.long
-def test_inverse_dynamics_states_the_instants(tmp_path, monkeypatch, capsys):
-    from mechsim.cli import main
+def test_inverse_dynamics_states_the_instants(tmp_path, mechsim):
 
     forces(tmp_path, 0.0)
-    arguments = ["mechsim", "dynamics", "inverse", str(tmp_path / "cam.toml"), "--samples", "13", "--json"]
-    monkeypatch.setattr("sys.argv", arguments)
-    with pytest.raises(SystemExit):
-        main()
-    contact = json.loads(capsys.readouterr().out)["contacts"]["contact"]
+    arguments = ["dynamics", "inverse", str(tmp_path / "cam.toml"), "--samples", "13", "--json"]
+    answer = mechsim(*arguments)
+    contact = json.loads(answer.out)["contacts"]["contact"]
     assert contact["one_sided"]
     assert abs(contact["changes"][0] - np.arccos(-9.81 / (LIFT * SPEED**2)) / SPEED) < 1e-14

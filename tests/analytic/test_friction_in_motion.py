@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 import mechsim as ms
 from mechsim import dynamics
 from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.cli import main
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation.dynamics.forward_run import stepped_run
@@ -59,15 +58,14 @@ def test_friction_holds_a_ladder(beyond, outcome, file):
     assert run.outcome == outcome, run.reason
 
 
-def test_a_ladder_that_friction_jams_ends_with_that_outcome(file, capsys, monkeypatch):
+def test_a_ladder_that_friction_jams_ends_with_that_outcome(file, mechsim):
     text = model_text("friction_in_motion_ladder.toml", x=1.2, y=1.6, angle=np.rad2deg(np.arctan2(1.6, -1.2)))
     path = file(text.replace("0.4 }", "1.5 }").replace("0.3 }", "1.5 }"))
     arguments = ["--initial", "floor.v=-0.5", "--duration", "0.1s", "--json"]
-    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "forward", path, *arguments])
-    with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 1
-    assert json.loads(capsys.readouterr().out)["outcome"] == "jammed"
+    with np.errstate(all="ignore"):
+        answer = mechsim("dynamics", "forward", path, *arguments)
+    assert answer.code == 1
+    assert json.loads(answer.out)["outcome"] == "jammed"
 
 
 @pytest.mark.long

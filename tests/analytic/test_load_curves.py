@@ -8,7 +8,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics.model import dynamic_model
-from mechsim.cli import main
 from mechsim.errors import InputError
 
 STIFFNESS, REST = 1000.0, 1.05
@@ -71,14 +70,12 @@ def test_the_curve_of_a_crank_is_that_of_inverse_dynamics():
 
 
 @pytest.mark.long
-def test_the_command_prints_limit_points(truss, tmp_path, capsys, monkeypatch):
+def test_the_command_prints_limit_points(truss, tmp_path, mechsim):
     table = tmp_path / "curve.csv"
-    command = ["mechsim", "dynamics", "statics", str(truss), "--curve", "P.y=-0.4:0.4", "--method", "none"]
-    monkeypatch.setattr("sys.argv", [*command, "--json", "-o", str(table)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
-    data = json.loads(capsys.readouterr().out)["curve"]
+    command = ["dynamics", "statics", str(truss), "--curve", "P.y=-0.4:0.4", "--method", "none"]
+    answer = mechsim(*command, "--json", "-o", str(table))
+    assert answer.code == 0
+    data = json.loads(answer.out)["curve"]
     assert len(data["limit_points"]) == 2
     columns = np.genfromtxt(table, delimiter=",", names=True)
     assert np.abs(columns["load"] - load_at(columns["displacement"])).max() < 1e-9

@@ -10,7 +10,6 @@ from scipy.optimize import root
 
 import mechsim as ms
 from mechsim import dynamics
-from mechsim.cli import main
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.joint_friction import Friction
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -140,17 +139,16 @@ def test_a_steep_wedge_jams(tmp_path):
     assert caught.value.outcome == "jammed"
 
 
-def test_a_jam_is_the_outcome_of_the_command(tmp_path, capsys, monkeypatch):
+def test_a_jam_is_the_outcome_of_the_command(tmp_path, mechsim):
     path = tmp_path / "wedge.toml"
     angle = np.deg2rad(60.0)
     path.write_text(
         model_text("load_friction_wedge.toml", mu=0.3, c=np.cos(angle), s=np.sin(angle), speed=0.1)
     )
-    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "inverse", str(path), "--json"])
-    with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 1
-    data = json.loads(capsys.readouterr().out)
+    with np.errstate(all="ignore"):
+        answer = mechsim("dynamics", "inverse", str(path), "--json")
+    assert answer.code == 1
+    data = json.loads(answer.out)
     assert data["outcome"] == "jammed"
     assert data["passed"] is False
 

@@ -79,16 +79,13 @@ def test_a_follower_in_a_groove_does_not_lift_off(tmp_path):
     assert run.events == ()
 
 
-def test_a_ball_on_a_rope_bounces_and_comes_to_rest(tmp_path, monkeypatch, capsys):
-    from mechsim.cli import main
+def test_a_ball_on_a_rope_bounces_and_comes_to_rest(tmp_path, mechsim):
 
     path = written(tmp_path, BALL)
-    arguments = ["mechsim", "dynamics", "forward", path, "--initial", "ball.v=2", "--json"]
-    monkeypatch.setattr("sys.argv", [*arguments, "--restitution", "0.5", "--samples", "61"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
-    data = json.loads(capsys.readouterr().out)
+    arguments = ["dynamics", "forward", path, "--initial", "ball.v=2", "--json"]
+    answer = mechsim(*arguments, "--restitution", "0.5", "--samples", "61")
+    assert answer.code == 0
+    data = json.loads(answer.out)
     falls = 2 * 2 / G * np.cumsum(0.5 ** np.arange(6))
     assert np.abs(np.array(data["events"][:6]) - falls).max() < 1e-12
     assert data["openings"]["rope"][1] == data["events"][:2]

@@ -38,15 +38,7 @@ def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
 
 
 def test_only_requested_settings_replace_those_of_the_file(mechsim):
-    answer = mechsim(
-        *COMMAND,
-        "--timestep",
-        "1ms",
-        "--setting",
-        "integrator=implicitfast",
-        "--setting",
-        "solver=CG",
-        "--json",
-    )
+    settings = ("--setting", "integrator=implicitfast", "--setting", "solver=CG")
+    answer = mechsim(*COMMAND, "--timestep", "1ms", *settings, "--json")
     settings = json.loads(answer.out)["settings"]
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}

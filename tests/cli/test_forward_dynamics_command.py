@@ -179,22 +179,12 @@ def test_runs_modes_and_responses_are_plotted(tmp_path, command):
         assert picture.stat().st_size > 10_000
 
 
-def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys):
+def test_forces_of_a_file_without_model_are_noted(tmp_path, mechsim):
     (tmp_path / "pendulum.xml").write_text(model_text("forward_dynamics_command_pendulum.xml"))
-    arguments = [
-        "dynamics",
-        "forward",
-        str(tmp_path / "pendulum.xml"),
-        "--initial",
-        "pivot.q=0",
-        "--duration",
-        "0.1s",
-    ]
-    monkeypatch.setattr("sys.argv", ["mechsim", *arguments, "--samples", "5"])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code in (0, None)
-    error = capsys.readouterr().err
+    arguments = f"dynamics forward {tmp_path / 'pendulum.xml'} --initial pivot.q=0 --duration 0.1s".split()
+    answer = mechsim(*arguments, "--samples", "5")
+    assert answer.code == 0
+    error = answer.err
     assert "left out of the dynamics" in error
     assert "actuators glue" in error
     assert "limits of the tendons cord" in error

@@ -61,19 +61,8 @@ def test_parts_that_are_not_read_are_reported(run, arguments):
 @pytest.mark.parametrize("rate", ["0", "1"])
 def test_a_controller_that_is_not_finite_is_one_line(run, recwarn, rate):
     with np.errstate(all="warn", under="ignore"):
-        code, shown = run(
-            [
-                "dynamics",
-                "forward",
-                "four_bar",
-                "--initial",
-                f"crank.v={rate}",
-                "--duration",
-                "0.1s",
-                "--controller",
-                "crank=log(0)",
-            ]
-        )
+        run_on = f"dynamics forward four_bar --initial crank.v={rate} --duration 0.1s"
+        code, shown = run([*run_on.split(), "--controller", "crank=log(0)"])
     assert code == 2
     assert "crank are not finite" in shown.err
     assert not [warning for warning in recwarn if warning.category is RuntimeWarning]
@@ -220,20 +209,8 @@ def test_two_connects_of_a_hinge_of_a_file_agree_with_mujoco(run, tmp_path, name
     text = re.sub(' armature="[^"]*"', "", text).replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')
     assert '<connect name="rocker+"' in text
     (tmp_path / "f.xml").write_text(text.replace('<connect name="rocker+"', f'<connect name="{name}"'))
-    code, shown = run(
-        [
-            "dynamics",
-            "inverse",
-            "f.xml",
-            "--drive",
-            "crank=1rad/s",
-            "--duration",
-            "0.2s",
-            "--samples",
-            "12",
-            "--json",
-        ]
-    )
+    motion = ["--drive", "crank=1rad/s", "--duration", "0.2s", "--samples", "12"]
+    code, shown = run(["dynamics", "inverse", "f.xml", *motion, "--json"])
     assert code == 0
     assert json.loads(shown.out)["passed"]
 

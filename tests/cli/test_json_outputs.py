@@ -135,13 +135,9 @@ def test_every_command_with_json_has_a_schema(capsys, monkeypatch):
     assert {command_of(line) for line in [*LINES, *SLOW]} | TESTED_ELSEWHERE == set(output_types())
 
 
-def test_schema_prints_the_requested_schema(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["mechsim", "schema", "validate"])
-    with pytest.raises(SystemExit):
-        main()
-    assert json.loads(capsys.readouterr().out) == output_schema("validate")
-    monkeypatch.setattr("sys.argv", ["mechsim", "schema", "sundial"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert "no schema of 'sundial'; choose from" in capsys.readouterr().err
+def test_schema_prints_the_requested_schema(mechsim):
+    answer = mechsim("schema", "validate")
+    assert json.loads(answer.out) == output_schema("validate")
+    answer = mechsim("schema", "sundial")
+    assert answer.code == 2
+    assert "no schema of 'sundial'; choose from" in answer.err

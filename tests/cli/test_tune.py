@@ -47,19 +47,8 @@ def states_by_comment(path, duration):
 @pytest.mark.long
 def test_a_tuned_file_satisfies_the_tolerance_as_its_comment_describes(mechsim, tmp_path):
     answer = mechsim(
-        "tune",
-        "finger.xml",
-        "--tolerance",
-        "5um",
-        "--drive",
-        "knuckle=0.5*sin(2*pi*t)",
-        "--duration",
-        "0.1s",
-        "--budget",
-        "60s",
-        "-o",
-        "out.xml",
-        "--json",
+        *["tune", "finger.xml", "--tolerance", "5um", "--drive", "knuckle=0.5*sin(2*pi*t)"],
+        *["--duration", "0.1s", "--budget", "60s", "-o", "out.xml", "--json"],
     )
     assert answer.code == 0, answer.err
     reported = json.loads(answer.out)
@@ -161,17 +150,10 @@ def test_an_open_start_is_reported_and_closed_in_the_tuned_file(mechsim, tmp_pat
 
 @pytest.mark.slow
 def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
-    arguments = (
-        "tune",
-        "finger.xml",
-        "--tolerance",
-        "1e-15",
-        "--drive",
-        "knuckle=0.5*sin(2*pi*t)",
-        "--budget",
-        "4s",
+    arguments = ("--tolerance", "1e-15", "--drive", "knuckle=0.5*sin(2*pi*t)", "--budget", "4s")
+    answer = mechsim(
+        "tune", "finger.xml", *arguments, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py"
     )
-    answer = mechsim(*arguments, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py")
     assert answer.code == 1
     assert "no MJCF file reaches 1e-15 m for this scene" in answer.out
     assert "def steps(" in (tmp_path / "run.py").read_text()

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from ball_joints import fourth_order_only
+from typed_call import Call
 
 from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.cli import inverse_dynamics as cli_dynamics
@@ -36,14 +37,12 @@ def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("a_gigabyte")
 @pytest.mark.parametrize("arguments", TOO_LARGE)
 def test_work_beyond_memory_is_rejected_with_the_limit(
-    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    arguments: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mechsim: Call
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["mechsim", *arguments.split()])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    output = capsys.readouterr().err
-    assert ended.value.code == 2
+    answer = mechsim(*arguments.split())
+    output = answer.err
+    assert answer.code == 2
     assert len(output.splitlines()) == 1
     assert all(word in output for word in TOO_LARGE[arguments])
     assert list(tmp_path.iterdir()) == []
@@ -87,16 +86,12 @@ def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
 
 
 @pytest.mark.slow
-def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    command = "mechsim dynamics forward four_bar --motor line:1e7,600rpm --samples 1200 --turns 0.01"
-    monkeypatch.setattr("sys.argv", command.split(" "))
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
+def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(mechsim: Call) -> None:
+    command = "dynamics forward four_bar --motor line:1e7,600rpm --samples 1200 --turns 0.01"
+    answer = mechsim(*command.split())
     # without line breaks
-    output = " ".join(capsys.readouterr().out.split())
-    assert ended.value.code == 1
+    output = " ".join(answer.out.split())
+    assert answer.code == 1
     assert "MuJoCo's state became invalid with steps of" in output
     assert "--method none" in output
 
@@ -111,39 +106,33 @@ def test_a_crank_under_a_stiff_motor_reaches_its_speed() -> None:
 
 
 def test_a_solution_under_motion_laws_is_independent_of_chunks(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mechsim: Call
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, chunk in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
         monkeypatch.setattr(solve, "CHUNK", chunk)
-        arguments = f"mechsim solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
-        monkeypatch.setattr("sys.argv", arguments.split())
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        assert ended.value.code == 0
+        arguments = f"solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
+        answer = mechsim(*arguments.split())
+        assert answer.code == 0
     whole, chunked = files.read("whole.csv"), files.read("parts.csv")
     assert whole.keys() == chunked.keys()
     for name, column in whole.items():
         np.testing.assert_allclose(chunked[name], column, rtol=0, atol=1e-12 * np.abs(column).max())
-    capsys.readouterr()
 
 
 def test_a_solution_is_independent_of_chunks(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mechsim: Call
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, chunk in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
         monkeypatch.setattr(solve, "CHUNK", chunk)
-        monkeypatch.setattr("sys.argv", ["mechsim", "solve", "rrsrr", "-o", name])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        assert ended.value.code == 0
+        answer = mechsim("solve", "rrsrr", "-o", name)
+        assert answer.code == 0
     assert (tmp_path / "whole.csv").read_bytes() == (tmp_path / "parts.csv").read_bytes()
     exact = catalog.make("rrsrr").solve(units.parse_angles("0:360:5deg"), units.rpm(600))
     table = files.read(tmp_path / "parts.csv")
     for name, column in exact.columns():
         np.testing.assert_array_equal(table[name], column)
-    capsys.readouterr()
 
 
 def test_long_work_reports_its_remaining_time(
@@ -202,7 +191,7 @@ def test_long_work_reports_its_remaining_time(
     ("method", "count"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
 )
 def test_dynamics_report_progress_of_every_method(
-    method: str, count: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    method: str, count: int, monkeypatch: pytest.MonkeyPatch, mechsim: Call
 ) -> None:
     reported: list[tuple[str, float]] = []
 
@@ -211,13 +200,7 @@ def test_dynamics_report_progress_of_every_method(
         yield lambda label="", fraction=None: reported.append((label.split(",")[0], fraction))
 
     monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)
-    monkeypatch.setattr(
-        "sys.argv", ["mechsim", "dynamics", "inverse", "rssr", "--method", method, "--samples", "90"]
-    )
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 0
-    capsys.readouterr()
+    assert mechsim("dynamics", "inverse", "rssr", "--method", method, "--samples", "90").code == 0
     assert list(dict.fromkeys(route for route, _ in reported)) == ["formulas", "MuJoCo", "check"][:count]
     fractions = [fraction for _, fraction in reported]
     assert fractions == sorted(fractions)

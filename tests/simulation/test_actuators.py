@@ -90,15 +90,12 @@ def test_the_check_passes_and_rejects_another_actuator(case, tmp_path):
 
 
 @pytest.mark.skipif("pid" not in CASES, reason="MuJoCo has pid from version 4 on")
-def test_a_file_with_two_controls_of_one_actuator_is_checked(tmp_path, monkeypatch, capsys):
-    from mechsim.cli import main
+def test_a_file_with_two_controls_of_one_actuator_is_checked(tmp_path, mechsim):
 
     (tmp_path / "arm.xml").write_text(ARM.format('<pid name="u" joint="j2" kp="20" kv="1"/>'))
-    monkeypatch.setattr("sys.argv", ["mechsim", "check", str(tmp_path / "arm.xml")])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code in (0, 1)
-    assert "1 file" in capsys.readouterr().out
+    answer = mechsim("check", str(tmp_path / "arm.xml"))
+    assert answer.code in (0, 1)
+    assert "1 file" in answer.out
 
 
 def test_an_unknown_actuator_is_rejected(tmp_path):

@@ -8,7 +8,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 
 FOUR_BAR = model_text("closed_configurations_four_bar.xml")
 
@@ -70,14 +69,12 @@ def test_a_sample_size_of_zero_is_rejected(model: mujoco.MjModel) -> None:
         ms.sample(model, 0)
 
 
-def test_the_command_writes_and_reports_samples(tmp_path, monkeypatch, capsys) -> None:
+def test_the_command_writes_and_reports_samples(tmp_path, mechsim) -> None:
     file, states = tmp_path / "model.xml", tmp_path / "states.npz"
     file.write_text(FOUR_BAR)
-    monkeypatch.setattr("sys.argv", ["mechsim", "sample", str(file), "-n", "5", "-o", str(states), "--json"])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 0
-    assert json.loads(capsys.readouterr().out)["n"] == 5
+    answer = mechsim("sample", str(file), "-n", "5", "-o", str(states), "--json")
+    assert answer.code == 0
+    assert json.loads(answer.out)["n"] == 5
     with np.load(states) as arrays:
         assert {name: len(arrays[name]) for name in arrays.files} == {"qpos": 5, "qvel": 5, "residual": 5}
 

@@ -37,22 +37,6 @@ def test_a_setting_is_read_from_text(text) -> None:
     assert getattr(Settings(**{name: value}), name) != getattr(Settings(), name)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("noise=1", "there is no setting 'noise'; choose from integrator, "),
-        ("solimp=1", "setting solimp is '1', 1 numbers; give 2 to 5"),
-        ("solref=1,2,3", "setting solref is '1,2,3', 3 numbers; give 2"),
-        ("refsafe=yes", "setting refsafe is 'yes'; give true or false"),
-        ("iterations=many", "setting iterations"),
-    ],
-)
-def test_a_setting_that_is_none_is_rejected(text, message) -> None:
-    with pytest.raises(InputError) as reported:
-        settings.setting_of(text)
-    assert message in str(reported.value)
-
-
 def test_a_declared_setting_has_a_check_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):

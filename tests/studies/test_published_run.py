@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.cli import main
 from mechsim.cli.schema import output_schema
 from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.scene.own_settings import published_scene
@@ -108,15 +107,13 @@ def test_a_file_that_diverges_with_its_own_settings_fails(tmp_path):
 
 
 @pytest.mark.long
-def test_the_command_reports_both_runs_as_text_and_json(tmp_path, monkeypatch, capsys):
+def test_the_command_reports_both_runs_as_text_and_json(tmp_path, mechsim):
     path = scene(tmp_path, SOFT)
-    arguments = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
+    arguments = ["validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
     for options, code in ((["--tolerance", "1mm"], 0), (["--tolerance", "1nm", "--json"], 1)):
-        monkeypatch.setattr("sys.argv", [*arguments, *options])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == code
-        printed = capsys.readouterr().out
+        answer = mechsim(*arguments, *options)
+        assert answer.code == code
+        printed = answer.out
         if code == 0:
             assert "stepped with mechsim's settings" in printed
             assert "with the file's own settings (timestep 1 ms" in printed

@@ -4,7 +4,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 from mechsim.subjects.toml_writer import to_toml
 
 TEXT = model_text("initial_table_text.toml")
@@ -32,21 +31,8 @@ def test_an_explicit_initial_state_replaces_that_of_the_file(tmp_path):
     assert other.motion.joints["crank"].value[0] == pytest.approx(0.6981317007977318)
 
 
-def test_the_dynamics_command_uses_the_initial_state_of_a_file(tmp_path, monkeypatch, capsys):
-    line = [
-        "mechsim",
-        "dynamics",
-        "forward",
-        written(tmp_path),
-        "--duration",
-        "0.01s",
-        "--samples",
-        "5",
-        "--method",
-        "none",
-    ]
-    monkeypatch.setattr("sys.argv", line)
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code in (0, None)
-    assert "done at 0.01 s" in capsys.readouterr().out
+def test_the_dynamics_command_uses_the_initial_state_of_a_file(tmp_path, mechsim):
+    line = f"dynamics forward {written(tmp_path)} --duration 0.01s --samples 5 --method none".split()
+    answer = mechsim(*line)
+    assert answer.code == 0
+    assert "done at 0.01 s" in answer.out

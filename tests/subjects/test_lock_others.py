@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 import mechsim as ms
 from mechsim import simulate
 from mechsim.analytic.loops.mobility import driver_determinacy
-from mechsim.cli import main
 from mechsim.errors import MobilityError
 from mechsim.subjects.readers import load
 
@@ -70,7 +69,7 @@ TWO_RODS = """<mujoco model="two_rods"><compiler angle="radian"/><worldbody>
 </body></body></worldbody></mujoco>"""
 
 
-def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path, monkeypatch, capsys):
+def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path, mechsim):
     """The second rod then swings about a fixed pivot; points at rest are compared to rounding."""
     path = tmp_path / "two_rods.xml"
     path.write_text(TWO_RODS)
@@ -91,7 +90,5 @@ def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path
     exact = solve_ivp(rate, (0.0, 0.2), [0.1, 0.0], rtol=1e-11, atol=1e-12).y[0, -1]
     assert run.motion.joints["j2"].value[-1] == pytest.approx(exact, abs=1e-7)
     words = f"forward {path} --lock j1=30deg --initial j2.q=0.1 --duration 0.2s --json".split()
-    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code in (0, None), capsys.readouterr().out
+    answer = mechsim("dynamics", *words)
+    assert answer.code == 0, answer.out

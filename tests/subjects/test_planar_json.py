@@ -9,7 +9,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 from mechsim.model.forces import Forces
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
@@ -210,15 +209,13 @@ def changed(content, *path, to):
         (changed(LINKAGE_SIM, "bodies", "crank", "Izz_cg", to=-1.0), "body 'crank': principal moments"),
     ],
 )
-def test_an_invalid_file_is_rejected(written, content, message, monkeypatch, capsys):
+def test_an_invalid_file_is_rejected(written, content, message, mechsim):
     path = written(content)
     with pytest.raises(ms.InputError, match=message) as caught:
         ms.load(path)
     assert "\n" not in str(caught.value)
-    monkeypatch.setattr("sys.argv", ["mechsim", "show", path])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 2
+    answer = mechsim("show", path)
+    assert answer.code == 2
 
 
 def test_parameters_and_missing_files_are_rejected(written, tmp_path):
@@ -276,16 +273,14 @@ def test_a_driver_without_a_joint_is_rejected(written, driver):
         ms.load(written({**LINKAGE_SIM, "drivers": {"D": driver}}))
 
 
-def test_a_mechanism_without_a_driver_names_the_remedy(written, monkeypatch, capsys):
+def test_a_mechanism_without_a_driver_names_the_remedy(written, mechsim):
     content = copy.deepcopy(LINKAGE_SIM)
     del content["joints"]["D1"]
     path = written(content)
     for command in ("solve", "dynamics inverse", "validate", "simulate"):
-        monkeypatch.setattr("sys.argv", ["mechsim", *command.split(), path])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        assert ended.value.code == 2, command
-        assert "internal error" not in capsys.readouterr().err
+        answer = mechsim(*command.split(), path)
+        assert answer.code == 2, command
+        assert "internal error" not in answer.err
     assert ms.load(path, drive={"J1": "1rad/s"}).mechanism.drivers == ("J1",)
 
 

@@ -19,7 +19,7 @@ def test_an_invalid_model_is_rejected_in_one_line(model, row, tmp_path):
     text = text if old in text else Template(text).substitute(values)
     assert old in text
     changed = text.replace(old, new, 1)
-    path = tmp_path / "model.toml"
+    path = tmp_path / model
     path.write_text(Template(changed).substitute(values) if values else changed)
     with pytest.raises(ms.MechsimError) as rejected:
         ms.load(str(path), still=True)

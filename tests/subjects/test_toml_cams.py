@@ -8,7 +8,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.cli import main
 from mechsim.errors import InputError
 
 SEGMENTS = """[
@@ -111,15 +110,13 @@ def test_tables_that_are_no_law_are_rejected(tmp_path, rows, named):
 
 
 @pytest.mark.long
-def test_a_cam_falls_from_its_top_as_in_mujoco_and_returns_after_a_turn(tmp_path, monkeypatch, capsys):
+def test_a_cam_falls_from_its_top_as_in_mujoco_and_returns_after_a_turn(tmp_path, mechsim):
     path = write(tmp_path, "roller")
 
     def output(*words):
-        monkeypatch.setattr("sys.argv", ["mechsim", *words, path, "--json"])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 0
-        return json.loads(capsys.readouterr().out)
+        answer = mechsim(*words, path, "--json")
+        assert answer.code == 0
+        return json.loads(answer.out)
 
     # V = m g h (1 - cos q) is largest at q = pi, where a disturbance grows at the rate sqrt(m g h / J)
     highest = max(

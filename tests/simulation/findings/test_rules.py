@@ -11,7 +11,6 @@ import mechsim as ms
 from mechsim import cli
 from mechsim.simulation.findings.rule_table import RULES
 
-ROOT = Path(__file__).parents[3]
 SOUND = model_text("rules_sound.xml")
 SOFT = SOUND.replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').replace(
     'site2="b"', 'site2="b" solref="0.1 1"'
@@ -124,22 +123,6 @@ def test_a_repaired_copy_in_another_folder_finds_its_included_files(tmp_path, mo
     assert code == 0
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "copies" / "fixed.xml"))
     assert model.site("of_the_included_file").id >= 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["missing.xml"], "there is no file"),
-        ([str(ROOT / "README.md")], "MJCF"),
-        ([str(ROOT / "models/four_bar.xml"), "--select", "MS9"], "no rule 'MS9'"),
-        ([str(ROOT / "models/four_bar.xml"), "--output-format", "xml"], "no output format"),
-        ([str(ROOT / "models/four_bar.xml"), str(ROOT / "models/rssr.xml"), "--fix", "x.xml"], "one by one"),
-    ],
-)
-def test_invalid_options_are_rejected(arguments, message, monkeypatch, capsys):
-    code, out = run(monkeypatch, capsys, *arguments)
-    assert code == 2
-    assert message in out.err
 
 
 def test_a_line_end_in_a_name_starts_no_workflow_command(tmp_path, monkeypatch, capsys):

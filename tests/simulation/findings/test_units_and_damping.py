@@ -8,7 +8,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader.reading import read_model
 
@@ -208,7 +207,7 @@ def test_implicit_damping_is_stable_at_any_size(tmp_path):
     assert "MS114" not in faults(tmp_path, text.replace("RK4", "implicitfast"))
 
 
-def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, monkeypatch, capsys):
+def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, mechsim):
     files = {"negative": four_bar(a_joint='damping="-.5"'), "broken": "<mujoco><nothing/></mujoco>"}
     files["sound"] = four_bar(crank_joint='range="1 2"')
     for name, text in files.items():
@@ -216,10 +215,8 @@ def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, monkeypatch,
     paths = [str(tmp_path / f"{name}.xml") for name in files]
 
     def run(*arguments):
-        monkeypatch.setattr("sys.argv", ["mechsim", "check", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code or 0, capsys.readouterr()
+        answer = mechsim("check", *arguments)
+        return answer.code, answer
 
     code, out = run(*paths, "--output-format", "json")
     violations = {(finding["rule"], finding["file"]) for finding in json.loads(out.out)["findings"]}

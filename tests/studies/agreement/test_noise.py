@@ -9,7 +9,6 @@ import pytest
 
 import mechsim as ms
 from mechsim import files
-from mechsim.cli import main
 from mechsim.cli.schema import output_schema
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity
@@ -169,15 +168,13 @@ def test_correct_tables_fail_at_the_stated_rate():
     assert np.mean(sigmas) == pytest.approx(1.0, abs=0.01)
 
 
-def test_the_command_reports_the_noise_as_text_and_json(tmp_path, monkeypatch, capsys):
+def test_the_command_reports_the_noise_as_text_and_json(tmp_path, mechsim):
     path = measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y"))
-    line = f"mechsim validate four_bar --against {path}"
+    line = f"validate four_bar --against {path}"
     for more in ("", " --json"):
-        monkeypatch.setattr("sys.argv", shlex.split(line + more))
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 0
-        printed = capsys.readouterr().out
+        answer = mechsim(*shlex.split(line + more))
+        assert answer.code == 0
+        printed = answer.out
         if not more:
             assert "noise of 0.85 sigma, nothing systematic" in printed
     jsonschema.validate(json.loads(printed), output_schema("validate"))

@@ -50,24 +50,6 @@ def test_a_design_file_may_have_units_in_its_cells(tmp_path):
     assert result.dims == ("design",)
 
 
-@pytest.mark.parametrize(
-    ("text", "output"),
-    [
-        ("crnk=1mm:2mm:3", "did you mean 'crank'"),
-        ("crank=15mm:12mm:3", "is in descending order"),
-        ("crank=1mm:2mm:0", "whole number"),
-        ("crank=1mm:2mm", "a grid takes"),
-        ("crank=1rpm:2rpm:3", "is the wrong kind of unit"),
-        ("pivot=1mm:2mm:3", "vary its components, pivot.x"),
-        ("crank", "no '='"),
-        ("crank=1mm:2mm:1000000000000000", "reduce the number"),
-    ],
-)
-def test_an_invalid_range_is_rejected(text, output):
-    with pytest.raises(InputError, match=output):
-        ranged(text)
-
-
 def test_invalid_samples_and_files_are_rejected(tmp_path):
     for text in ("sobl:8", "sobol:0", "sobol:x", "sobol"):
         with pytest.raises(InputError, match="sobol:N"):

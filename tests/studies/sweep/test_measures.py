@@ -67,23 +67,6 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
     np.testing.assert_array_equal(values, value("max:P3.z", turns)[1])
 
 
-@pytest.mark.parametrize(
-    ("text", "output"),
-    [
-        ("rnage:rocker", "range:J"),
-        ("range:rockr", "'rocker'"),
-        ("stroke:P4", "P2, P3"),
-        ("max:P3.w", "P3.x"),
-        ("max:torqe", "'torque'"),
-        ("at:30mm:rocker", "angle"),
-        ("nothing", "choose from"),
-    ],
-)
-def test_an_unknown_measure_is_rejected_with_a_hint(text, output):
-    with pytest.raises(InputError, match=output):
-        measure(text, catalog.make("rssr").mechanism)
-
-
 def test_an_empty_list_of_measures_is_rejected():
     with pytest.raises(InputError, match="no measure"):
         measures([], catalog.make("rssr").mechanism)
