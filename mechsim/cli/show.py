@@ -252,7 +252,8 @@ def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
 
 
 def _degrees(angle: float) -> str:
-    return number(round(math.degrees(angle), 6))
+    degrees = round(math.degrees(angle), 6)
+    return number(degrees, 4 if abs(degrees) < 1e4 else 6)
 
 
 def _sum(terms: Mapping[str, float]) -> str:

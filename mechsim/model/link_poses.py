@@ -63,7 +63,9 @@ def complete_guess(
     placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
     waiting = list(mechanism.joints)
     while waiting:
-        joint = next((j for j in waiting if j.a.link in placed or j.b.link in placed), None)
+        beside = [j for j in waiting if j.a.link in placed or j.b.link in placed]
+        # the displacement of a screw is seldom stated: another joint places its links better
+        joint = min(beside, key=lambda j: KINDS[j.kind].helical, default=None)
         if joint is None:
             lost = [link.name for link in mechanism.links if link.name not in placed]
             raise AssemblyError(
@@ -99,13 +101,18 @@ def rotated(rotation: Array, vector: Array) -> Array:
     return (rotation @ vector[..., None])[..., 0]
 
 
-def initial_coordinates(mechanism: Mechanism) -> dict[str, float]:
+def initial_coordinates(mechanism: Mechanism, poses: Mapping[str, Pose] | None = None) -> dict[str, float]:
     """Return the coordinates at the guess that the description states, in [m] and [rad].
 
-    The angle of a screw between guessed links follows from its displacement, and a coordinate that is a
+    The angle of a screw between placed links follows from its displacement, and a coordinate that is a
     function of others from these.
+
+    Args:
+        mechanism: the mechanism.
+        poses: link -> its pose; default those of the guess.
     """
-    coordinates = {**_screw_angles(mechanism), **mechanism.guess_coordinates, **mechanism.locked}
+    angles = _screw_angles(mechanism, mechanism.guess if poses is None else poses)
+    coordinates = {**angles, **mechanism.guess_coordinates, **mechanism.locked}
     if mechanism.has_crank:
         coordinates[mechanism.crank.name] = mechanism.start
     for law in mechanism.laws:
@@ -119,9 +126,9 @@ def initial_coordinates(mechanism: Mechanism) -> dict[str, float]:
     return coordinates
 
 
-def _screw_angles(mechanism: Mechanism) -> dict[str, float]:
-    """Return the angles of screws between guessed links from their displacements, in [rad]."""
-    placed = {GROUND: IDENTITY, **mechanism.guess}
+def _screw_angles(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
+    """Return the angles of screws between placed links from their displacements, in [rad]."""
+    placed = {GROUND: IDENTITY, **poses}
     angles: dict[str, float] = {}
     for joint in mechanism.joints:
         if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, SingularStartError
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.branch_points import (
     branch_segment,
@@ -403,7 +404,15 @@ def _end_error(path: ContinuationPath[E, Q], parameter: float, remaining: str) -
             f"{text}, since its start, {path.words.position(path.initial)}, is a dead centre or a "
             f"change point, where assembly modes cannot be distinguished; start elsewhere{remaining}"
         )
-    return AssemblyError(f"{text}; stay on this side of the dead centre or change the dimensions{remaining}")
+    # a screw does not return after a revolution
+    start = (
+        f" (it starts at {path.words.position(path.initial)})"
+        if abs(parameter - path.initial) > REVOLUTION
+        else ""
+    )
+    return AssemblyError(
+        f"{text}{start}; stay on this side of the dead centre or change the dimensions{remaining}"
+    )
 
 
 def _singular_start(path: ContinuationPath[E, Q]) -> bool:

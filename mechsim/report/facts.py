@@ -52,7 +52,10 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         arcs = solver.crank_range()
     except SingularStartError as error:
         return {**record, "mobility_explained": [*record["mobility_explained"], str(error)]}
-    listed_angle = arcs.start() if angle is None else angle
+    start = solver.mechanism.start
+    # a screw does not return after a revolution
+    own = start if abs(start) > REVOLUTION else arcs.start()
+    listed_angle = own if angle is None else angle
     ranges = [list(arc) for arc in arcs.arcs]
     count = mobility(mechanism)
     groups: Sequence[AssurGroup] = ()

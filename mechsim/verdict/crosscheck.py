@@ -13,6 +13,7 @@ from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion, PointMotion, Solver
 from mechsim.model.motion_laws import CRANK, MotionLaws
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers, require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
@@ -226,11 +227,9 @@ def _motion_and_tolerance(
 def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
     stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
     quickest = largest_acceleration(exact, reach)
-    rows, scales = (
-        (*MOTION, *CRANK_DRIVE, *DRIVERS),
-        motion_scales(stroke, fastest, reach, quickest),
-    )
+    rows = (*MOTION, *CRANK_DRIVE, *DRIVERS)
     method = "pose" if simulated.source == "pose" and tolerance is None else "step"
+    scales = motion_scales(stroke, fastest, reach, quickest, _revolutions(exact) if method == "pose" else 1.0)
     requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
     allowed = tolerances_of(rows, method, scales, requested)
     if exact.source == "user":
@@ -238,6 +237,12 @@ def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None
         for name, tolerance_of_function in tolerances_of(rows, "function", scales, Requested()).items():
             allowed[name] = max(allowed[name], tolerance_of_function, key=lambda tolerance: tolerance.value)
     return allowed
+
+
+def _revolutions(exact: Motion) -> float:
+    """Return the largest angle of a joint in revolutions, at least 1: poses have the rounding of angles."""
+    angles = [joint.value for joint in exact.joints.values() if joint.unit == "rad"]
+    return max([1.0, *(float(np.abs(angle).max(initial=0.0)) / REVOLUTION for angle in angles)])
 
 
 def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Array | None:

@@ -10,8 +10,10 @@ from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.motion import spinning_links
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.start import all_closed, random_poses
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.limits import Ranges
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -35,7 +37,7 @@ def other_assemblies(
     """Return the tracked points, (3,) in [m], of the assemblies at a path parameter that are not excluded.
 
     Assemblies are distinct if a joint or a tracked point differs; the spin of a rod about its own axis does
-    not count.
+    not count, nor do other revolutions of a nut on its screw.
 
     Args:
         path: of one assembly.
@@ -49,12 +51,15 @@ def other_assemblies(
     reference = replace(path.start, values=values)
     compared = list(_compared_points(path))
     signatures = [_points(compared, links) for links in excluded]
+    screws = [joint for joint in loops.tree.original.joints if KINDS[joint.kind].helical]
+    threads = _threads(screws, excluded[0]) if excluded else np.zeros(len(screws))
     others: list[dict[str, Array]] = []
 
     def add(batch: Coordinates) -> None:
         for poses in _within(loops, batch, ranges):
             signature = _points(compared, poses)
-            if all(
+            other_threads = excluded and np.abs(_threads(screws, poses) - threads).max(initial=0.0) > 0.5
+            if not other_threads and all(
                 np.abs(signature - previous).max() > SAME_ASSEMBLY * loops.tree.length
                 for previous in signatures
             ):
@@ -89,6 +94,16 @@ def _within(loops: TreeLoops, q: Coordinates, ranges: Ranges) -> Iterator[dict[s
     poses = link_poses(loops.tree, q.select(inside)).by_link(loops.tree.links)
     for i in range(int(inside.sum())):
         yield {name: pose.select(i) for name, pose in poses.items()}
+
+
+def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) -> Array:
+    """Return the displacements of screws in revolutions, (k,)."""
+    placed = {
+        name: Pose(pose.position.reshape(3), pose.rotation.reshape(3, 3)) for name, pose in links.items()
+    }
+    placed[GROUND] = IDENTITY
+    ways = [joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0] for joint in screws]
+    return np.array(ways) / np.array([joint.lead for joint in screws])
 
 
 def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, float]]]:

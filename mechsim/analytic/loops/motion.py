@@ -136,13 +136,17 @@ def _motion_at(path: LoopPath, instants: Instants, motion_laws: MotionLaws) -> t
 
 
 def _on_other_revolution(path: LoopPath, revolutions: int) -> LoopPath | None:
-    """Return a path from the same pose other crank revolutions later; None if gears change the pose."""
+    """Return a path from the same pose other crank revolutions later; None if laws change the pose."""
     turn_offsets = list(path.loops.turn_offsets)
     tree = path.loops.tree
     crank = tree.index_of[tree.mechanism.crank.name]
     for i, row in enumerate(path.loops.couplings):
         gain = (row.left_weights[crank] - row.right_weights[crank] * row.coupling.ratio) * revolutions
-        if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns):
+        # a rotation of another joint by the crank, which a rack or a screw turns into a displacement
+        carried = not row.turns and any(
+            not tree.slides[i] for i in np.flatnonzero(row.right_weights) if i != crank
+        )
+        if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns) or carried:
             return None
         turn_offsets[i] += round(gain) * REVOLUTION
     start = path.start.values.copy()

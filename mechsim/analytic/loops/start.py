@@ -10,7 +10,7 @@ from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_align
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import antiparallel_message
+from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.joints import End, joint_coordinate
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND, IDENTITY, Pose, vector
@@ -146,7 +146,8 @@ def random_poses(
 ) -> Iterator[tuple[int, Coordinates]]:
     """Yield closed poses from random starts, without those that do not close or have antiparallel axes.
 
-    Chunks of starts limit the memory; each comes with the number of starts so far.
+    Screws start as in the reference: a nut threaded on elsewhere gives no other assembly. Chunks of starts
+    limit the memory; each comes with the number of starts so far.
 
     Args:
         loops: loop equations of the mechanism.
@@ -160,7 +161,12 @@ def random_poses(
         -1.0, 1.0, (tree.count, count)
     )
     values = np.where(tree.slides[:, None], displacements, angles)
-    values[list(loops.driven)] = reference.values[list(loops.driven)]
+    screws = [joint for joint in tree.mechanism.joints if KINDS[joint.kind].helical]
+    threaded = [
+        tree.index_of[name] for joint in screws for name in joint.coordinates if name in tree.index_of
+    ]
+    kept = [*loops.driven, *threaded]
+    values[kept] = reference.values[kept]
     quaternions = draw.normal(size=(len(tree.balls), 4, count))
     initial = Coordinates(values, _rotations(quaternions))
     chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * (tree.count + 1))))
@@ -290,7 +296,7 @@ def _nearest(mechanism: Mechanism) -> _Assembly:
     candidates: list[_Assembly] = []
     error: AssemblyError | None = None
     for poses in _initial_guesses(mechanism):
-        loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism))
+        loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
         try:
             q = closed(loops, initial)
             _require_axes_aligned(loops, q)
@@ -300,7 +306,8 @@ def _nearest(mechanism: Mechanism) -> _Assembly:
         candidates.append(_Assembly(loops, q, _distance(loops, q)))
         if candidates[-1].distance < MAX_DISTANCE and _regular(loops, initial):
             return candidates[-1]
-    loops, initial = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
+    poses = guessed_poses(mechanism)
+    loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
     searched = all_closed(loops, disturbed(loops, initial))
     for q in (searched.select(np.array([i])) for i in range(len(searched))):
         candidates.append(

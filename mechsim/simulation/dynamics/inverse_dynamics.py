@@ -195,7 +195,7 @@ def force_record(
         locked=_holds(loaded, multipliers) if driven is None else {},
         drive_accelerations=_drive_accelerations(loaded, qacc),
         straight=loaded.mechanism.straight,
-        kinetic=_kinetic(loaded, rates, state.plain["inertia"]),
+        kinetic=_kinetic(loaded, rates, state.plain),
         potential=state.plain["energy"][:, 0] + _wound(loaded, state.plain),
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
@@ -240,12 +240,23 @@ def _drive_accelerations(loaded: LoadedModel, qacc: Array) -> dict[str, Array]:
     return {} if drivers is None else dict(zip(drivers.names, qacc[:, drivers.dofs].T, strict=True))
 
 
-def _kinetic(loaded: LoadedModel, rates: Array, inertia: Array) -> Array:
-    """Return the kinetic energy, without that of the path parameter, (n,) in [J]."""
+def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
+    """Return the kinetic energy, without that of the path parameter, (n,) in [J].
+
+    K = sum of (m v·v + w·I w)/2 over the bodies + sum of armature q'^2 / 2. In q'·M q'/2, by the mass matrix,
+    large terms cancel where a fast screw moves a heavy link slowly.
+    """
+    model, rates = loaded.model, rates.copy()
+    masses, moments = model.body_mass.copy(), model.body_inertia.copy()
     if loaded.loops.drivers is not None:
-        rates = rates.copy()
-        rates[:, loaded.loops.crank] = 0.0
-    return 0.5 * (rates * (inertia @ rates[..., None])[..., 0]).sum(1)
+        parameter = model.dof_bodyid[loaded.loops.crank]
+        masses[parameter] = moments[parameter] = rates[:, loaded.loops.crank] = 0.0
+    w, about = plain["cvel"][..., :3], plain["subtree_com"][:, model.body_rootid]
+    v = plain["cvel"][..., 3:] + np.cross(w, plain["xipos"] - about)
+    axes = plain["ximat"].reshape(*w.shape, 3)
+    w = (np.swapaxes(axes, -1, -2) @ w[..., None])[..., 0]
+    bodies = masses * (v**2).sum(-1) + (moments * w**2).sum(-1)
+    return 0.5 * (bodies.sum(-1) + (model.dof_armature * rates**2).sum(-1))
 
 
 def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], after: int) -> dict[str, Array]:

@@ -43,6 +43,8 @@ FIELDS = (
     "xpos",
     "xmat",
     "xipos",
+    "ximat",
+    "cvel",
     "site_xpos",
     "site_xmat",
     "subtree_com",
