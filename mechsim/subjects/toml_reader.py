@@ -7,11 +7,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.files import read_text
 from mechsim.model.forces import WEIGHT
-from mechsim.model.joints import Coupling
+from mechsim.model.joints import Coupling, joint_coordinate
+from mechsim.model.links import GROUND, IDENTITY
 from mechsim.model.mechanism import Mechanism, Up, against
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.parameter_units import parameter_dependencies, parameter_units, require_dimensions
@@ -178,7 +181,21 @@ def mechanism_of(
 
         # rejects pulleys that overlap
         list(belts_of(mechanism))
-    return mechanism
+    return mechanism if "start" in read else _started_at_guess(mechanism)
+
+
+def _started_at_guess(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose drivers start where the guess places both links of their joints."""
+    placed = {GROUND: IDENTITY, **mechanism.guess}
+    values = dict.fromkeys(mechanism.drivers, 0.0)
+    for joint in mechanism.joints:
+        if joint.a.link in placed and joint.b.link in placed and values.keys() & set(joint.coordinates):
+            read = np.atleast_1d(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])).tolist()
+            found = dict(zip(joint.coordinates, read, strict=True))
+            values |= {name: found[name] for name in values.keys() & found.keys()}
+    if mechanism.has_crank:
+        return replace(mechanism, start=values[mechanism.crank.name])
+    return replace(mechanism, guess_coordinates={name: value for name, value in values.items() if value})
 
 
 def formula_path(source: TomlSource, formula: str) -> str:
