@@ -18,7 +18,7 @@ from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.reading import read_model
-from mechsim.studies.robots.mujoco_models import mujoco_spec, rounded_angle
+from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
 from mechsim.subjects.mjcf_source import mujoco_input, with_nearest_assembly
 
 
@@ -104,5 +104,11 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
     if own is not None:
         return with_nearest_assembly(read_model(own, lint=True))
-    read = read_model(mujoco_spec(model), lint=True)
+    from mechsim.subjects.readers import load
+
+    solver = load(model, still=True)
+    spec = spec_and_unlimited(solver)[0]
+    # actuators of nonlinear springs drive nothing
+    drivers = [name for name in solver.mechanism.drivers if spec.joint(name) is not None]
+    read = read_model(spec, drivers=drivers, lint=True)
     return replace(read, unread=(*read.unread, *filter(None, [rounded_angle(model)])))

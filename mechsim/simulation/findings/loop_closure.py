@@ -181,6 +181,9 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
     locked = [*scene.drivers, *scene.read.mechanism.locked]
     free = _free_directions(scene)
     count, names = _representative_joints(scene, free)
+    if not count:
+        # a tracked point moves by balls alone
+        count, names = _representative_joints(scene, free, balls=True)
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     listed = ", ".join(names[:MAX_LISTED]) + more
     floats = " or --fix-base" if free_bodies(model) else ""
@@ -202,15 +205,15 @@ def _free_directions(scene: Inspected) -> Array:
     return null_space(np.vstack([scene.generic[0], rows]))
 
 
-def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str]]:
+def _representative_joints(scene: Inspected, free: Array, balls: bool = False) -> tuple[int, list[str]]:
     """Return the number of undetermined DOFs in a null-space basis (k, nv), and a moving joint for each.
 
-    Ball joints are omitted: a motion of ball joints alone is the spin of a rod about its axis.
+    Without `balls`, ball joints are omitted: mostly their motion is the spin of a rod about its axis.
     """
     model, chosen, names = scene.model, list[int](), list[str]()
     for dof in range(model.nv):
         joint = int(model.dof_jntid[dof])
-        if int(model.jnt_type[joint]) == BALL:
+        if not balls and int(model.jnt_type[joint]) == BALL:
             continue
         if np.linalg.matrix_rank(free[:, [*chosen, dof]], tol=SIGNIFICANT) > len(chosen):
             chosen.append(dof)
