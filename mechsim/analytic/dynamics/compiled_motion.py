@@ -2,7 +2,7 @@
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -157,7 +157,8 @@ def integrated(
     """
     state = state.copy()
     numbers, dense = np.empty((max_steps, STEP)), np.empty((max_steps, 8, len(state)))
-    scale, sliding, at_rest = _arrays(settings)
+    scale = np.ascontiguousarray(settings.scale, dtype=np.float64)
+    sliding, at_rest = _arrays(settings.sliding, settings.at_rest)
     correction, largest, drift, fastest = balance
     run = RunData(
         time=time,
@@ -206,79 +207,75 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time:
     moving = projected(equations, q, moving, times)[1]
     sample = layout.pack(q, moving, work, lost)
     frictionless = np.zeros(len(equations.frictions))
-    settings = StepSettings(0.0, np.ones(len(state)), 0.0, 0, 0.0, frictionless, (), False)
-    result = evaluated(model, settings, sample, time)
+    result = evaluated(model, sample[None], times, frictionless)
     kinematics = equations.kinematics(q, moving, layout.activation(sample[None]))
     dynamics = Contacts(equations).accelerate(kinematics, times, ContactMode(frictionless))
     expected = layout.derivatives(sample[None], kinematics, dynamics)[0]
     with np.errstate(invalid="ignore"):  # forces that are not finite are reported by the run
-        agreed = np.abs(result.derivative - expected).max() <= AGREED * np.abs(expected).max()
+        agreed = np.abs(result.derivatives[0] - expected).max() <= AGREED * np.abs(expected).max()
     if not agreed:
         raise NotCompiledError("an element that changes the accelerations at the start")
     return result.pivot
 
 
 @dataclass(frozen=True, slots=True)
-class StateInC:
-    """What the C code gives for one state.
+class StatesInC:
+    """What the C code gives for n states.
 
     Attributes:
-        derivative: derivative by time, (size,).
-        rank: rank of the loop constraints.
-        pivot: their smallest pivot.
-        kinetic: kinetic energy in [J].
-        potential: potential energy in [J].
+        states: the states, (n, size).
+        derivatives: their derivatives by time, (n, size); NaN from the first state on that has none.
+        kinetic: kinetic energies, (n,) in [J].
+        potential: potential energies, (n,) in [J].
+        rank: rank of the loop constraints at the last state.
+        pivot: their smallest pivot there.
     """
 
-    derivative: Array
+    states: Array
+    derivatives: Array
+    kinetic: Array
+    potential: Array
     rank: int
     pivot: float
-    kinetic: float
-    potential: float
 
 
-def evaluated(model: CompiledModel, settings: StepSettings, state: Array, time: float = 0.0) -> StateInC:
-    """Return what the C code gives for a state, (size,), and a time in [s]."""
-    result, energies, state = np.full(len(state), np.nan), np.zeros(2), state.copy()
-    scale, sliding, at_rest = _arrays(settings)
-    run = RunData(
-        time=time,
-        resting=len(at_rest),
-        at_rest=at_rest.ctypes.data,
-        sliding=sliding.ctypes.data,
-        scale=scale.ctypes.data,
-        state=state.ctypes.data,
-    )
-    model.library.evaluate(
-        ctypes.byref(model.data),
-        ctypes.byref(run),
-        ctypes.c_void_p(result.ctypes.data),
-        ctypes.c_void_p(energies.ctypes.data),
-    )
-    return StateInC(result, run.rank, run.nearest, float(energies[0]), float(energies[1]))
-
-
-def scaled(
+def evaluated(
     model: CompiledModel,
-    settings: StepSettings,
-    layout: StateLayout,
-    state: Array,
-    fastest: float,
-    duration: float,
-) -> tuple[StepSettings, StateInC]:
-    """Return settings with the scale of a run of a duration in [s] from a state, and that state.
+    states: Array,
+    times: Array,
+    sliding: Array,
+    at_rest: Sequence[int] = (),
+    closing: bool = False,
+) -> StatesInC:
+    """Return what the C code gives for states (n, size) at times (n,) in [s].
+
+    Args:
+        model: the model.
+        states: the states.
+        times: their times.
+        sliding: direction of each Coulomb friction, (frictions,).
+        at_rest: indices of the coordinates that friction or stops hold.
+        closing: whether each state moves to the nearest one with closed loops and consistent rates first.
+    """
+    derivatives, energies = np.full(states.shape, np.nan), np.full((len(states), 2), np.nan)
+    states, times = states.copy(), np.ascontiguousarray(times)
+    directions, resting = _arrays(sliding, at_rest)
+    run = RunData(resting=len(resting), at_rest=resting.ctypes.data, sliding=directions.ctypes.data)
+    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (times, states, derivatives, energies)]
+    model.library.evaluate(
+        ctypes.byref(model.data), ctypes.byref(run), len(states), pointers[0], closing, *pointers[1:]
+    )
+    return StatesInC(states, derivatives, energies[:, 0], energies[:, 1], run.rank, run.nearest)
+
+
+def scale_of(layout: StateLayout, start: StatesInC, fastest: float, duration: float) -> Array:
+    """Return the scale of the states of a run of a duration in [s] from a state, (size,).
 
     The rate of the scale is the fastest so far, or one that the accelerations or the duration give.
     """
-    start = evaluated(model, settings, state)
-    accelerations = start.derivative[layout.positions : layout.positions + layout.count]
-    rate = max(fastest, float(np.sqrt(np.abs(accelerations).max(initial=0.0))), 1.0 / duration)
-    return replace(settings, scale=layout.scale(rate)), start
+    fastest_change = np.abs(layout.accelerations(start.derivatives)).max(initial=0.0)
+    return layout.scale(max(fastest, float(np.sqrt(fastest_change)), 1.0 / duration))
 
 
-def _arrays(settings: StepSettings) -> tuple[Array, Array, Any]:
-    return (
-        np.ascontiguousarray(settings.scale, dtype=np.float64),
-        np.ascontiguousarray(settings.sliding, dtype=np.float64),
-        np.array(settings.at_rest, dtype=np.int32),
-    )
+def _arrays(sliding: Array, at_rest: Sequence[int]) -> tuple[Array, Any]:
+    return np.ascontiguousarray(sliding, dtype=np.float64), np.array(at_rest, dtype=np.int32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import groupby
 from typing import Any, TypeVar
 
@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import units
-from mechsim.analytic.dynamics.contacts import CLOSED_GAP, Stop, gap_indices, stops_of
+from mechsim.analytic.dynamics.compiled_model import CompiledModel
+from mechsim.analytic.dynamics.compiled_motion import DenseSteps, evaluated
+from mechsim.analytic.dynamics.contacts import CLOSED_GAP, ContactMode, Stop, gap_indices, stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
     EquationsOfMotion,
     Kinematics,
     conditionings,
     equations_of_motion,
+    moving_links,
 )
 from mechsim.analytic.dynamics.forward_dynamics import (
     BUDGET,
@@ -32,7 +35,7 @@ from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.singular_passages import singular_passages
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
-from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
@@ -267,30 +270,88 @@ def _run_until(integration: Integration, end: float, event: Event, text: str | N
     return replace(trajectory, outcome="time over", reason=f"{text} was not reached within {end:g} s")
 
 
+@dataclass(frozen=True, slots=True)
+class RecordedStates:
+    """States at n instants, on the loops.
+
+    Attributes:
+        states: the states, (n, size).
+        accelerations: accelerations of the coordinates in units, (n, count).
+        kinetic: kinetic energies, (n,) in [J].
+        potential: potential energies, (n,) in [J].
+        driving: drive force of each prescribed coordinate, (n, prescribed) in [N m] or [N].
+    """
+
+    states: Array
+    accelerations: Array
+    kinetic: Array
+    potential: Array
+    driving: Array
+
+
+def recorded_states(
+    equations: EquationsOfMotion,
+    compiled: CompiledModel | None,
+    mode: ContactMode,
+    contacts: Sequence[int],
+    times: Array,
+    states: Array,
+) -> RecordedStates:
+    """Return what is recorded of approximate states (n, size) at times (n,) in [s], by C if there is a model.
+
+    `contacts` are the indices of the coordinates that stops hold in the mode.
+
+    Raises:
+        AssemblyError: if the loops do not close near a state.
+    """
+    layout, held = StateLayout(equations), mode.held(equations, contacts)
+    if compiled is not None and held is not None:
+        in_c = evaluated(compiled, states, times, mode.sliding, held, closing=True)
+        if np.isfinite(in_c.derivatives).all():
+            accelerations = layout.accelerations(in_c.derivatives)
+            return RecordedStates(
+                in_c.states, accelerations, in_c.kinetic, in_c.potential, np.zeros((len(times), 0))
+            )
+    q, rates = projected(equations, *layout.unpack_states(states), times)
+    state = equations.kinematics(q, rates, layout.activation(states))
+    dynamics = equations.accelerate(state, times, mode.sliding, mode.stuck, contacts, mode.phases)
+    return RecordedStates(
+        layout.replaced(states, q, rates),
+        dynamics.acceleration.T,
+        dynamics.kinetic,
+        dynamics.potential,
+        dynamics.driving.T,
+    )
+
+
+def motion_in(equations: EquationsOfMotion, states: Array, accelerations: Array, times: Array) -> Motion:
+    """Return the motion at states (n, size) with accelerations (n, count) in units."""
+    q, rates = StateLayout(equations).unpack_states(states)
+    links = moving_links(equations.loops, q, rates, link_poses(equations.loops.tree, q))
+    return motion_of(equations, links, accelerations.T, times)
+
+
 def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory evaluated at instants (n,) in [s], each state projected onto the loops."""
-    layout, pieces = StateLayout(equations), trajectory.pieces
+    pieces = trajectory.pieces
     numbers, states = _states_at(pieces, times)
-    q, rates = projected(equations, *layout.unpack_states(states), times)
-    activation = layout.activation(states)
-    whole = equations.kinematics(q, rates, activation)
-    accelerations, driving = np.empty_like(rates), np.empty((len(equations.prescribed), len(times)))
-    kinetic, potential = np.empty((2, len(times)))
-    modes = np.array([id(pieces[k].mode) for k in numbers])
-    for mode in {id(pieces[k].mode): pieces[k].mode for k in numbers}.values():
-        which = modes == id(mode)
-        state = (
-            whole
-            if which.all()
-            else equations.kinematics(q.select(which), rates[:, which], activation[:, which])
+    records: list[RecordedStates] = []
+
+    def method(number: int) -> tuple[int, bool]:
+        return id(pieces[number].mode), isinstance(pieces[number].solution, DenseSteps)
+
+    for _, group in groupby(range(len(times)), key=lambda i: method(numbers[i])):
+        first, *others = group
+        which, piece = slice(first, first + 1 + len(others)), pieces[numbers[first]]
+        compiled = trajectory.compiled if isinstance(piece.solution, DenseSteps) else None
+        records.append(
+            recorded_states(equations, compiled, piece.mode, piece.contacts, times[which], states[which])
         )
-        piece = next(piece for piece in pieces if piece.mode is mode)
-        dynamics = equations.accelerate(
-            state, times[which], mode.sliding, mode.stuck, piece.contacts, mode.phases
-        )
-        accelerations[:, which], driving[:, which] = dynamics.acceleration, dynamics.driving
-        kinetic[which], potential[which] = dynamics.kinetic, dynamics.potential
-    motion, gaps = motion_of(equations, whole, accelerations, times), gaps_of(equations.model.mechanism)
+    states, accelerations, kinetic, potential, driving = (
+        np.concatenate([getattr(record, field.name) for record in records])
+        for field in fields(RecordedStates)
+    )
+    motion, gaps = motion_in(equations, states, accelerations, times), gaps_of(equations.model.mechanism)
     # a gap has no body
     links = {k: link for k, link in motion.links.items() if k.removeprefix(VIRTUAL_PREFIX) not in gaps}
     return DynamicRun(
@@ -299,7 +360,7 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         potential=potential,
         work=states[:, -2],
         lost=states[:, -1],
-        driving=dict(zip(equations.prescribed, driving, strict=True)),
+        driving=dict(zip(equations.prescribed, driving.T, strict=True)),
         outcome=trajectory.outcome,
         reason=trajectory.reason,
         events=trajectory.events,
@@ -308,7 +369,7 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         drift=trajectory.drift,
         executed=trajectory.executed,
         note=trajectory.note,
-        activation=activation,
+        activation=StateLayout(equations).activation(states),
     )
 
 

@@ -51,30 +51,39 @@ NEXT_TO_START = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
-class Kinematics:
-    """Constraints and links at n states.
+class MovingLinks:
+    """Links at n states.
 
     Attributes:
         q: coordinates of the spanning tree.
         rates: rates of the coordinates in units, (count, n) per second.
-        residual: residuals of the constraint equations, (rows, n).
-        jacobian: Jacobian of the constraints by the free coordinates in units, (n, rows, free), with the rows
-            of prescribed coordinates last.
-        gamma: velocity-product term of the loops, (n, rows without prescribed ones).
         poses: poses of the links.
         twist: twist of each link at the ground's origin, (links, 6, n).
         bias: acceleration of each link at constant rates, (links, 6, n).
-        activation: states of the actuators that have one, (states, n); None for their steady states.
     """
 
     q: Coordinates
     rates: Array
-    residual: Array
-    jacobian: Array
-    gamma: Array
     poses: LinkPoses
     twist: Array
     bias: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics(MovingLinks):
+    """Constraints and links at n states.
+
+    Attributes:
+        residual: residuals of the constraint equations, (rows, n).
+        jacobian: Jacobian of the constraints by the free coordinates in units, (n, rows, free), with the rows
+            of prescribed coordinates last.
+        gamma: velocity-product term of the loops, (n, rows without prescribed ones).
+        activation: states of the actuators that have one, (states, n); None for their steady states.
+    """
+
+    residual: Array
+    jacobian: Array
+    gamma: Array
     activation: Array | None = None
 
 
@@ -194,12 +203,11 @@ class EquationsOfMotion:
     def kinematics(self, q: Coordinates, rates: Array, activation: Array | None = None) -> Kinematics:
         """Return constraints and links at coordinates and rates in units, (count, n)."""
         residual, jacobian, poses = self.loops.linearise(q)
-        tree, physical = self.loops.tree, rates * self.loops.units[:, None]
-        twist = twists(tree, poses, physical)
-        bias = velocity_products(tree, poses, twist, physical)
-        gamma = self.loops.velocity_products(q, poses, physical, twist, bias)
+        links = moving_links(self.loops, q, rates, poses)
+        physical = rates * self.loops.units[:, None]
+        gamma = self.loops.velocity_products(q, poses, physical, links.twist, links.bias)
         free = with_locked_rows(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
-        return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias, activation)
+        return Kinematics(q, rates, poses, links.twist, links.bias, residual, free, gamma.T, activation)
 
     # whoever asks for the accelerations reports forces that are not finite
     @np.errstate(over="ignore", invalid="ignore")
@@ -460,6 +468,13 @@ class EquationsOfMotion:
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
 
 
+def moving_links(loops: TreeLoops, q: Coordinates, rates: Array, poses: LinkPoses) -> MovingLinks:
+    """Return links at coordinates with their poses, and rates in units, (count, n)."""
+    tree, physical = loops.tree, rates * loops.units[:, None]
+    twist = twists(tree, poses, physical)
+    return MovingLinks(q, rates, poses, twist, velocity_products(tree, poses, twist, physical))
+
+
 def _stored(model: DynamicModel, unit: UnitMotion) -> Array:
     """Return the energy in nonlinear springs, (n,) in [J]."""
     springs = model.forces.nonlinear_springs
@@ -550,10 +565,8 @@ def equations_of_motion(
     mechanism, laws = model.mechanism, prescribed or {}
     controlled = sorted(model.forces.controlled)
     named = {*(coordinates or {}), *laws, *controlled, *model.forces.sprung} - {*mechanism.drivers}
-    kept = dict.fromkeys(
-        [name for joint in mechanism.joints for name in joint.coordinates if name in named], 0.0
-    )
-    loops, start = assembled(replace(mechanism, guess_coordinates={**kept, **mechanism.guess_coordinates}))
+    needed = [name for joint in mechanism.joints for name in joint.coordinates if name in named]
+    loops, start = assembled(mechanism, needed)
     for name in controlled:
         if name not in loops.tree.index_of or name in mechanism.locked:
             raise InputError(

@@ -26,7 +26,7 @@ from mechsim.analytic.dynamics.compiled_motion import (
     agreed_pivot,
     evaluated,
     integrated,
-    scaled,
+    scale_of,
 )
 from mechsim.analytic.dynamics.contacts import (
     CLOSED_GAP,
@@ -167,6 +167,7 @@ class Trajectory:
         drift: largest magnitude of the summed energy corrections, in [J].
         executed: what evaluated the equations of motion.
         note: why it was not C.
+        compiled: the model in C; None without one.
     """
 
     pieces: tuple[Piece, ...]
@@ -179,6 +180,7 @@ class Trajectory:
     drift: float
     executed: Executed = "numpy"
     note: str = ""
+    compiled: CompiledModel | None = None
 
 
 class Integration:
@@ -221,6 +223,8 @@ class Integration:
         self.steps = 0
         self.regular = self.nearest = SINGULAR * float(conditionings(equations, start)[0])
         self.implicit, self.duration, self.decay = False, np.inf, 0.0
+        # the model in C, and the same while it integrates
+        self.in_c: CompiledModel | None = None
         self.compiled: CompiledModel | None = None
         self.pivot = 1.0
         # whether numpy passes a configuration that is too close to a singular one for the C code
@@ -286,6 +290,7 @@ class Integration:
             drift,
             self.executed,
             self.note,
+            self.in_c,
         )
 
     def _end_where_solved(self) -> None:
@@ -333,11 +338,7 @@ class Integration:
         locked = self._locked()
         if self.compiled is None or locked is None:
             return self.right.derivatives(times, states)
-        settings = StepSettings(
-            0.0, np.ones(states.shape[1]), 0.0, 0, 0.0, self.right.mode.sliding, locked, False
-        )
-        pairs = zip(times.tolist(), states, strict=True)
-        return np.array([evaluated(self.compiled, settings, row, time).derivative for time, row in pairs])
+        return evaluated(self.compiled, states, times, self.right.mode.sliding, locked).derivatives
 
     @property
     def longest(self) -> float:
@@ -356,6 +357,7 @@ class Integration:
             self.compiled = compiled_model(self.equations)
             sample = self.time + WITHIN_RUN * min(duration, 1.0)
             self.pivot = agreed_pivot(self.compiled, self.right, self.state, sample)
+            self.in_c = self.compiled
         except NotCompiledError as error:
             self.compiled, self.note = None, f"the C code does not contain {error}"
         except (MissingToolError, OutputError) as error:
@@ -363,13 +365,7 @@ class Integration:
 
     def _locked(self) -> list[int] | None:
         """Return the coordinates that stops and sticking frictions hold; None if a friction is not one."""
-        locked, index_of = self.contacts.indices(self.right.mode), self.equations.loops.tree.index_of
-        for i in self.right.mode.stuck:
-            joint, k = self.equations.frictions[i].joint, self.equations.frictions[i].coordinate
-            if not (k < len(joint.coordinates) and joint.coordinates[k] in index_of):
-                return None
-            locked.append(index_of[joint.coordinates[k]])
-        return locked
+        return self.right.mode.held(self.equations, self.contacts.indices(self.right.mode))
 
     def _motion_in_c(
         self, model: CompiledModel, locked: Sequence[int], duration: float
@@ -380,16 +376,10 @@ class Integration:
         """
         self.executed, self.passing = "C", True
         nearest, rank = self.nearest_pivot(), self.equations.rank
-        sliding, longest = self.right.mode.sliding, self.longest
-        balanced = not self.implicit
-        settings, _ = scaled(
-            model,
-            StepSettings(self.tolerance, self.state, longest, rank, nearest, sliding, locked, balanced),
-            self.layout,
-            self.state,
-            self.fastest,
-            self.duration,
-        )
+        sliding, balanced = self.right.mode.sliding, not self.implicit
+        start = evaluated(model, self.state[None], np.array([self.time]), sliding, locked)
+        scale = scale_of(self.layout, start, self.fastest, self.duration)
+        settings = StepSettings(self.tolerance, scale, self.longest, rank, nearest, sliding, locked, balanced)
         eventful = bool(self.ends or self.contacts.stops or self.equations.frictions)
         max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
         while self.time < duration:

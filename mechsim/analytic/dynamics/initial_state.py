@@ -13,7 +13,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 )
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import independent_coordinates
-from mechsim.analytic.loops.start import CLOSED, close_nearest
+from mechsim.analytic.loops.start import ASSEMBLY, CLOSED, close_nearest
 from mechsim.analytic.vector_method.rotations import from_quaternion, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND
@@ -23,6 +23,8 @@ from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
 # largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model
 # of the loops is valid for several times that
 STEP = 0.05
+# residual of closed loops between such steps
+BETWEEN = 1e-6
 # relative error of rates above which their requested values contradict the loops
 CONSISTENT = 1e-9
 
@@ -114,7 +116,8 @@ def _moved(
         q = Coordinates(q.values, q.turns.copy())
         for (_, number), start, change in zip(balls.values(), first_rotations, changes, strict=True):
             q.turns[number] = turned_by(start[None], change[None] * (k / steps))[0][..., None]
-        q = _closed(equations, q, indices, begin + (target - begin) * (k / steps), kept, constant)
+        values = begin + (target - begin) * (k / steps)
+        q = _closed(equations, q, indices, values, kept, constant, CLOSED if k == steps else BETWEEN)
     return q
 
 
@@ -153,11 +156,12 @@ def _closed(
     values: Array | float = 0.0,
     kept: Iterable[str] = (),
     constant: Sequence[int] = (),
+    residual: float = CLOSED,
 ) -> Coordinates:
     """Return coordinates with closed loops, some at values (k, n) in units; the others change least.
 
     `kept` names those among them that keep their start, for the message. The rotations of spherical joints
-    with indices `constant` do not change.
+    with indices `constant` do not change. The loops close to a largest residual.
     """
     loops = equations.loops
     if len(indices):
@@ -165,8 +169,9 @@ def _closed(
         q.values[list(indices)] = values * loops.units[list(indices)][:, None]
     if len(indices) or len(constant):
         loops = replace(loops, driven=(*loops.driven, *indices, *constant))
-    q, gap = close_nearest(loops, q)
-    if not (gap <= CLOSED).all():
+    settings = ASSEMBLY if residual == CLOSED else replace(ASSEMBLY, tolerance=residual)
+    q, gap = close_nearest(loops, q, settings)
+    if not (gap <= residual).all():
         start = ", ".join(kept)
         condition, remedy = (f" with {start} at the start", f", or one of {start} too") if start else ("", "")
         raise AssemblyError(
@@ -302,6 +307,10 @@ class StateLayout:
             turning.append(quaternion_rates(states[:, first : first + 4], rate.T).T)
         powers = dynamics.power_in[None], dynamics.power_lost[None]
         return np.concatenate([values, *turning, dynamics.acceleration, dynamics.activation, *powers]).T
+
+    def accelerations(self, derivatives: Array) -> Array:
+        """Return the accelerations in the derivatives of n vectors, (n, count) in units."""
+        return derivatives[:, self.positions : self.positions + self.count]
 
     def scale(self, rate: float) -> Array:
         """Return characteristic magnitudes of the vector's components at a characteristic rate."""

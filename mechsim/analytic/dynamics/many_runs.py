@@ -1,8 +1,9 @@
 """Many runs of forward dynamics of one mechanism: C integrates them in threads."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,22 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.dynamics.compiled_model import CompiledModel
-from mechsim.analytic.dynamics.compiled_motion import FINISHED, FULL, StepSettings, integrated, scaled
+from mechsim.analytic.dynamics.compiled_motion import (
+    FINISHED,
+    FULL,
+    StepSettings,
+    evaluated,
+    integrated,
+    scale_of,
+)
+from mechsim.analytic.dynamics.contacts import ContactMode
 from mechsim.analytic.dynamics.dynamic_run import (
     TOLERANCE,
     DynamicRun,
+    RecordedStates,
     initial_values,
+    motion_in,
+    recorded_states,
     require_regular,
     require_settings,
     run,
@@ -23,10 +35,9 @@ from mechsim.analytic.dynamics.dynamic_run import (
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, MANY_STEPS, Integration
 from mechsim.analytic.dynamics.gaps import opens
-from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
+from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
-from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.errors import InputError, needs
 from mechsim.model.forces import Forces
 from mechsim.numerics.arrays import Array
@@ -136,8 +147,8 @@ def _values(model: DynamicModel, columns: Mapping[str, Array]) -> InitialValues 
 
 def _in_c(
     model: DynamicModel, columns: Mapping[str, Array], times: Array, tolerance: float, threads: int | None
-) -> tuple[EquationsOfMotion, list[Array | None]] | None:
-    """Return the states (samples, size) of each run that C integrates to its end; None if it integrates none.
+) -> tuple[EquationsOfMotion, list[RecordedStates | None]] | None:
+    """Return the states of each run that C integrates to its end; None if it integrates none.
 
     Ranges, gaps, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
     """
@@ -164,17 +175,20 @@ def _in_c(
     blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
     states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        results = pool.map(lambda state: _sampled(compiled, settings, first.layout, state, times), states)
+        results = pool.map(lambda state: _sampled(equations, compiled, settings, state, times), states)
         return equations, [*results]
 
 
 def _sampled(
-    model: CompiledModel, settings: StepSettings, layout: StateLayout, state: Array, times: Array
-) -> Array | None:
-    """Return the states of a run at instants (n,) in [s], (n, size); None if C does not reach its end."""
+    equations: EquationsOfMotion, model: CompiledModel, settings: StepSettings, state: Array, times: Array
+) -> RecordedStates | None:
+    """Return the states of a run at instants (n,) in [s]; None if C does not reach its end."""
+    layout = StateLayout(equations)
     fastest = float(np.abs(state[layout.positions :]).max(initial=0.0))
-    settings, start = scaled(model, settings, layout, state, fastest, float(times[-1]))
-    energy, balance = start.kinetic + start.potential, (0.0, start.kinetic, 0.0, fastest)
+    start = evaluated(model, state[None], times[:1], settings.sliding)
+    settings = replace(settings, scale=scale_of(layout, start, fastest, float(times[-1])))
+    kinetic = float(start.kinetic[0])
+    energy, balance = kinetic + float(start.potential[0]), (0.0, kinetic, 0.0, fastest)
     result, time, length, evaluations = np.empty((len(times), len(state))), 0.0, 0.0, 0
     while evaluations < BUDGET:
         steps = integrated(
@@ -185,42 +199,46 @@ def _sampled(
             result[inside] = steps.solution(times[inside])
             balance = tuple(steps.balances[-1].tolist())
         if steps.status != FULL:
-            return result if steps.status == FINISHED else None
+            mode = ContactMode(settings.sliding)
+            finished = steps.status == FINISHED
+            return recorded_states(equations, model, mode, (), times, result) if finished else None
         time, state, length = steps.time, steps.state, steps.length
         evaluations += steps.evaluations
     return None
 
 
-def _evaluated(equations: EquationsOfMotion, states: Array, times: Array) -> dict[str, Array]:
-    """Return the columns of states (n, size) at times (n,) in [s]."""
-    layout, blocks = StateLayout(equations), list[dict[str, Array]]()
-    for first in range(0, len(states), TOGETHER):
-        block, instants = states[first : first + TOGETHER], times[first : first + TOGETHER]
-        q, rates = projected(equations, *layout.unpack_states(block), instants)
-        kinematics = equations.kinematics(q, rates, layout.activation(block))
-        dynamics = equations.accelerate(kinematics, instants, np.zeros(0))
-        columns = dict(motion_of(equations, kinematics, dynamics.acceleration, instants).columns())
-        energies = (dynamics.kinetic, dynamics.potential, block[:, -2], block[:, -1])
-        blocks.append(columns | dict(zip(ENERGIES, energies, strict=True)))
-    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+def _columns_of(
+    equations: EquationsOfMotion, records: Sequence[RecordedStates], times: Array
+) -> dict[str, Array]:
+    """Return the columns of runs recorded at instants (n,) in [s], (runs * n,) each."""
+    states, accelerations, kinetic, potential = (
+        np.concatenate([getattr(record, name) for record in records])
+        for name in ("states", "accelerations", "kinetic", "potential")
+    )
+    motion = motion_in(equations, states, accelerations, np.tile(times, len(records)))
+    energies = zip(ENERGIES, (kinetic, potential, states[:, -2], states[:, -1]), strict=True)
+    return dict(motion.columns()) | dict(energies)
 
 
 def _dataset(
     times: Array,
     count: int,
     columns: Mapping[str, Array],
-    together: tuple[EquationsOfMotion, list[Array | None]] | None,
+    together: tuple[EquationsOfMotion, list[RecordedStates | None]] | None,
     singles: Mapping[int, DynamicRun],
 ) -> "Dataset":
     """Return the runs as variables over `run` and `t`."""
     table: dict[str, Array] = {}
     complete = [i for i in range(count) if i not in singles]
     if complete and together is not None:
-        equations, states = together
-        chosen = np.concatenate([state for state in states if state is not None])
-        for name, values in _evaluated(equations, chosen, np.tile(times, len(complete))).items():
-            table[name] = np.full((count, len(times)), np.nan)
-            table[name][complete] = values.reshape(len(complete), len(times))
+        equations, records = together
+        block = max(1, TOGETHER // len(times))
+        for first in range(0, len(complete), block):
+            rows = complete[first : first + block]
+            chosen = [record for i in rows if (record := records[i]) is not None]
+            for name, values in _columns_of(equations, chosen, times).items():
+                table.setdefault(name, np.full((count, len(times)), np.nan))
+                table[name][rows] = values.reshape(len(rows), len(times))
     for i, single in singles.items():
         if single.outcome == "done":
             for name, values in single.columns():

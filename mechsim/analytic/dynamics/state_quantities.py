@@ -7,7 +7,7 @@ from typing import Any, get_args
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, MovingLinks
 from mechsim.analytic.loops.kinematics import Coordinates, twists
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.errors import InputError
@@ -19,7 +19,7 @@ from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array, cross
 
 
-def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:
+def motion_of(equations: EquationsOfMotion, state: MovingLinks, accelerations: Array, times: Array) -> Motion:
     """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
     tree, mechanism = equations.loops.tree, equations.model.mechanism
     scale = equations.loops.units[:, None]

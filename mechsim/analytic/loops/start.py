@@ -1,6 +1,6 @@
 """Assembly in coordinates of the tree, from the guess or random starts, and messages for open loops."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,12 +30,14 @@ ASSEMBLY = NewtonSettings(
 )
 
 
-def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, Array]:
+def close_nearest(
+    loops: TreeLoops, q: Coordinates, settings: NewtonSettings = ASSEMBLY
+) -> tuple[Coordinates, Array]:
     """Return configurations in which the loops close nearest to n given ones, and their residuals, (n,).
 
     Prescribed coordinates do not change. Residuals are in radians and characteristic lengths.
     """
-    result = newton(LoopSystem(loops, loops.unknown), q, ASSEMBLY, least_norm)
+    result = newton(LoopSystem(loops, loops.unknown), q, settings, least_norm)
     return result.q, result.residual
 
 
@@ -269,13 +271,17 @@ class _Assembly:
         )
 
 
-def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
+def assembled(mechanism: Mechanism, needed: Iterable[str] = ()) -> tuple[TreeLoops, Coordinates]:
     """Return the loops of a mechanism and its assembly nearest to the stated values, as `_nearest`.
+
+    `needed` are coordinates that the spanning tree must contain; their values are not stated.
 
     Raises:
         AssemblyError: if the loops do not close near these values; states the gap, or where they close.
     """
-    assembly = _nearest(mechanism)
+    unstated = dict.fromkeys(needed, 0.0)
+    counted = replace(mechanism, guess_coordinates={**unstated, **mechanism.guess_coordinates})
+    assembly = _nearest(counted, mechanism.guess_coordinates)
     if assembly.searched and assembly.distance > MAX_DISTANCE:
         raise AssemblyError(
             f"{mechanism.name}: {_distance_text(mechanism, assembly)}; start near these values"
@@ -283,10 +289,11 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     return assembly.loops, assembly.q
 
 
-def _nearest(mechanism: Mechanism) -> _Assembly:
+def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
     """Return the assembly of a mechanism nearest to the stated values.
 
-    The guess of links, the start and the locked values are stated. Drivers and locked coordinates keep them.
+    The guess of links, some coordinates, the start and the locked values are stated. Drivers and locked
+    coordinates keep them.
     Newton's method starts from these values, with unstated coordinates at 0. Where that fails, ends far away,
     or starts at a singular pose, damped steps (Levenberg-Marquardt) start there and at disturbed values.
 
@@ -303,7 +310,7 @@ def _nearest(mechanism: Mechanism) -> _Assembly:
         except AssemblyError as failure:
             error = error or failure
             continue
-        candidates.append(_Assembly(loops, q, _distance(loops, q)))
+        candidates.append(_Assembly(loops, q, _distance(loops, q, stated)))
         if candidates[-1].distance < MAX_DISTANCE and _regular(loops, initial):
             return candidates[-1]
     poses = guessed_poses(mechanism)
@@ -311,7 +318,9 @@ def _nearest(mechanism: Mechanism) -> _Assembly:
     searched = all_closed(loops, disturbed(loops, initial))
     for q in (searched.select(np.array([i])) for i in range(len(searched))):
         candidates.append(
-            _Assembly(loops, q, _distance(loops, q), searched=not candidates or candidates[-1].searched)
+            _Assembly(
+                loops, q, _distance(loops, q, stated), searched=not candidates or candidates[-1].searched
+            )
         )
     if candidates:
         # from a singular assembly no motion is determined
@@ -424,8 +433,8 @@ def _require_axes_aligned(loops: TreeLoops, q: Coordinates) -> None:
             raise AssemblyError(f"{loops.name}: {antiparallel_message(name, column)}")
 
 
-def _distance(loops: TreeLoops, q: Coordinates) -> float:
-    """Return the largest distance of links and coordinates from their stated values.
+def _distance(loops: TreeLoops, q: Coordinates, stated: Mapping[str, float]) -> float:
+    """Return the largest distance of links from their guess, and of coordinates from their stated values.
 
     It is in characteristic lengths and [rad].
     """
@@ -439,7 +448,7 @@ def _distance(loops: TreeLoops, q: Coordinates) -> float:
         distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.length
         trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
         worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
-    for name, value in mechanism.guess_coordinates.items():
+    for name, value in stated.items():
         if (index := loops.tree.index_of.get(name)) is not None:
             worst = max(worst, abs(float(q.values[index, 0]) - value) / float(loops.units[index]))
     return worst
@@ -500,10 +509,11 @@ def closed_start(mechanism: Mechanism) -> ClosedStart:
     """
     stated = mechanism
     try:
-        assembly = _nearest(stated)
+        assembly = _nearest(stated, stated.guess_coordinates)
     except AssemblyError:
         try:
-            assembly = _nearest(stated := _with_free_drivers(mechanism))
+            stated = _with_free_drivers(mechanism)
+            assembly = _nearest(stated, stated.guess_coordinates)
         except AssemblyError:
             return ClosedStart(mechanism)
     poses, values = _poses_and_values(assembly.loops, assembly.q)

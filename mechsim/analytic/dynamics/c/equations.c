@@ -106,6 +106,10 @@ typedef struct {
     double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
     /* forces of controllers and actuators on all coordinates, and rates of the actuators' states */
     double *applied, *inflow;
+    /* of the elimination: what is left of the rows; columns and numbers of entries of the reflectors, columns
+       that they eliminate, and whether one does */
+    double *norms;
+    int *support, *entries, *pivots, *eliminated;
     /* rows in the order of elimination; whether a row depends on others, so that stages leave it out */
     int *order, *dependent;
     double potential, kinetic, power_in, power_lost, smallest, time;
@@ -588,49 +592,70 @@ static void set_equations(const Model *m, Work *w, const double *rates) {
 #define RANK_TOLERANCE 1e-9
 #define FLOOR 1e-13
 
-/* L H' of independent rows with row pivoting: reflectors H, triangle L, rank, smallest pivot */
+/* x <- (1 - v v') x with a reflector; whether x changes */
+static int reflect_one(const Work *w, int k, int n, double *x) {
+    const double *v = w->reflectors + k * n;
+    const int *support = w->support + k * n;
+    double sum = 0.0;
+    for (int j = 0; j < w->entries[k]; j++) sum += v[j] * x[support[j]];
+    for (int j = 0; j < w->entries[k] && sum != 0.0; j++) x[support[j]] -= sum * v[j];
+    return sum != 0.0;
+}
+
+/* norm of a row without the columns that were eliminated */
+static double remaining(int n, const double *row, const int *eliminated) {
+    double square = 0.0;
+    for (int j = 0; j < n; j++) square += eliminated[j] ? 0.0 : row[j] * row[j];
+    return sqrt(square);
+}
+
+/* L H' of independent rows with row pivoting: reflectors H, triangle L, rank, smallest pivot. A reflector has
+   entries in the columns of its row only, and eliminates that of its largest entry: rows of other loops stay
+   as they are */
 static void factor(int count, int n, Work *w) {
     double largest = 0.0;
     w->rank = 0, w->smallest = 1.0;
+    memset(w->eliminated, 0, n * sizeof(int));
+    for (int i = 0; i < count; i++) w->norms[w->order[i]] = remaining(n, w->rows + w->order[i] * n, w->eliminated);
     for (int k = 0; k < count && k < n; k++) {
-        double norm = 0.0;
-        int best = k;
-        for (int i = k; i < count; i++) {
-            const double *row = w->rows + w->order[i] * n + k;
-            double square = inner(n - k, row, row);
-            if (square > norm) norm = square, best = i;
-        }
-        norm = sqrt(norm);
+        int best = k, pivot = 0, entries = 0, *support = w->support + k * n;
+        for (int i = k + 1; i < count; i++)
+            if (w->norms[w->order[i]] > w->norms[w->order[best]]) best = i;
+        int chosen = w->order[best];
+        double norm = w->norms[chosen], *row = w->rows + chosen * n, *v = w->reflectors + k * n;
         if (!(norm > fmax(RANK_TOLERANCE * largest, FLOOR))) return;
         if (!k) largest = norm;
-        int chosen = w->order[best];
         w->order[best] = w->order[k], w->order[k] = chosen;
-        double *row = w->rows + chosen * n, *v = w->reflectors + k * n;
-        double pivot = row[k] > 0.0 ? -norm : norm, scale = 1.0 / sqrt(norm * (norm + fabs(row[k])));
-        for (int j = k; j < n; j++) v[j] = (row[j] - (j == k) * pivot) * scale;
-        memcpy(w->triangle + k * n, row, k * sizeof(double));
-        w->triangle[k * n + k] = pivot;
-        w->smallest = norm, w->rank = k + 1;
+        for (int j = 0; j < k; j++) w->triangle[k * n + j] = row[w->pivots[j]];
+        for (int j = 0; j < n; j++)
+            if (!w->eliminated[j] && row[j] != 0.0) {
+                support[entries++] = j;
+                if (entries == 1 || fabs(row[j]) > fabs(row[pivot])) pivot = j;
+            }
+        double new = row[pivot] > 0.0 ? -norm : norm, scale = 1.0 / sqrt(norm * (norm + fabs(row[pivot])));
+        for (int j = 0; j < entries; j++) v[j] = (row[support[j]] - (support[j] == pivot) * new) * scale;
+        w->triangle[k * n + k] = new, w->pivots[k] = pivot, w->entries[k] = entries;
+        w->smallest = norm, w->rank = k + 1, w->eliminated[pivot] = 1;
         for (int i = k + 1; i < count; i++) {
             double *other = w->rows + w->order[i] * n;
-            add_scaled(n - k, -inner(n - k, other + k, v + k), v + k, other + k);
+            if (reflect_one(w, k, n, other) || other[pivot] != 0.0)
+                w->norms[w->order[i]] = remaining(n, other, w->eliminated);
         }
     }
 }
 
 /* x <- H x with the reflectors */
 static void reflect(int n, const Work *w, double *x) {
-    for (int k = w->rank - 1; k >= 0; k--) {
-        const double *v = w->reflectors + k * n;
-        add_scaled(n - k, -inner(n - k, x + k, v + k), v + k, x + k);
-    }
+    for (int k = w->rank - 1; k >= 0; k--) reflect_one(w, k, n, x);
 }
 
 /* least-norm solution of the independent rows for right sides */
-static void least_norm(int n, const Work *w, double sign, const double *right, double *x) {
+static void least_norm(int n, Work *w, double sign, const double *right, double *x) {
+    double *y = w->basis;
     memset(x, 0, n * sizeof(double));
     for (int k = 0; k < w->rank; k++)
-        x[k] = (sign * right[w->order[k]] - inner(k, w->triangle + k * n, x)) / w->triangle[k * n + k];
+        y[k] = (sign * right[w->order[k]] - inner(k, w->triangle + k * n, y)) / w->triangle[k * n + k];
+    for (int k = 0; k < w->rank; k++) x[w->pivots[k]] = y[k];
     reflect(n, w, x);
 }
 
@@ -657,11 +682,13 @@ static int accelerate(const Model *m, Work *w, int rows) {
     least_norm(n, w, -1.0, w->gamma, w->vector);
     int free = n - w->rank;
     double *moved = w->basis + n * n, *right = moved + n;
+    int column = 0;
     for (int i = 0; i < n; i++) w->effort[i] -= inner(n, w->mass + i * n, w->vector);
     for (int i = 0; i < free; i++) {
         double *along = w->basis + i * n;
         memset(along, 0, n * sizeof(double));
-        along[w->rank + i] = 1.0;
+        while (w->eliminated[column]) column++;
+        along[column++] = 1.0;
         reflect(n, w, along);
         for (int j = 0; j < n; j++) moved[j] = inner(n, w->mass + j * n, along);
         for (int j = 0; j <= i; j++) w->reduced[i * free + j] = inner(n, moved, w->basis + j * n);

@@ -91,19 +91,21 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, rows), rows * n}, {offsetof(Work, residual), rows}, {offsetof(Work, gamma), rows},
         {offsetof(Work, mass), n * n}, {offsetof(Work, effort), n}, {offsetof(Work, reflectors), n * n},
         {offsetof(Work, triangle), n * n}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
-        {offsetof(Work, reduced), n * n}, {offsetof(Work, applied), k}, {offsetof(Work, inflow), m->states}};
+        {offsetof(Work, reduced), n * n}, {offsetof(Work, applied), k}, {offsetof(Work, inflow), m->states},
+        {offsetof(Work, norms), rows}};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i].count;
-    char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + 2 * rows * sizeof(int));
+    char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + (2 * rows + n * n + 3 * n) * sizeof(int));
     if (!memory) return NULL;
     double *next = (double *)(memory + sizeof(Work));
     for (size_t i = 0; i < count; i++) {
         *(double **)(memory + parts[i].offset) = next;
         next += parts[i].count;
     }
-    ((Work *)memory)->order = (int *)next;
-    ((Work *)memory)->dependent = (int *)next + rows;
-    return (Work *)memory;
+    Work *w = (Work *)memory;
+    w->order = (int *)next, w->dependent = w->order + rows, w->support = w->dependent + rows;
+    w->entries = w->support + n * n, w->pivots = w->entries + n, w->eliminated = w->pivots + n;
+    return w;
 }
 
 /* derivative of a state; FINISHED if it is defined. At `stages` of a step the dependent rows remain the same */
@@ -319,11 +321,19 @@ int integrate(const Model *m, Run *run) {
     return run->status;
 }
 
-/* derivative of one state, and its energies; sets rank and smallest pivot of the loops */
-int evaluate(const Model *m, Run *run, double *derivative, double *energies) {
+/* derivatives and energies of states at times, each moved onto the loops first if `closing`; sets rank and
+   smallest pivot of the loops at the last one */
+int evaluate(const Model *m, Run *run, int count, const double *times, int closing, double *states,
+             double *derivatives, double *energies) {
+    int size = size_of(m), status = FINISHED;
     Work *w = workspace(m, run->resting);
-    int status = w ? derive(m, w, run, run->time, run->state, derivative, 0) : FAILED;
-    if (w) energies[0] = w->kinetic, energies[1] = w->potential, run->rank = w->rank, run->nearest = w->smallest;
+    if (!w) return FAILED;
+    for (int i = 0; i < count && status == FINISHED; i++, states += size, derivatives += size) {
+        if (closing) status = project(m, w, run, states);
+        if (status == FINISHED) status = derive(m, w, run, times[i], states, derivatives, 0);
+        energies[2 * i] = w->kinetic, energies[2 * i + 1] = w->potential;
+    }
+    run->rank = w->rank, run->nearest = w->smallest;
     free(w);
     return status;
 }
