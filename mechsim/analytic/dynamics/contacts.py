@@ -100,18 +100,18 @@ class ContactMode:
     adhesion: Array = field(default_factory=lambda: np.zeros(0))
     phases: Phases = ()
 
-    def held(self, equations: EquationsOfMotion, contacts: Sequence[int]) -> list[int] | None:
+    def locked(self, equations: EquationsOfMotion, contacts: Sequence[int]) -> list[int] | None:
         """Return the coordinates that stops, at indices `contacts`, and sticking frictions hold.
 
         It is None if a friction acts on a motion that is not a coordinate of the tree.
         """
-        held, index_of = [*contacts], equations.loops.tree.index_of
+        locked, index_of = [*contacts], equations.loops.tree.index_of
         for i in self.stuck:
             joint, k = equations.frictions[i].joint, equations.frictions[i].coordinate
             if not (k < len(joint.coordinates) and joint.coordinates[k] in index_of):
                 return None
-            held.append(index_of[joint.coordinates[k]])
-        return held
+            locked.append(index_of[joint.coordinates[k]])
+        return locked
 
 
 @dataclass(frozen=True, slots=True)

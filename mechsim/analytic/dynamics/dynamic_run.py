@@ -304,9 +304,9 @@ def recorded_states(
     Raises:
         AssemblyError: if the loops do not close near a state.
     """
-    layout, held = StateLayout(equations), mode.held(equations, contacts)
-    if compiled is not None and held is not None:
-        in_c = evaluated(compiled, states, times, mode.sliding, held, closing=True)
+    layout, locked = StateLayout(equations), mode.locked(equations, contacts)
+    if compiled is not None and locked is not None:
+        in_c = evaluated(compiled, states, times, mode.sliding, locked, closing=True)
         if np.isfinite(in_c.derivatives).all():
             accelerations = layout.accelerations(in_c.derivatives)
             return RecordedStates(

@@ -365,7 +365,7 @@ class Integration:
 
     def _locked(self) -> list[int] | None:
         """Return the coordinates that stops and sticking frictions hold; None if a friction is not one."""
-        return self.right.mode.held(self.equations, self.contacts.indices(self.right.mode))
+        return self.right.mode.locked(self.equations, self.contacts.indices(self.right.mode))
 
     def _motion_in_c(
         self, model: CompiledModel, locked: Sequence[int], duration: float
