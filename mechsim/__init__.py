@@ -12,10 +12,10 @@ from mechsim._version import __version__ as __version__
 # a name that is imported as itself is public for type checkers
 if TYPE_CHECKING:
     from mechsim import formulas as formulas
+    from mechsim import loops as loops
     from mechsim import simulation as simulation
     from mechsim import testing as testing
     from mechsim import units as units
-    from mechsim.analytic import loops as loops
     from mechsim.analytic.vector_method import vectors as vectors
     from mechsim.codegen.compiled import compile as compile
     from mechsim.errors import AssemblyError as AssemblyError
@@ -84,7 +84,7 @@ _MODULES = {
     "dynamics": "subjects.dynamics",
     "formulas": "formulas",
     "load_profile": "model.load_profile",
-    "loops": "analytic.loops",
+    "loops": "loops",
     "masses": "model.masses",
     "motors": "model.motors",
     "plots": "pictures.plots",

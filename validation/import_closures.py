@@ -44,6 +44,11 @@ GATES = {
     ("shapes.joints", "shapes.belts"): "a belt or rope",
     ("subjects.toml_reader", "model.belts"): "belts in TOML",
     ("subjects.toml_reader", "subjects.toml_curves"): "curves or cams in TOML",
+    ("cli.solve", "subjects.driver_positions"): "--poses",
+    ("model.motion_laws", "numerics.balls"): "motion laws",
+    ("numerics.collocation", "numerics.balls"): "a table of a motion law, enclosed",
+    ("subjects.toml_reader", "model.forces"): "forces in TOML",
+    ("subjects.toml_coordinates", "model.nonlinear_springs"): "soft stops in TOML",
     ("subjects.toml_reader", "subjects.toml_backlash"): "backlash of joints in TOML",
 }
 # commands of the core, and those that only read MuJoCo models

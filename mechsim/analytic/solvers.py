@@ -1,5 +1,7 @@
 """The solver of a mechanism's motion: by its formulas where it has some, else by its loop equations."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -9,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.loops.assemblies import other_assemblies
 from mechsim.analytic.loops.joint_ranges import JointRanges
 from mechsim.analytic.loops.motion import driven_path, solve_along, solve_prescribed
 from mechsim.analytic.loops.path import Instants, LoopPath
@@ -17,9 +18,8 @@ from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, InputError, SingularStartError
-from mechsim.model.forces import Forces
 from mechsim.model.limits import Ranges
-from mechsim.model.links import VIRTUAL_PREFIX, Pose
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion, short_repr
 from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
@@ -29,6 +29,7 @@ from mechsim.units import WrittenUnits
 
 if TYPE_CHECKING:
     from mechsim.analytic.formulas.closed_form import AssemblyPoints, ClosedForm
+    from mechsim.model.forces import Forces
 
 # crank angles nearer than this are equal
 SAME_ANGLE = 1e-9
@@ -83,12 +84,12 @@ class KinematicSolver:
     facts: tuple[str, ...] = ()
     source: Any = None
     corrected: tuple[float, float] = (0.0, 0.0)
-    closed_form: "ClosedForm | None" = field(default=None, compare=False)
+    closed_form: ClosedForm | None = field(default=None, compare=False)
 
     __repr__ = short_repr
 
     @classmethod
-    def by_formula(cls, formula: "ClosedForm") -> "KinematicSolver":
+    def by_formula(cls, formula: ClosedForm) -> KinematicSolver:
         """Return the solver of a mechanism with formulas."""
         return cls(
             formula.described,
@@ -185,7 +186,7 @@ class KinematicSolver:
             changes = {"parameters": {}, "change_point": "smooth"} | changes
         return replace(self, **{"described": mechanism, "closed_form": None} | changes)
 
-    def by_loop_equations(self, angles: ArrayLike) -> "KinematicSolver":
+    def by_loop_equations(self, angles: ArrayLike) -> KinematicSolver:
         """Return the solver by its loop equations, in its assembly mode at the first crank angle."""
         if self.closed_form is None:
             return self
@@ -196,34 +197,30 @@ class KinematicSolver:
         """Return the solver with a guess that closes the loops, as the start of formulas does."""
         return self.with_mechanism(with_closed_guess(self.mechanism)) if self.closed_form is None else self
 
-    def with_parameters(self, **changes: Any) -> "KinematicSolver":
+    def with_parameters(self, **changes: Any) -> KinematicSolver:
         """Return the solver with other values of some parameters of its formulas, in SI."""
         return self._by(self._formulas.with_parameters(**changes))
 
-    def with_dimensions(self, values: Mapping[str, float]) -> "KinematicSolver":
+    def with_dimensions(self, values: Mapping[str, float]) -> KinematicSolver:
         """Return the solver with other `dimensions`."""
         return self._by(self._formulas.with_dimensions(values))
 
-    def described_with(self, values: Mapping[str, float]) -> Mechanism:
-        """Return the description with other `dimensions`, which are not checked, without a guess."""
-        return self._formulas.with_dimensions(values, checked=False).described
-
-    def _by(self, formula: "ClosedForm") -> "KinematicSolver":
+    def _by(self, formula: ClosedForm) -> KinematicSolver:
         return self if formula is self.closed_form else KinematicSolver.by_formula(formula)
 
     @property
-    def _formulas(self) -> "ClosedForm":
+    def _formulas(self) -> ClosedForm:
         if self.closed_form is None:
             raise InputError(f"{self.name} has no formulas with parameters; load it with other values")
         return self.closed_form
 
-    def with_change_point(self, change_point: ChangePointPolicy | None) -> "KinematicSolver":
+    def with_change_point(self, change_point: ChangePointPolicy | None) -> KinematicSolver:
         """Return the solver with another policy at change points, if it has any; None changes nothing."""
         if self.closed_form is not None:
             return self._by(self.closed_form.with_change_point(change_point))
         return self if change_point in (None, self.change_point) else replace(self, change_point=change_point)
 
-    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "KinematicSolver":
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> KinematicSolver:
         """Return the solver in the assembly mode that its parameters select at the first crank angle.
 
         A guess selects the assembly mode for any first crank angle.
@@ -395,13 +392,13 @@ class KinematicSolver:
                 distinct.append(angle)
         return tuple(sorted(distinct))
 
-    def assemblies(self, angle: float) -> "Sequence[KinematicSolver] | None":
+    def assemblies(self, angle: float) -> Sequence[KinematicSolver] | None:
         """Return the mechanism in each real assembly mode at a crank angle; None if no formula has them."""
         if self.closed_form is None:
             return None
         return [self._by(formula) for formula in self.closed_form.assemblies(angle)]
 
-    def assembly_points(self, angle: float) -> "list[AssemblyPoints]":
+    def assembly_points(self, angle: float) -> list[AssemblyPoints]:
         """Return each known assembly mode at a crank angle; empty where it cannot be assembled."""
         if self.closed_form is not None:
             return self.closed_form.assembly_points(angle)
@@ -409,23 +406,6 @@ class KinematicSolver:
             points = self.solve_along([angle]).points
             return [({}, {name: point.position[0] for name, point in points.items()})]
         return []
-
-    def all_assembly_points(
-        self, angle: float, candidates: Sequence[Mapping[str, Pose]] | None = None
-    ) -> "list[AssemblyPoints]":
-        """Return every assembly mode at a crank angle, its own first.
-
-        Args:
-            angle: in [rad].
-            candidates: link -> pose of every assembly; None searches from random starts, unless formulas have
-                them all.
-        """
-        own = self.assembly_points(angle)
-        if self.closed_form is not None:
-            return own
-        links = [self.whole_motion([angle]).links] if own else []
-        others = other_assemblies(self._path, angle, self.ranges, links, candidates)
-        return own + [({}, points) for points in others]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return the signed geometry that is positive in this assembly mode, (n,); 1 if there is none."""
@@ -451,7 +431,7 @@ class KinematicSolver:
             )
         return result
 
-    def variants(self) -> "Mapping[str, KinematicSolver]":
+    def variants(self) -> Mapping[str, KinematicSolver]:
         """Return variants that are validated in addition: name -> the mechanism with another parameter."""
         formulas = {} if self.closed_form is None else self.closed_form.variants()
         return {name: self._by(formula) for name, formula in formulas.items()}

@@ -9,13 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
 from mechsim.cli.output_paths import paths_from
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces
-from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects import catalog, gallery
 from mechsim.subjects.model_source import READERS
@@ -309,9 +307,3 @@ def require_motion(solver: KinematicSolver) -> KinematicSolver:
     # not its mechanism, which may be impossible to assemble
     solver.motion_laws.require_drivers(solver.described)
     return solver
-
-
-def scene_of(level: str, cut: str | None = None, forces: Forces | None = None) -> Scene:
-    """Return a scene of a level, with loops cut at named joints, and with forces if they are known."""
-    joints = tuple(cut.split(",")) if cut else None
-    return Scene(level=level, cut=joints, forces=forces)  # pyright: ignore[reportArgumentType]

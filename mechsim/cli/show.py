@@ -9,6 +9,7 @@ import typer
 from mechsim.analytic.loops.mobility import Determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.finding_text import findings_in_json, kind, print_findings
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import (
     SI_UNITS,
@@ -22,7 +23,6 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.cli.verdict_text import findings_in_json, kind, print_findings
 from mechsim.model.finding import Finding
 from mechsim.model.joints import Coupling, Joint
 from mechsim.report.facts import facts

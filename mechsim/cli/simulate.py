@@ -12,18 +12,14 @@ from mechsim.analytic.loops.record import with_all_joints
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command, option_names
 from mechsim.cli.control_options import ControlOptions, user_scene
+from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
-from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, scene_of, with_policy
+from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, with_policy
 from mechsim.cli.output import Units, in_units, number, output_units, print_text
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import RunJson
-from mechsim.cli.verdict_text import (
-    findings_in_json,
-    headline,
-    motion_law_of_crank,
-    print_finding_lines,
-)
+from mechsim.cli.verdict_text import headline, motion_law_of_crank
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import CrankProfile, constant, interval_around
@@ -125,7 +121,9 @@ def simulate(
     stated.exclude(OF_STEPS, "with --method pose, which takes no steps", options.method == "pose")
     stated.exclude(["units"], "without -o", output is None)
     solver = with_policy(source.load(), change_point)
-    model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
+    joints = tuple(cut.split(",")) if cut else None
+    model_scene = Scene(level=scene, cut=joints, forces=solver.forces)  # pyright: ignore[reportArgumentType]
+    shown = output_units(units, solver)
     motion = _motion(solver, options, stated)
     if motion is None:
         run, laws = _poses(solver, options, model_scene), None

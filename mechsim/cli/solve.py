@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, TypedDict, cast
+from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 
 import numpy as np
 import typer
@@ -35,8 +35,10 @@ from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
-from mechsim.subjects.driver_positions import Poses, poses_of_table
 from mechsim.units import crank_speed, option, parse_angles
+
+if TYPE_CHECKING:
+    from mechsim.subjects.driver_positions import Poses
 
 # times or crank angles -> the motion at these instants
 MotionAt = Callable[[Array], Motion]
@@ -133,6 +135,8 @@ def solve(
     stated.exclude(["units"], "with --json, which is in SI, without -o", as_json and output is None)
     solver = with_policy(source.load(), change_point)
     if options.poses is not None:
+        from mechsim.subjects.driver_positions import poses_of_table
+
         options.check(solver, stated)
         poses = poses_of_table(solver, files.read(options.poses), options.poses)
         return _whole(solver, poses, output, output_units(units, solver))
@@ -171,7 +175,7 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
 
 
 def _whole(
-    solver: KinematicSolver, motion: Motion | Poses, output: str | None, shown: OutputUnits | None
+    solver: KinematicSolver, motion: "Motion | Poses", output: str | None, shown: OutputUnits | None
 ) -> Result[SolveJson]:
     """Write a motion that is in memory, and return it as the result."""
     few = loss_of_significance(solver, motion) if isinstance(motion, Motion) else None

@@ -10,20 +10,19 @@ from typing import Annotated, Any, NotRequired, TypedDict
 import typer
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.earlier import ChangeJson, compared_with, earlier_checks
 from mechsim.cli.exit_codes import print_stderr
+from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json
 from mechsim.cli.output_paths import output_folder
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
-    findings_in_json,
     print_agreement,
     print_cases,
-    print_finding_lines,
     print_verdicts,
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError

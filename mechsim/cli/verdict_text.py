@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,10 +10,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from mechsim.analytic.solvers import KinematicSolver
+from mechsim.cli.finding_text import kind, print_finding_lines
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
-from mechsim.errors import SingularStartError, several
 from mechsim.model.finding import Finding, counted_findings
-from mechsim.model.link_poses import hinged_normals
 from mechsim.model.masses import summary
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import quantity_text
@@ -32,28 +30,6 @@ def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> Motion
     return make_motion_laws(solver.mechanism, {solver.mechanism.drivers[0]: motion.state}, motion.duration)
 
 
-def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, Sequence[Finding]]:
-    """Return the entry of a JSON object; empty without an MJCF file."""
-    return {} if findings is None else {"findings": findings}
-
-
-def print_findings(findings: Sequence[Finding] | None) -> None:
-    """Print findings as a table, or that there are none; print nothing without an MJCF file."""
-    if findings is not None and not findings:
-        typer.echo("findings: none")
-    rows = [
-        (finding.kind, finding.position.removeprefix("line "), finding.advice) for finding in findings or ()
-    ]
-    print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
-
-
-def print_finding_lines(findings: Sequence[Finding] | None) -> None:
-    """Print findings before a verdict."""
-    for finding in findings or ():
-        for line in wrapped(f"{finding.kind}: {finding.one_line}", "", "  "):
-            typer.echo(line)
-
-
 # method of a verdict -> description of its comparison
 METHODS = {
     "formula": "formula vs loop equations",
@@ -67,28 +43,6 @@ MAX_FAILED = 3
 DURATION_WIDTH = 6
 # as in "rod is 0.199 m instead of 0.2 m (-0.5 %)"
 RELATIVE_CHANGE = re.compile(r" \([-+]\S+ %\)")
-
-
-def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
-    """Return the type of a mechanism: planar or spatial, links, degrees of freedom, range of the crank.
-
-    Args:
-        solver: the mechanism.
-        dofs: its degrees of freedom, if they differ from the number of drivers.
-    """
-    mechanism = solver.mechanism
-    drivers = len(mechanism.drivers)
-    words = [
-        "spatial" if hinged_normals(mechanism) is None else "planar",
-        f"{len(mechanism.links) + 1} links",
-        f"{drivers if dofs is None else dofs} DOF",
-    ]
-    if dofs not in (None, drivers):
-        words.append(several(drivers, "driver"))
-    elif solver.motion_laws.crank and mechanism.has_crank:
-        with suppress(SingularStartError):
-            words.append("full rotation" if solver.crank_range().full else "limited rotation")
-    return ", ".join(words)
 
 
 def print_verdict(title: str, verdict: "Verdict") -> None:

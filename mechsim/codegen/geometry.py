@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
+from mechsim.analytic.designs import DesignFamily, Dimension
 from mechsim.errors import MechsimError
 from mechsim.model.design_arrays import side_numbers, structure
 from mechsim.model.expressions import evaluate_number, parse_expression

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +16,11 @@ from mechsim.model.limits import MAX_REVOLUTIONS, require_revolutions
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.numerics.collocation import quintic_spline
 from mechsim.numerics.inputs import number, numbers, units_remedy
+
+if TYPE_CHECKING:
+    from mechsim.numerics.balls import Ball
 
 # fraction of its range over which a crank that cannot rotate fully swings
 SWING_FRACTION = 0.9
@@ -192,6 +194,8 @@ def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
     Raises:
         TypeError, ValueError, AttributeError: if a motion law cannot be enclosed.
     """
+    from mechsim.numerics.balls import ball
+
     law: Callable[[Any], tuple[Any, Any, Any]] = state
     value, rate, acceleration = (ball(entry) for entry in law(time))
     return value, rate, acceleration
@@ -459,6 +463,8 @@ def _peaks(law: State, duration: float) -> Array:
     Intervals on which the rate may be large, by interval arithmetic, are halved until they lead to the spike.
     A law that interval arithmetic cannot enclose has none.
     """
+    from mechsim.numerics.balls import OUTWARD, Ball
+
     largest, times = float(np.abs(law(_probes(duration))[1]).max(initial=0.0)), list[float]()
     half = 0.5 * duration / INTERVALS
     middle: Array = half * (1.0 + 2.0 * np.arange(INTERVALS, dtype=np.float64))

@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.balls import OUTWARD, Ball
 from mechsim.numerics.inputs import numbers
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
+
+    from mechsim.numerics.balls import Ball
 
 # smallest number of rows for a quintic spline
 MIN_ROWS = 6
@@ -61,8 +62,10 @@ def quintic_spline(
     derivatives = [spline, *(spline.derivative(k) for k in (1, 2, 3))]
 
     def state(t: Any) -> Any:
-        if not isinstance(t, Ball):
+        if isinstance(t, np.ndarray | float):
             return tuple(derivative(t) for derivative in derivatives[:3])
+        from mechsim.numerics.balls import OUTWARD, Ball
+
         bounds = [_spline_bound(derivative, t) for derivative in derivatives]
         return tuple(
             Ball(derivatives[k](t.mid), (t.rad * bounds[k + 1] + SPLINE_ERROR * bounds[k]) * OUTWARD)
@@ -72,8 +75,10 @@ def quintic_spline(
     return state
 
 
-def _spline_bound(spline: "BSpline", t: Ball) -> Array:
+def _spline_bound(spline: "BSpline", t: "Ball") -> Array:
     """Return bounds of a spline's values over balls, from its local coefficients."""
+    from mechsim.numerics.balls import OUTWARD
+
     first, last = (
         np.clip(np.searchsorted(spline.t, end, "right") - 1, spline.k, len(spline.t) - spline.k - 2)
         for end in (t.mid - t.rad * OUTWARD, t.mid + t.rad * OUTWARD)

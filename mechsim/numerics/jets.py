@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.balls import Ball
 
 # complex step: its square is lost in rounding relative to any real part
 STEP = 2.0**-80
@@ -289,34 +288,19 @@ def _power(base: Any, exponent: Any) -> Jet:
         return np.exp(exponent * np.log(base))  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
     if np.ndim(exponent) == 0 and exponent == 2:
         return base * base
-    if isinstance(base.value, Ball):
-        return _ball_power(base, exponent)
-    if isinstance(base.value, Jet):
-        nested: Any = base.value
-        return composed(base, nested**exponent, *_power_derivatives(nested, float(exponent)))
-    x, n = base.value, np.asarray(exponent, dtype=np.float64)
+    if not isinstance(base.value, np.ndarray | np.generic):
+        # jets of jets, or of balls
+        nested, whole = base.value, float(exponent)
+        first, second = (
+            factor * nested**power if factor and power else factor + 0.0 * nested
+            for factor, power in ((whole, whole - 1.0), (whole * (whole - 1.0), whole - 2.0))
+        )
+        return composed(base, nested**whole, first, second)
+    x: Any = base.value
+    n = np.asarray(exponent, dtype=np.float64)
     first = np.where(n == 0.0, 0.0, n * x ** (n - 1.0))
     second = np.where(n * (n - 1.0) == 0.0, 0.0, n * (n - 1.0) * x ** (n - 2.0))
     return composed(base, x**n, first, second)
-
-
-def _power_derivatives(x: Jet, n: float) -> tuple[Any, Any]:
-    """Return the first two derivatives of x ** n."""
-    first, second = (
-        factor * x**power if factor else 0.0 * x for factor, power in ((n, n - 1.0), (n * (n - 1.0), n - 2.0))
-    )
-    return first, second
-
-
-def _ball_power(base: Jet, exponent: float) -> Jet:
-    """Return base ** exponent of balls; the exponent is a whole number or a half, not zero."""
-    if exponent < 0:
-        return 1.0 / _ball_power(base, -exponent)
-    if exponent == 0.5:
-        return _sqrt(base)
-    if exponent < 1 or 2.0 * exponent % 1.0:
-        raise TypeError(f"balls have no bound of a power {exponent}")
-    return base if exponent == 1 else base * _ball_power(base, exponent - 1.0)
 
 
 RULES: dict[np.ufunc, Callable[..., Jet]] = {

@@ -65,7 +65,11 @@ def quadratic_roots(damping: Array, stiffness: Array, error: Array, zeros: int =
         active &= np.abs(step) > 2.0 * EPS * np.abs(values)
         if not active.any():
             break
-    values = _conjugated(values)
+    # the roots of real matrices: imaginary parts that are rounding removed, pairs made conjugate
+    real = np.abs(values.imag) <= np.sqrt(EPS) * np.abs(values)
+    alone = [k for k in np.flatnonzero(real).tolist() if np.abs(values - values[k].conjugate()).argmin() == k]
+    values = values.copy()
+    values[alone] = values[alone].real
     matrices = values[:, None, None] ** 2 * unit + values[:, None, None] * damping + stiffness
     left, _, right = np.linalg.svd(matrices)
     x, y = right[:, -1].conj(), left[:, :, -1]
@@ -91,12 +95,3 @@ def _aberth_step(damping: Array, stiffness: Array, values: Complex, i: int) -> c
             return 0j
         step = 1.0 / (newton - (1.0 / others[others != 0.0]).sum())
     return complex(step) if np.isfinite(step) else 0j
-
-
-def _conjugated(values: Complex) -> Complex:
-    """Return the roots of real matrices: imaginary parts that are rounding removed, pairs made conjugate."""
-    real = np.abs(values.imag) <= np.sqrt(EPS) * np.abs(values)
-    alone = [k for k in np.flatnonzero(real).tolist() if np.abs(values - values[k].conjugate()).argmin() == k]
-    values = values.copy()
-    values[alone] = values[alone].real
-    return values

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
+from mechsim.analytic.designs import DesignFamily, Dimension
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.assembly import SolvedAssembly, assembly

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.loops.start import start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError

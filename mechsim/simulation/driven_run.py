@@ -226,6 +226,10 @@ class DrivenRun:
             outcome = "changed assembly"
         elif not estimate <= tolerance:
             outcome = "failed"
+        # the notes on a stepped run; empty without any
+        changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
+        undecided = undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
+        notes = self.closed.note, changed if self.closed.custom else "", undecided, self.ending
         return Run(
             motion=motion,
             outcome=outcome,
@@ -236,7 +240,7 @@ class DrivenRun:
             settings=steps.settings,
             timestep=steps.timestep,
             method="step",
-            note=self._note(),
+            note="; ".join(filter(None, notes)),
         )
 
     def errors_by_turn(self, settings: Settings) -> Array:
@@ -260,13 +264,6 @@ class DrivenRun:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
-
-    def _note(self) -> str:
-        """Return the notes on a stepped run; empty without any."""
-        changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
-        undecided = undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
-        notes = self.closed.note, changed if self.closed.custom else "", undecided, self.ending
-        return "; ".join(filter(None, notes))
 
     def require_decided(self) -> None:
         """Reject a motion whose start or continuation dynamics do not determine.

@@ -35,12 +35,6 @@ class IndependentRows:
     def __init__(self, basis: tuple[Array, Array, Array] | None = None):
         self.basis = basis
 
-    @property
-    def row_space(self) -> Array:
-        """A basis of the row space, (rank, nv - 1)."""
-        assert self.basis is not None
-        return self.basis[2]
-
     def basis_of(self, matrix: Array) -> Array | None:
         """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
         if self.basis is None:
@@ -54,7 +48,9 @@ class IndependentRows:
 
     def square(self, matrix: Array, rows: Array) -> Array:
         """Return the square Jacobian of independent constraints, (n, rank, rank)."""
-        return (rows.T @ matrix) @ self.row_space.T
+        # with a basis of the row space, (rank, nv - 1)
+        assert self.basis is not None
+        return (rows.T @ matrix) @ self.basis[2].T
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,15 +31,7 @@ def import_mujoco() -> str:
         raise MissingToolError(
             f"MuJoCo {version('mujoco')} is too old; pip install -U '{REQUIRED}' updates it"
         )
-    _import_batch()
-    return problem
-
-
-def _import_batch() -> None:
-    """Import mujoco.batch, which loads an XML; MuJoCo then loads again what the user loaded last.
-
-    Its Python function that saves the last XML needs the model, that of its library does not.
-    """
+    # import mujoco.batch, which loads an XML; MuJoCo then loads again what the user loaded last
     mujoco = import_module("mujoco")
     library = next(Path(str(mujoco.__file__)).parent.glob("*mujoco.*"), None)
     with TemporaryDirectory() as folder:
@@ -50,6 +42,7 @@ def _import_batch() -> None:
         if last.exists():
             with suppress(ValueError):  # a file of a mesh that is not in this folder
                 mujoco.MjModel.from_xml_path(str(last))
+    return problem
 
 
 def _import_without_back_end() -> str:
@@ -61,7 +54,11 @@ def _import_without_back_end() -> str:
     except Exception as error:  # a missing or broken library may raise any type
         if not back_end:
             raise _unusable(error) from error
-        _forget_back_end(platform)
+        # undo the choice of a back end that PyOpenGL made when it was first imported
+        if platform is None:
+            os.environ.pop("PYOPENGL_PLATFORM", None)
+        for name in [name for name in sys.modules if name.split(".")[0] == "OpenGL"]:
+            del sys.modules[name]
         os.environ["MUJOCO_GL"] = "off"
         try:
             _import()
@@ -97,14 +94,6 @@ def _unusable(error: Exception) -> MissingToolError:
         f"MuJoCo {installed} is installed, but it cannot be imported ({cause}), as after an update by pip "
         f"from version 3; pip install --force-reinstall --no-deps {pins} repairs it"
     )
-
-
-def _forget_back_end(platform: str | None) -> None:
-    """Undo the choice of a back end that PyOpenGL made when it was first imported."""
-    if platform is None:
-        os.environ.pop("PYOPENGL_PLATFORM", None)
-    for name in [name for name in sys.modules if name.split(".")[0] == "OpenGL"]:
-        del sys.modules[name]
 
 
 @contextmanager

@@ -166,7 +166,10 @@ def _evaluated(
 ) -> Motion:
     # a given crank acceleration determines all others: MuJoCo's soft constraints need not be solved. Servos
     # against a drive, springs and dampers would accelerate light links so much that digits would be lost
-    model = _with_sensors(loops.model, constrained=crank_acceleration is None)
+    model = copy.copy(loops.model)
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    if crank_acceleration is not None:
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | FORCE_FLAGS
     n = len(states.time)
     sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)
     sims.bind("qpos")[:] = states.qpos
@@ -247,14 +250,6 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
 def has_dry_friction(model: mujoco.MjModel) -> bool:
     """Return whether joints or tendons of a model have MuJoCo's Coulomb friction."""
     return bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
-
-
-def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel:
-    seeing = copy.copy(model)
-    seeing.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-    if not constrained:
-        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | FORCE_FLAGS
-    return seeing
 
 
 def _correction(

@@ -17,7 +17,7 @@ from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mobility import (
     require_determined,
     require_movable,

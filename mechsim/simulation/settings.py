@@ -241,7 +241,10 @@ class Settings:
             The settings with all automatic choices made.
         """
         model = loops.model
-        equalities = _only_equalities(model)
+        contacts = model.ngeom > 0 and not is_disabled(model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        limits = bool(model.jnt_limited.any() or model.tendon_limited.any())
+        friction = bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
+        equalities = not (contacts or limits or friction)
         # the cost is then quadratic: one step of Newton's method is exact
         exact = equalities and not (self.integrator == "discrete" and _springy(model))
         PlainSettings(
@@ -429,13 +432,6 @@ def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     numbers = [setting_.equality for setting_ in (*loops.couplings, *loops.rods)]
     ends = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in ends for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
-
-
-def _only_equalities(model: mujoco.MjModel) -> bool:
-    contacts = model.ngeom > 0 and not is_disabled(model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    limits = bool(model.jnt_limited.any() or model.tendon_limited.any())
-    friction = bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
-    return not (contacts or limits or friction)
 
 
 def _springy(model: mujoco.MjModel) -> bool:

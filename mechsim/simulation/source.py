@@ -21,32 +21,14 @@ from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint
 from mechsim.simulation.equality_rows import CouplingConstraint
-from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.mjcf.generator import lock_joints, require_single
+from mechsim.simulation.mjcf.compiling import compiled, quiet
+from mechsim.simulation.mjcf.generator import generate, lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.follow import move_drivers
 from mechsim.simulation.recording import add_sensors
-
-
-def require_aligned(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
-    """Reject a mechanism with antiparallel axes of a joint, which point constraints allow.
-
-    Args:
-        mechanism: the mechanism.
-        poses: moving link -> its pose.
-
-    Raises:
-        AssemblyError: naming the joint.
-    """
-    all_poses = {GROUND: IDENTITY, **poses}
-    for joint in mechanism.joints:
-        for i in KINDS[joint.kind].aligned_columns:
-            a, b = (all_poses[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b))
-            if not float(np.dot(a, b)) > 0.0:
-                raise AssemblyError(f"{mechanism.name}: {antiparallel_message(joint.name, i)}")
 
 
 class HasMechanism(Protocol):
@@ -100,7 +82,9 @@ def _from_source(
     holds: Mapping[str, float | None] | None,
     key: str | None,
 ) -> ClosedModel:
-    read = contained_model(source)
+    # the MJCF model that a source is or contains; otherwise None
+    candidates = (source, getattr(source, "source", None))
+    read = next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
     if read is not None:
         return _from_read_model(source, read, drivers)
     model = description(source)
@@ -115,12 +99,6 @@ def _from_source(
 
         start = initial_qpos(spec.modelname, compiled(spec.copy()), key)
     return _custom_model(spec, points, CRANK if drivers is None else drivers, holds or {}, start)
-
-
-def contained_model(source: Source) -> MjcfModel | None:
-    """Return the MJCF model that a source is or contains; otherwise None."""
-    candidates = (source, getattr(source, "source", None))
-    return next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
 
 
 def _from_read_model(source: Source, read: MjcfModel, drivers: Sequence[str] | str | None) -> ClosedModel:
@@ -173,7 +151,15 @@ def from_mechanism(
 ) -> ClosedModel:
     """Return the model generated from a mechanism; `follows_laws` if its drivers follow motion laws."""
     names = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if follows_laws else CRANK
-    named = _coordinate_names(mechanism, follows_laws=follows_laws)
+    # joint of the model -> coordinate and its index in the joint; a single crank is named "crank"
+    name_of = model_names(mechanism)
+    called: dict[str, tuple[str, int | None]] = {
+        name_of[name]: (name, i if len(joint.coordinates) > 1 else None)
+        for joint in mechanism.joints
+        for i, name in enumerate(joint.coordinates)
+        if name in name_of
+    }
+    named = called if follows_laws else called | {CRANK: (CRANK, None)}
     closed = from_spec(spec, points, names, coordinates=named, laws=mechanism.named_laws)
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
     return replace(closed, track=replace(closed.track, hidden=hidden))
@@ -285,18 +271,6 @@ def _closed_at_drivers(loops: ModelLoops, guess: Array) -> tuple[ModelLoops, Arr
     return loops, _closed(loops, guess)
 
 
-def _coordinate_names(mechanism: Mechanism, *, follows_laws: bool) -> dict[str, tuple[str, int | None]]:
-    """Return joint of the model -> coordinate and its index in the joint; a single crank is named "crank"."""
-    name_of = model_names(mechanism)
-    called: dict[str, tuple[str, int | None]] = {
-        name_of[name]: (name, i if len(joint.coordinates) > 1 else None)
-        for joint in mechanism.joints
-        for i, name in enumerate(joint.coordinates)
-        if name in name_of
-    }
-    return called if follows_laws else called | {CRANK: (CRANK, None)}
-
-
 def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
     """Return the points of a mechanism, or the named sites of a custom model."""
     sites = (site.name for site in spec.sites if site.name and "@" not in site.name)
@@ -335,7 +309,13 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     loops, guess = initial_guess(mechanism, scene)
     many = link_poses(mechanism, loops, _closed(loops, guess)[None])
     poses = {name: pose.select(0) for name, pose in many.items()}
-    require_aligned(mechanism, poses)
+    # reject a mechanism with antiparallel axes of a joint, which point constraints allow
+    all_poses = {GROUND: IDENTITY, **poses}
+    for joint in mechanism.joints:
+        for i in KINDS[joint.kind].aligned_columns:
+            a, b = (all_poses[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b))
+            if not float(np.dot(a, b)) > 0.0:
+                raise AssemblyError(f"{mechanism.name}: {antiparallel_message(joint.name, i)}")
     return generate(mechanism, scene, poses)
 
 

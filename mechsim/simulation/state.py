@@ -35,7 +35,11 @@ class PosedBodies:
     """
 
     def __init__(self, model: mujoco.MjModel, fields: Mapping[str, Array] | None = None):
-        self.kinematic_model = _kinematic_model(model)
+        # a copy of a model that computes kinematics only, as far as MuJoCo allows
+        looking = copy.copy(model)
+        off = mujoco.mjtDisableBit
+        looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
+        self.kinematic_model = looking
         self.fields: Mapping[str, Array] = fields or {}
         self._batches: dict[int, batch.Batch] = {}
 
@@ -243,11 +247,3 @@ def quaternion(rotation: Array) -> Array:
     out = np.empty(4)
     mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation, dtype=np.float64).ravel())
     return out
-
-
-def _kinematic_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of a model that computes kinematics only, as far as MuJoCo allows."""
-    looking = copy.copy(model)
-    off = mujoco.mjtDisableBit
-    looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
-    return looking

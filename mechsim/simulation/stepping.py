@@ -16,7 +16,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation import recording
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import States
 from mechsim.simulation.settings import Settings, set_armature
@@ -107,7 +107,14 @@ def step(
         controls: of the model's actuators at the start of each step, (total, nu); None without controls.
         progress: callback after every block.
     """
-    _require_followers(loops)
+    # reject functions of coordinates that do not follow from the drivers alone: they change every step
+    kept = {row.equality for row in recording.followers(loops)}
+    for row in loops.couplings:
+        if row.function is not None and row.equality not in kept:
+            raise NotSteppedError(
+                f"coupling {loops.model.equality(row.equality).name!r} is a function between coordinates "
+                "that move with a loop, which MuJoCo cannot step along drivers; take --method pose"
+            )
     timestep = profile.duration / total
     driven = not profile.steady or len(recording.actuated_dofs(loops)) > 1 or loops.drivers is not None
     if driven:
@@ -239,17 +246,6 @@ def require_steps_resolve(motion_laws: MotionLaws) -> None:
     """Reject motion laws with pulses that are too short for time steps."""
     if motion_laws.pulses:
         raise NotSteppedError("the motion laws have pulses too short for time steps; take --method pose")
-
-
-def _require_followers(loops: ModelLoops) -> None:
-    """Reject functions of coordinates that do not follow from the drivers alone: they change every step."""
-    kept = {row.equality for row in recording.followers(loops)}
-    for row in loops.couplings:
-        if row.function is not None and row.equality not in kept:
-            raise NotSteppedError(
-                f"coupling {loops.model.equality(row.equality).name!r} is a function between coordinates "
-                "that move with a loop, which MuJoCo cannot step along drivers; take --method pose"
-            )
 
 
 def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:

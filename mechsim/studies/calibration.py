@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import files, units
-from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion import short_repr

@@ -13,7 +13,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.model.scene import Level, Scene
-from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
 from mechsim.simulation.settings import plain_settings
 from mechsim.simulation.source import assembled
@@ -227,7 +227,7 @@ def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     settings = {"constant_steps": TIME_CONSTANT_STEPS, **contents.settings}
     step = SERVO_TIMESTEP if contents.timestep is None else contents.timestep
     plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
-    return mjcf.to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
+    return to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
 
 
 def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> str:
@@ -245,4 +245,4 @@ def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> str:
         from mechsim.studies.scene import tune_model
 
         spec = tune_model.turning(spec, solver.mechanism, rate)
-    return mjcf.to_xml(spec)
+    return to_xml(spec)

@@ -10,7 +10,7 @@ from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, BudgetError
 from mechsim.files import plain

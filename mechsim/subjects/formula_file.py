@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.analytic.formulas.closed_form import ClosedForm, Geometry
 from mechsim.analytic.formulas.parameters import FormulaParameter
 from mechsim.analytic.formulas.two_branch import CHANGE_POINT, TwoBranchForm

@@ -242,7 +242,7 @@ def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":
 
 def _state(model: "MjcfModel", mechanism: Mechanism) -> Array:
     """Return the initial state of a model whose mechanism starts in its guess, (nq,)."""
-    from mechsim.simulation.mjcf import compiled
+    from mechsim.simulation.mjcf.compiling import compiled
     from mechsim.simulation.mjcf_reader.reading import states_of
 
     values = {name: np.array([value]) for name, value in mechanism.guess_coordinates.items()}

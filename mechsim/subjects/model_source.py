@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mechsim.analytic.derivatives.dimensions import Dimension
+    from mechsim.analytic.designs import Dimension
     from mechsim.analytic.solvers import KinematicSolver
     from mechsim.model.motion_laws import State
     from mechsim.subjects.toml_coordinates import FileMotionLaw

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism

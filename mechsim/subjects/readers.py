@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import DesignFamily, own_designs
+from mechsim.analytic.designs import DesignFamily, own_designs
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.subjects import catalog, gallery
@@ -27,6 +26,7 @@ from mechsim.subjects.prescription import prescribed_solver, written_guess
 from mechsim.subjects.python_object import GivenObject
 
 if TYPE_CHECKING:
+    from mechsim.model.forces import Forces
     from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
     Model: TypeAlias = PathLike[str] | KinematicSolver | Mechanism | MujocoInput | ModelSource

@@ -16,7 +16,7 @@ def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> t
         return None
     # MuJoCo is loaded for MJCF files only
     from mechsim.simulation.findings import findings
-    from mechsim.simulation.mjcf import quiet
+    from mechsim.simulation.mjcf.compiling import quiet
 
     with quiet():
         return findings(solver.source, laws or solver.motion_laws)

@@ -11,12 +11,12 @@ from mechsim.files import is_table, read
 from mechsim.model.coupling_functions import PlainFunction, TabledFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Belt, Coupling, Gear, state_variable
-from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.toml_values import KeyPath, Values, suggestion, written_function
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
+    from mechsim.model.nonlinear_springs import NonlinearSpring
     from mechsim.subjects.law_text import MotionLaw, Start
 
 # excess of a rope over its path that is rounding, relative to their lengths
@@ -195,7 +195,7 @@ class FileLimits:
 
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     restitution: dict[str, float] = field(default_factory=dict[str, float])
-    stops: list[NonlinearSpring] = field(default_factory=list[NonlinearSpring])
+    stops: "list[NonlinearSpring]" = field(default_factory=list["NonlinearSpring"])
 
 
 def limits_of(coordinates: FileCoordinates) -> FileLimits:
@@ -243,6 +243,8 @@ def _add_limits(
         return
     if KINDS[coordinates.kinds[name]].rod:
         raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
+    from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
+
     units: tuple[Unit, Unit] = (
         ("N/m", "N s/m") if coordinates.units[name] == "m" else ("N m/rad", "N m s/rad")
     )

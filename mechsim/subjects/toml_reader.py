@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.files import read_text
-from mechsim.model.forces import WEIGHT
 from mechsim.model.joints import Coupling, joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY
 from mechsim.model.mechanism import Mechanism, Up, against
@@ -214,4 +213,6 @@ def _up(read: Mapping[str, Any]) -> Up | None:
     stated: Up | None = read.get("display", {}).get("up")
     if stated or "forces" not in read:
         return stated
+    from mechsim.model.forces import WEIGHT
+
     return against(read["forces"].get("gravity", WEIGHT.gravity))

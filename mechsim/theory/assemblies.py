@@ -1,9 +1,12 @@
 """Every assembly of a mechanism at a crank angle, complete where Assur groups decide."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mechsim.analytic.loops.assemblies import other_assemblies
+from mechsim.analytic.loops.motion import driven_path
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.numerics.arrays import Array
@@ -12,6 +15,7 @@ from mechsim.theory.group_assemblies import UnsolvedGroupError, group_assemblies
 from mechsim.theory.mobility_count import plane_normal
 
 if TYPE_CHECKING:
+    from mechsim.analytic.formulas.closed_form import AssemblyPoints
     from mechsim.subjects.readers import Model
 
 
@@ -69,12 +73,28 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
         groups = group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})
     except (InputError, AssemblyError) as error:
-        return _assemblies_of(
-            angle, solver.all_assembly_points(angle), False, f"found from random starts: {error}"
-        )
-    listed = solver.all_assembly_points(angle, groups.poses)
+        listed, reason = all_assembly_points(solver, angle), f"found from random starts: {error}"
+        return _assemblies_of(angle, listed, False, reason)
+    listed = all_assembly_points(solver, angle, groups.poses)
     reason = "every pose" if groups.complete else f"the first {len(groups.poses)} of more poses"
     return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups", groups.families)
+
+
+def all_assembly_points(
+    solver: KinematicSolver, angle: float, candidates: Sequence[Mapping[str, Pose]] | None = None
+) -> "list[AssemblyPoints]":
+    """Return every assembly of a mechanism without formulas at a crank angle, its own first.
+
+    Args:
+        solver: of the mechanism.
+        angle: in [rad].
+        candidates: link -> pose of every assembly; None searches from random starts.
+    """
+    own = solver.assembly_points(angle)
+    links = [solver.whole_motion([angle]).links] if own else []
+    path = driven_path(solver.mechanism, solver.motion_laws, solver.change_point)
+    others = other_assemblies(path, angle, solver.ranges, links, candidates)
+    return own + [({}, points) for points in others]
 
 
 def _assemblies_of(

@@ -1,6 +1,6 @@
 """Assur groups: decomposition of a planar chain into the smallest groups of zero mobility."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -50,26 +50,7 @@ def blocks(
         equation: [other for other, units in units_of.items() if other in match and unit in units]
         for equation, unit in match.items()
     }
-    _require_matched(mechanism, unknown, units_of, match, later)
-
-    def first_link(equations: set[Equation]) -> int:
-        names = (match[equation].name for equation in equations)
-        return min((unknown.index(name) for name in names if isinstance(name, str)), default=-1)
-
-    return [
-        (equations, {match[equation] for equation in equations})
-        for equations in ordered_blocks(later, first_link)
-    ]
-
-
-def _require_matched(
-    mechanism: Mechanism,
-    unknown: Sequence[str],
-    units_of: Mapping[Equation, Sequence[Unit]],
-    match: Mapping[Equation, Unit],
-    later: Mapping[Equation, Sequence[Equation]],
-) -> None:
-    """Raise InputError if equations and unknowns do not match; names the links concerned."""
+    # raise InputError if equations and unknowns do not match; names the links concerned
     every = {unit for units in units_of.values() for unit in units}
     every |= {Unit(link, i) for link in unknown for i in range(3)}
     free = every - set(match.values())
@@ -91,6 +72,15 @@ def _require_matched(
             f"with the given drivers, {len(excess)} more condition{'s' * (len(excess) > 1)} than degrees of "
             "freedom; leave out a redundant link, or drive fewer"
         )
+
+    def first_link(equations: set[Equation]) -> int:
+        names = (match[equation].name for equation in equations)
+        return min((unknown.index(name) for name in names if isinstance(name, str)), default=-1)
+
+    return [
+        (equations, {match[equation] for equation in equations})
+        for equations in ordered_blocks(later, first_link)
+    ]
 
 
 def _listed(mechanism: Mechanism, names: set[str | int]) -> str:
@@ -228,7 +218,10 @@ def inputs(
     """
     requested = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
     stopped = tuple(stopped)
-    _require_links(mechanism, (*requested, *stopped))
+    links = [link.name for link in mechanism.links]
+    for name in (*requested, *stopped):
+        if name not in links:
+            raise InputError(f"{mechanism.name} has no moving link {name!r}; choose from {', '.join(links)}")
     body = rigid(mechanism)
     requested, stopped, driven = (
         tuple(dict.fromkeys(body[link] for link in links if body[link] != GROUND))
@@ -313,10 +306,3 @@ def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
 def _on_frame(mechanism: Mechanism, pairs: Sequence[Pairs]) -> list[str]:
     neighbour_links = neighbours(pairs, GROUND)
     return [link.name for link in mechanism.links if link.name in neighbour_links]
-
-
-def _require_links(mechanism: Mechanism, names: Iterable[str]) -> None:
-    links = [link.name for link in mechanism.links]
-    for name in names:
-        if name not in links:
-            raise InputError(f"{mechanism.name} has no moving link {name!r}; choose from {', '.join(links)}")

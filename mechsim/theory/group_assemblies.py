@@ -118,7 +118,17 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
     first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]).astype(np.float64)
     first /= np.linalg.norm(first)
     basis = np.array([first, np.cross(normal, first), normal], dtype=np.float64).T
-    pairs = _plane_pairs(mechanism, poses, basis)
+    # the pairs of a mechanism in the plane, at the reference pose
+
+    def flat(vector: Array) -> complex:
+        return complex(*(basis[:, :2].T @ vector))
+
+    pairs: list[PlanePair] = []
+    for pair in planar_pairs(mechanism):
+        end = mechanism.joint(pair.joints[0]).a
+        pose = poses[end.link]
+        direction = None if pair.hinge else flat(pose.rotation @ np.asarray(end.axis))
+        pairs.append(PlanePair(pair.links, flat(pose.point(end.point)), direction))
     placed: list[Placed] = [dict.fromkeys((GROUND, *decomposition.drivers), AT_REFERENCE)]
     families: dict[str, None] = {}
     complete = True
@@ -136,21 +146,6 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
         for assembly in placed[:MAX_ASSEMBLIES]
     )
     return GroupAssemblies(isolated, tuple(families), complete and len(placed) <= MAX_ASSEMBLIES)
-
-
-def _plane_pairs(mechanism: Mechanism, poses: Mapping[str, Pose], basis: Array) -> list[PlanePair]:
-    """Return the pairs of a mechanism in the plane, at the reference pose."""
-
-    def flat(vector: Array) -> complex:
-        return complex(*(basis[:, :2].T @ vector))
-
-    pairs: list[PlanePair] = []
-    for pair in planar_pairs(mechanism):
-        end = mechanism.joint(pair.joints[0]).a
-        pose = poses[end.link]
-        direction = None if pair.hinge else flat(pose.rotation @ np.asarray(end.axis))
-        pairs.append(PlanePair(pair.links, flat(pose.point(end.point)), direction))
-    return pairs
 
 
 def _displaced(pose: Pose, displacement: Displacement, basis: Array) -> Pose:

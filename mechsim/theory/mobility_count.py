@@ -7,7 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.loops import DofCount, assemble, dof_count, equations
+from mechsim.analytic.loops.maximal_coordinates import equations
+from mechsim.analytic.loops.mobility import DofCount, dof_count
+from mechsim.analytic.loops.start import assemble
 from mechsim.errors import AssemblyError, several
 from mechsim.model.joint_kinds import KINDS, Axis, Kind
 from mechsim.model.joints import End, Joint
@@ -396,7 +398,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     stands = [assemble(mechanism, [mechanism.start])]
     for aside in (CRANK_STEP, -CRANK_STEP):
         try:
-            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0], most_steps=20))
+            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0]))
         except AssemblyError:
             continue  # a dead centre or a locked structure: the other poses count
     ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [

@@ -9,14 +9,9 @@ from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
 from mechsim import catalog
-from mechsim.analytic.derivatives.dimensions import (
-    DesignFamily,
-    changes,
-    numbers_of,
-    own_designs,
-    placed_designs,
-)
+from mechsim.analytic.derivatives.dimensions import changes, numbers_of
 from mechsim.analytic.derivatives.motion import motion_derivatives
+from mechsim.analytic.designs import DesignFamily, own_designs, placed_designs
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.subjects import prescription

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, dynamics
-from mechsim.analytic.derivatives.dimensions import changes, own_designs
+from mechsim.analytic.derivatives.dimensions import changes
 from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers
 from mechsim.analytic.derivatives.motion import followed_motion
+from mechsim.analytic.designs import own_designs
 from mechsim.model.forces import Forces, Friction, JointSpring, Spring
 from mechsim.model.masses import with_inertia
 

@@ -19,7 +19,7 @@ from mechsim.simulation.dynamics import determinacy
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.findings import findings
-from mechsim.simulation.mjcf import compiled, to_xml
+from mechsim.simulation.mjcf.compiling import compiled, to_xml
 from mechsim.simulation.mjcf_reader.reading import read_model
 from mechsim.studies.scene.exact_closure import exact_closure
 from mechsim.theory.continuation.free_loops import free_loops

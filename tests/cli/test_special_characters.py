@@ -22,7 +22,7 @@ from mechsim.model.scene import Scene
 from mechsim.pictures import plots
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
-from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.subjects.model_source import Prescription
 from mechsim.subjects.toml_reader import TomlModel
@@ -105,7 +105,7 @@ def test_names_round_trip_through_tables_and_toml(tmp_path, name):
 @every_name
 def test_names_round_trip_through_mjcf(name):
     mechanism = named(name)
-    model = mujoco.MjModel.from_xml_string(mjcf.to_xml(assembled(mechanism, Scene())))
+    model = mujoco.MjModel.from_xml_string(to_xml(assembled(mechanism, Scene())))
     assert {model.body(i).name for i in range(1, model.nbody)} == {link.name for link in mechanism.links}
     assert mechanism.points.keys() <= {model.site(i).name for i in range(model.nsite)}
 

@@ -11,7 +11,8 @@ from mechsim.model.links import GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.shapes.joints import DRAW, link_shapes
-from mechsim.simulation.mjcf import compiled, generate
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.generator import generate
 from mechsim.simulation.mjcf.joints import part_names
 
 CROSS_ANGLE = 1.1

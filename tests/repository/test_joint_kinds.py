@@ -17,7 +17,7 @@ DEFINING_MODULES = {
     "mechsim.shapes.joints",
     "mechsim.simulation.mjcf.included_files",  # "fixed" is an element of MJCF there
     "mechsim.report.facts",  # "planar" describes a mechanism there
-    "mechsim.cli.verdict_text",  # likewise
+    "mechsim.cli.finding_text",  # likewise
     "mechsim.cli.check",  # "fixed" is a key of its JSON
     "mechsim.simulation.mjcf_reader.urdf_loops",  # types of joints in URDF
     "mechsim.simulation.mjcf_reader.urdf_tree",  # types of joints in URDF

@@ -10,6 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.theory.assemblies import all_assembly_points
 
 
 @pytest.mark.long
@@ -62,7 +63,7 @@ def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
         'D = { link = "tie", at = [4, 0, 0] }\n'
     )
     path.write_text(model_text("one_assembly_four_bar.toml", start="").replace("[points]\n", more))
-    listed = [points for _, points in ms.load(path).all_assembly_points(np.pi / 6)]
+    listed = [points for _, points in all_assembly_points(ms.load(path), np.pi / 6)]
     assert len(listed) == 4
 
     def intersections(first, radius, second, other):

@@ -10,6 +10,7 @@ import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.theory.assemblies import all_assembly_points
 from mechsim.theory.group_assemblies import group_assemblies
 
 # the published triad of Gosselin and Merlet: six poses (x, y, angle), printed with six decimals
@@ -78,7 +79,7 @@ def test_a_turning_slide_has_both_tangents_of_its_circle(tmp_path, angle):
 def test_random_starts_find_the_same_assemblies(name):
     solver = ms.load(name)
     every = ms.assemblies(name, 0.2)
-    searched = KinematicSolver.all_assembly_points(solver, 0.2)
+    searched = all_assembly_points(solver, 0.2)
     assert every.complete
     assert len(every) == len(searched)
     for _, points in searched:

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechsim import catalog
-from mechsim.analytic.loops import assemble, residual_norms, turned_by
 from mechsim.errors import InputError
+from mechsim.loops import assemble, residual_norms, turned_by
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism

@@ -17,7 +17,8 @@ import study_table as sheet
 
 from mechsim import catalog
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.simulation import mjcf, settings
+from mechsim.simulation import settings
+from mechsim.simulation.mjcf.compiling import compiled, quiet
 
 CHAINS = (8, 10, 12, 16, 20, 24, 40)
 POLYGONS = ((1, 40), (1, 100), (2, 20), (2, 40), (3, 20), (3, 30), (4, 12), (4, 20), (6, 12), (10, 8))
@@ -131,7 +132,7 @@ def _weigh(body: mujoco.MjsBody, centre: tuple[float, float, float]) -> None:
 
 def ready(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the model set up as `Settings()` would, but for the choice of matrices."""
-    model = mjcf.compiled(spec)
+    model = compiled(spec)
     disable = mujoco.mjtDisableBit
     model.opt.disableflags |= int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
     model.opt.gravity[:] = 0.0
@@ -183,7 +184,7 @@ def wrong() -> str:
     )
 
 
-@mjcf.quiet()
+@quiet()
 def main() -> None:
     linkage = catalog.make("four_bar")
     assert linkage.name == "four_bar"

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.export import exported
 from mechsim.studies.scene.scene import UserScene, scene_of
@@ -102,7 +102,7 @@ def prepared(source: Path, work: Path) -> Iterator[tuple[str, Case, Path]]:
     for name, case in CASES.items():
         file = source / case.file
         if not case.file:
-            text = mjcf.to_xml(exported(load(name).mechanism, Scene(level="motion")))
+            text = to_xml(exported(load(name).mechanism, Scene(level="motion")))
             (work / f"{name}.xml").write_text(text)
             yield name, Case(f"{name}.xml", case.track, drive=case.drive), work
         elif not file.is_file():

@@ -24,7 +24,7 @@ import study_table as sheet
 from numpy.typing import NDArray
 from reduced_cases import Case, prepared
 
-from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator, other_motion
 from mechsim.studies.reduction.search import reduce_scene
@@ -87,7 +87,7 @@ def row(name: str, case: Case, folder: Path) -> dict[str, object]:
     }
 
 
-@mjcf.quiet()
+@quiet()
 def main() -> int:
     """Reduce every scene and judge it."""
     parser = argparse.ArgumentParser(description=__doc__)

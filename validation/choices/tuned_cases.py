@@ -12,7 +12,7 @@ from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.options import DriveOptions
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.export import exported
 from mechsim.subjects.readers import load
@@ -106,7 +106,7 @@ def scene_files(folder: Path | None, work: Path, only: set[str]) -> Iterator[Sce
         if only and name not in only:
             continue
         mechanism, path = load(name).mechanism, work / f"{name}.xml"
-        path.write_text(mjcf.to_xml(exported(mechanism, Scene())))
+        path.write_text(to_xml(exported(mechanism, Scene())))
         yield SceneFile(name, path, mechanism, {})
     for name, (file, controls) in PUBLIC.items() if folder else ():
         path = folder / file

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.loops import RANK_TOLERANCE
 from mechsim.analytic.loops.maximal_coordinates import is_length, row_units
 from mechsim.model.force_record import MeshForce, Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
@@ -17,6 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import Mesh, mesh_of, meshes_of, threads_of
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
+from mechsim.numerics.rank import RANK_TOLERANCE
 
 # component of a self-stress below which it is zero
 DETERMINED = 1e-9

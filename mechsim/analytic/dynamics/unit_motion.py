@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic import loops
-from mechsim.analytic.loops import Rows
+from mechsim.analytic.loops.maximal_coordinates import Rows, equations
+from mechsim.analytic.loops.mobility import dof_count
 from mechsim.analytic.vector_method.rotations import skew
 from mechsim.errors import InputError
 from mechsim.model.forces import Location, located
@@ -21,6 +21,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
+from mechsim.numerics.rank import RANK_TOLERANCE
 
 # relative deviation of size and inertia of a link with passive rotation from symmetry about its line
 SYMMETRY_TOLERANCE = 1e-9
@@ -85,7 +86,7 @@ class UnitMotion:
 
     def rows(self, twists: Mapping[str, Array] | None = None) -> Rows:
         """Return loop and driver equations at these poses, with the bias for twists of links (n, 6)."""
-        return loops.equations(self.mechanism, self.poses(), self.drivers or self.angle, twists)
+        return equations(self.mechanism, self.poses(), self.drivers or self.angle, twists)
 
     def poses(self) -> dict[str, Pose]:
         """Return link -> n poses."""
@@ -190,12 +191,12 @@ def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
     """Return a basis of the twists that remain with the crank locked, (n, L, 6, k)."""
     mechanism = unit.mechanism
     real = replace(unit, position=np.real(unit.position), rotation=np.real(unit.rotation))
-    passive = loops.dof_count(nominal, real.poses()).passive
+    passive = dof_count(nominal, real.poses()).passive
     n, count = len(unit), len(mechanism.links)
     if not passive:
         return np.zeros((n, count, 6, 0))
     scale = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, count)
-    null = stepped_null_space(unit.locked_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
+    null = stepped_null_space(unit.locked_rows.jacobian * scale, passive, RANK_TOLERANCE)
     return (null * scale[:, None]).reshape(n, count, 6, passive)
 
 
@@ -250,7 +251,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     # second derivatives of the driven motion, with any passive rotation
     driven = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.characteristic_length] * 3 + [1.0] * 3, count)
-    least = stepped_least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)
+    least = stepped_least_norm(rows.jacobian * scale, rows.bias - driven, RANK_TOLERANCE)
     bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)
     unit_rates, zero = np.ones(n), np.zeros(n)

@@ -322,7 +322,14 @@ class ClosedForm(ABC):
         """
         mechanism, n = self.described, len(values(angle))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            frames, geometry = self._link_frames(angle, every=links or joints), self.geometry()
+            # frames of links; unless of every link, only of those with tracked points
+            carriers = {link for link, _ in self.described.points.values()}
+            frames_by_link: dict[str, LinkFrame] = {GROUND: GROUND_FRAME}
+            for name, frame in self.frames(angle):
+                frames_by_link[name] = frame
+                if not (links or joints) and carriers <= frames_by_link.keys():
+                    break
+            frames, geometry = frames_by_link, self.geometry()
             points = {
                 name: link_frames.point_motion(frames[mechanism.points[name][0]].point(local), n)
                 for name, local in geometry.points.items()
@@ -344,16 +351,6 @@ class ClosedForm(ABC):
             coordinates,
             spinning=self.spinning if links else frozenset(),
         )
-
-    def _link_frames(self, angle: Values, *, every: bool) -> dict[str, LinkFrame]:
-        """Return frames of links; unless of every link, only of those with tracked points."""
-        carriers = {link for link, _ in self.described.points.values()}
-        frames_by_link: dict[str, LinkFrame] = {GROUND: GROUND_FRAME}
-        for name, frame in self.frames(angle):
-            frames_by_link[name] = frame
-            if not every and carriers <= frames_by_link.keys():
-                break
-        return frames_by_link
 
     def require_closed(self, angles: Array, points: Mapping[str, Array]) -> None:
         """Raise AssemblyError where there is no real position."""

@@ -4,10 +4,12 @@ The coordinates without driver are unknown. Of redundant equations, as in a plan
 ones are used; an additional equation keeps a passive rotation at its value.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,6 @@ from mechsim.analytic.loops.kinematics import (
 )
 from mechsim.analytic.loops.tree import SpanningTree, spanning_tree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
-from mechsim.model.design_arrays import Sides
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.model.joints import Coupling, Joint
 from mechsim.model.link_poses import rotated, with_virtual_bodies
@@ -33,6 +34,9 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import LoopSolver
 from mechsim.numerics.newton import LinearEquations
+
+if TYPE_CHECKING:
+    from mechsim.model.design_arrays import Sides
 
 
 @dataclass(frozen=True)
@@ -281,7 +285,7 @@ class TreeLoops:
         """Number of coordinates."""
         return self.tree.count
 
-    def at_instants(self, _: int, /) -> "TreeLoops":
+    def at_instants(self, _: int, /) -> TreeLoops:
         """Return the equations for a number of instants; those of a single mechanism do not depend on it."""
         return self
 

@@ -19,10 +19,9 @@ from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import AssemblyError
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, LinkMotion, Motion
+from mechsim.model.motion import JointMotion, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver
@@ -379,24 +378,21 @@ def design_record(
     for name in joints:
         index = tree.index_of.get(name)
         if index is None:
-            coordinates[name] = _hinge(arrays, links, mechanism.joint(name), repeat)
+            # the motion of a hinge that closes a loop
+            joint = mechanism.joint(name)
+            _, frame_a, _, frame_b = arrays.ends[joint.name]
+            a, b = (link_or_ground_motion(end.link, links) for end in (joint.a, joint.b))
+            side_a, side_b = (
+                link.rotation @ np.repeat(np.moveaxis(frame, -1, 0), repeat, 0)
+                for link, frame in ((a, frame_a), (b, frame_b))
+            )
+            axis, along = side_a[..., 2], side_b[..., 0]
+            coordinates[name] = JointMotion(
+                np.arctan2(dot(side_a[..., 1], along), dot(side_a[..., 0], along)),
+                dot(axis, b.angular_velocity - a.angular_velocity),
+                dot(axis, b.angular_acceleration - a.angular_acceleration),
+            )
         else:
             value, rate, second = (table[:, index] for table in (motion.values, motion.rates, motion.second))
             coordinates[name] = JointMotion(value, rate, second, "m" if tree.slides[index] else "rad")
     return Motion("loop equations", angle, speed, acceleration, points, links, coordinates)
-
-
-def _hinge(arrays: DesignArrays, links: dict[str, LinkMotion], joint: Joint, repeat: int) -> JointMotion:
-    """Return the motion of a hinge that closes a loop."""
-    _, frame_a, _, frame_b = arrays.ends[joint.name]
-    a, b = (link_or_ground_motion(end.link, links) for end in (joint.a, joint.b))
-    side_a, side_b = (
-        link.rotation @ np.repeat(np.moveaxis(frame, -1, 0), repeat, 0)
-        for link, frame in ((a, frame_a), (b, frame_b))
-    )
-    axis, along = side_a[..., 2], side_b[..., 0]
-    return JointMotion(
-        np.arctan2(dot(side_a[..., 1], along), dot(side_a[..., 0], along)),
-        dot(axis, b.angular_velocity - a.angular_velocity),
-        dot(axis, b.angular_acceleration - a.angular_acceleration),
-    )

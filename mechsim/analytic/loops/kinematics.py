@@ -83,16 +83,12 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
                 slid = slid + axes[:, k] * q.values[k]
         # a link's displacement from its parent first: rods of equal length then cancel exactly
         position[i] = origin + (arm - carried_point(sides.child_point, rotation[i]) + slid)
-    return LinkPoses(position, rotation, _unit_twists(tree, axes, centres))
-
-
-def _unit_twists(tree: SpanningTree, axes: Array, centres: Array) -> Array:
-    """Return unit twists (count, 6, n) of rotations about axes through centres, (3, count, n), and slides."""
+    # unit twists (count, 6, n) of rotations about axes through centres, (3, count, n), and slides
     unit_twists = np.empty((tree.count, 6, axes.shape[2]), axes.dtype).transpose(1, 0, 2)
     unit_twists[:3], unit_twists[3:] = cross(centres, axes), axes
     if tree.slides.any():
         unit_twists[:3, tree.slides], unit_twists[3:, tree.slides] = axes[:, tree.slides], 0.0
-    return unit_twists.transpose(1, 0, 2)
+    return LinkPoses(position, rotation, unit_twists.transpose(1, 0, 2))
 
 
 def _relative_rotations(tree: SpanningTree, q: Coordinates) -> Iterator[Array]:

@@ -264,7 +264,15 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
         speed, acceleration = instants.speed[singular], instants.acceleration[singular]
         second[:, singular] = polynomial[0] * acceleration + polynomial[1] * speed**2
     spatial = velocity_product + twists(tree, linearised.poses, second * units)
-    velocity, accelerations = _at_origins(linearised.poses.position, twist, spatial)
+    # velocities and accelerations of the links' origins from twists and spatial accelerations
+    velocity, accelerations = np.empty_like(twist), np.empty_like(twist)
+    for i, origin in enumerate(linearised.poses.position):
+        angular_velocity, angular_acceleration = twist[i, 3:], spatial[i, 3:]
+        velocity[i, :3] = twist[i, :3] + cross(angular_velocity, origin)
+        accelerations[i, :3] = (
+            spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :3])
+        )
+        velocity[i, 3:], accelerations[i, 3:] = angular_velocity, angular_acceleration
     return LoopMotion(
         q.values.T,
         (rates * units).T,
@@ -277,28 +285,6 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
         if conditioned
         else np.ones(len(q)),
     )
-
-
-def _at_origins(position: Array, twist: Array, spatial: Array) -> tuple[Array, Array]:
-    """Return velocities and accelerations of the links' origins from twists and spatial accelerations.
-
-    Args:
-        position: of the origins, (links, 3, n) in [m].
-        twist: linear velocity at the frame's origin, then angular velocity, (links, 6, n).
-        spatial: spatial acceleration in the same order, (links, 6, n).
-
-    Returns:
-        Linear, then angular parts at the links' own origins, (links, 6, n) each.
-    """
-    velocity, accelerations = np.empty_like(twist), np.empty_like(twist)
-    for i, origin in enumerate(position):
-        angular_velocity, angular_acceleration = twist[i, 3:], spatial[i, 3:]
-        velocity[i, :3] = twist[i, :3] + cross(angular_velocity, origin)
-        accelerations[i, :3] = (
-            spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :3])
-        )
-        velocity[i, 3:], accelerations[i, 3:] = angular_velocity, angular_acceleration
-    return velocity, accelerations
 
 
 def smallest_singular_values(jacobian: Array, rank: int) -> Array:

@@ -5,16 +5,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_aligned, axis_cosines, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.analytic.path_instants import crank_angles
 from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.joints import End, joint_coordinate
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND, IDENTITY, Pose, vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, described
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, rank, significant
@@ -39,6 +41,52 @@ def close_nearest(
     """
     result = newton(LoopSystem(loops, loops.unknown), q, settings, least_norm)
     return result.q, result.residual
+
+
+def assemble(
+    mechanism: Mechanism, angles: ArrayLike, guess: Mapping[str, Pose] | None = None
+) -> Mapping[str, Pose]:
+    """Close the loops at each crank angle by Newton's method from a guess.
+
+    Args:
+        mechanism: the mechanism.
+        angles: crank angles, (n,) in [rad].
+        guess: moving link -> one pose or n poses; the default is the mechanism's own guess.
+
+    Returns:
+        Moving link -> n poses.
+
+    Raises:
+        AssemblyError: where the loops do not close; names the crank angle and the loop-closure error.
+
+    Accuracy: residuals of a few ulp of the longest link away from a dead centre.
+    """
+    mechanism = described(mechanism)
+    angles, initial = crank_angles(mechanism.name, angles), initial_coordinates(mechanism)
+    poses = guessed_poses(mechanism) if guess is None else guess
+    loops, _ = tree_loops(
+        mechanism,
+        {name: pose if pose.position.ndim == 1 else pose.select(0) for name, pose in poses.items()},
+        initial,
+    )
+    q = loops.with_multi_turn(loops.read(poses), initial)
+    q = q.repeated(len(angles)) if len(q) == 1 else q
+    if mechanism.has_crank:
+        q.values[loops.tree.index_of[mechanism.crank.name]] = angles
+    q, residual = close_nearest(loops, q)
+    if not residual.max() <= CLOSED:
+        index = int(np.argmax(residual))
+        raise AssemblyError(
+            f"{mechanism.name}: the loops do not close at crank angle {angles[index]:.6g} rad: after "
+            f"{ASSEMBLY.max_iterations} Newton steps a gap of {residual[index]:.3g} of the longest link "
+            "remains; change the dimensions, the crank angle or the guess"
+        )
+    closed_poses = link_poses(loops.tree, q)
+    for name, column, cosine in axis_cosines(loops, closed_poses):
+        if cosine.min() < 0.0:
+            where = f"crank angle {angles[np.argmin(cosine)]:.6g} rad"
+            raise AssemblyError(f"{mechanism.name}: at {where} {antiparallel_message(name, column)}")
+    return closed_poses.by_link(loops.tree.links)
 
 
 def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates, remaining: float) -> str:
@@ -69,9 +117,13 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         return f"{text}; {near_by}: start there, or change the dimensions"
     if across:
         return f"{text}, because {across}; move one of its points by that"
+    # the joint or coupling with the largest residual
+    residual = np.abs(undriven.linearise(solution)[0][:, 0])
+    names = [cut.joint.name for cut in undriven.cuts for _ in range(cut.rows)]
+    names += [row.coupling.name for row in undriven.couplings]
     return (
         f"{text}, and with free drivers Newton's method and {STARTS} damped starts leave "
-        f"{_widest(undriven, solution)} open; change "
+        f"{names[int(residual.argmax())]} open; change "
         "the dimensions, the start of the drivers, or the guess"
     )
 
@@ -115,14 +167,6 @@ def _across(loops: TreeLoops, q: Coordinates) -> str:
                 f"{cut.joint.name} has a gap of ({along}) m that no joint in its loop can close",
             )
     return text
-
-
-def _widest(loops: TreeLoops, q: Coordinates) -> str:
-    """Return the joint or coupling with the largest residual."""
-    residual = np.abs(loops.linearise(q)[0][:, 0])
-    names = [cut.joint.name for cut in loops.cuts for _ in range(cut.rows)]
-    names += [row.coupling.name for row in loops.couplings]
-    return names[int(residual.argmax())]
 
 
 # damped Gauss-Newton steps from a random start, and minimum-norm Newton steps after them
@@ -170,7 +214,9 @@ def random_poses(
     kept = [*loops.driven, *threaded]
     values[kept] = reference.values[kept]
     quaternions = draw.normal(size=(len(tree.balls), 4, count))
-    initial = Coordinates(values, _rotations(quaternions))
+    # rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length
+    unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
+    initial = Coordinates(values, from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3))
     chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * (tree.count + 1))))
     for first in range(0, count, chunk_size):
         indices = np.arange(first, min(first + chunk_size, count))
@@ -213,12 +259,6 @@ def _damped(jacobian: Array, residual: Array) -> Array:
     damping = 0.1 * (residual**2).mean(1) + least
     square += damping[:, None, None] * np.eye(square.shape[1])
     return square_solution(square, (transposed @ residual[..., None])[..., 0])
-
-
-def _rotations(quaternions: Array) -> Array:
-    """Return rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length."""
-    unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
-    return from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3)
 
 
 # distance from the stated values, in characteristic lengths and [rad], above which others are searched
@@ -517,7 +557,11 @@ def closed_start(mechanism: Mechanism) -> ClosedStart:
         except AssemblyError:
             return ClosedStart(mechanism)
     poses, values = _poses_and_values(assembly.loops, assembly.q)
-    revolutions = _revolutions_of_couplings(mechanism, values)
+    # the coupled angles beyond half a revolution, which poses and prescribed values leave open
+    counted = {*mechanism.guess_coordinates, *mechanism.drivers, *mechanism.locked}
+    uncounted = (name for law in mechanism.laws if not law.turns for name in law.coordinates)
+    coupled = [name for name in uncounted if name not in counted and mechanism.unit(name) == "rad"]
+    revolutions = {name: values[name] for name in coupled if abs(values[name]) > np.pi}
     if assembly.distance > MAX_DISTANCE or stated is not mechanism:
         coordinates = revolutions | {name: values[name] for name in stated.guess_coordinates}
         start = values[mechanism.drivers[0]] if mechanism.has_crank else mechanism.start
@@ -552,14 +596,6 @@ def _with_free_drivers(mechanism: Mechanism) -> Mechanism:
     stated = initial_coordinates(mechanism)
     drivers = {name: stated.get(name, 0.0) for name in mechanism.drivers}
     return replace(mechanism, driver=(), guess_coordinates={**mechanism.guess_coordinates, **drivers})
-
-
-def _revolutions_of_couplings(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the coupled angles beyond half a revolution, which poses and prescribed values leave open."""
-    counted = {*mechanism.guess_coordinates, *mechanism.drivers, *mechanism.locked}
-    uncounted = (name for law in mechanism.laws if not law.turns for name in law.coordinates)
-    coupled = [name for name in uncounted if name not in counted and mechanism.unit(name) == "rad"]
-    return {name: values[name] for name in coupled if abs(values[name]) > np.pi}
 
 
 def _is_closed_guess(mechanism: Mechanism, poses: Mapping[str, Pose]) -> bool:

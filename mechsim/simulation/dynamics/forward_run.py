@@ -26,7 +26,7 @@ from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_o
 from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import with_placeholders
-from mechsim.simulation.mjcf import compiled, quiet
+from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import (
     MASSLESS_FREE,
     UNLIMITED,

@@ -22,7 +22,7 @@ from mechsim.simulation.dynamics.inverse_dynamics import (
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, torque_within
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.poses.change_points import interpolated_motion
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import Driven, Method

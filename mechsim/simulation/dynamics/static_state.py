@@ -26,7 +26,7 @@ from mechsim.simulation.dynamics.forward_run import (
     without_cuts,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.state import mass_matrix
 from mechsim.simulation.stepping import expand_functions
 

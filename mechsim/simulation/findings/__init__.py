@@ -21,7 +21,7 @@ from mechsim.simulation.findings.loop_closure import (
     undetermined,
 )
 from mechsim.simulation.findings.rule_table import with_severity
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 
 __all__ = ["findings", "findings_in"]

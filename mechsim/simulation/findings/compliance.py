@@ -72,13 +72,6 @@ def _stiffened(scene: Inspected, loops: Sequence[Loop]) -> tuple[Inspected, str]
     return Inspected(replace(scene.read, spec=spec), scene.motion_laws), f'solref="{hardest:g} 1"'
 
 
-def _time_constant(scene: Inspected, loop: Loop) -> float:
-    """Return the time constant of a loop in [s]; 0 if the file gives its stiffness directly."""
-    model = scene.model
-    solref = model.opt.o_solref if overridden(model) else model.eq_solref[loop.number]
-    return max(float(solref[0]), 0.0)
-
-
 def refsafe(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops whose time constant MuJoCo raises to two time steps."""
     model = scene.model
@@ -87,7 +80,10 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
     least = MIN_STEPS * float(model.opt.timestep)
     groups: dict[float, list[Loop]] = {}
     for loop in scene.loops:
-        constant = _time_constant(scene, loop)
+        # the time constant of a loop in [s]; 0 if the file gives its stiffness directly
+        model = scene.model
+        solref = model.opt.o_solref if overridden(model) else model.eq_solref[loop.number]
+        constant = max(float(solref[0]), 0.0)
         if 0.0 < constant < least * (1.0 - 1e-9):
             groups.setdefault(constant, []).append(loop)
     for constant, loops in groups.items():

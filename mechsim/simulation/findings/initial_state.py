@@ -34,25 +34,21 @@ def outside_limits_at_start(scene: Inspected) -> Iterator[Finding]:
         dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in SCALAR else 3))
         moves = free[:, dofs].max(initial=0.0) > SIGNIFICANT
         if low == high and value == low and moves and np.abs(scene.generic[0][:, dofs]).any():
-            yield _immobile(name, float(low), unit, location)
+            yield Finding(
+                kind="limit",
+                what=name,
+                by=0.0,
+                message=f"joint {name} has {float(low):g} {unit} as its only "
+                "position, which every motion of its loop leaves",
+                remedy='give it a range, or limited="false"',
+                **location,
+            )
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
     for t in np.flatnonzero(model.tendon_limited):
         name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
         location = scene.location(tendons[name]) if name in tendons else NO_POSITION
         low, high = model.tendon_range[t]
         yield from _outside(f"tendon {name}", name, value, (low, high), "m or rad", location)
-
-
-def _immobile(name: str, limit: float, unit: str, location: FilePosition) -> Finding:
-    return Finding(
-        kind="limit",
-        what=name,
-        by=0.0,
-        message=f"joint {name} has {limit:g} {unit} as its only "
-        "position, which every motion of its loop leaves",
-        remedy='give it a range, or limited="false"',
-        **location,
-    )
 
 
 def _outside(
@@ -90,27 +86,23 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
             if unintended and depth > MIN_DEPTH * scene.length and depth > deepest.get(pair, (0.0,))[0]:
                 deepest[pair] = depth, geoms
     for pair, (depth, geoms) in deepest.items():
-        yield _collision(scene, geoms, depth, joined=pair in joined)
+        model, elements = contact_model(scene), list(scene.read.spec.geoms)
+        first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
+        where = "are joined and collide" if (pair in joined) else "overlap at the start"
+        yield Finding(
+            kind="collision",
+            what=f"{first}, {second}",
+            by=depth,
+            message=f"{first} and {second} {where}: they penetrate by {depth:.2g} m",
+            remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
+            # geoms that the compiler discards have no index
+            **(scene.location(elements[geoms[0]]) if len(elements) == model.ngeom else NO_POSITION),
+        )
 
 
 def contact_model(scene: Inspected) -> mujoco.MjModel:
     """Return the model with the geometry of the file."""
     return scene.model if scene.read.with_meshes is None else scene.read.with_meshes
-
-
-def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined: bool) -> Finding:
-    model, elements = contact_model(scene), list(scene.read.spec.geoms)
-    first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
-    where = "are joined and collide" if joined else "overlap at the start"
-    return Finding(
-        kind="collision",
-        what=f"{first}, {second}",
-        by=depth,
-        message=f"{first} and {second} {where}: they penetrate by {depth:.2g} m",
-        remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
-        # geoms that the compiler discards have no index
-        **(scene.location(elements[geoms[0]]) if len(elements) == model.ngeom else NO_POSITION),
-    )
 
 
 def _joined(scene: Inspected) -> set[tuple[int, int]]:

@@ -339,16 +339,9 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: boo
     if returns:
         states = np.concatenate([states, states[-2::-1]])
     rates = loop_jacobian.tangent(closed.loops, closed.loops.linearise(states)[1]) * speed[:, None]
-    qpos, qvel = _without_parameter(scene.model, closed.model, states, rates)
-    return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)
-
-
-def _without_parameter(
-    model: mujoco.MjModel, with_parameter: mujoco.MjModel, states: Array, rates: Array
-) -> tuple[Array, Array]:
-    """Return states and rates without the entries of the path parameter."""
-    parameter = with_parameter.joint(PARAMETER_JOINT)
+    # states and rates without the entries of the path parameter
+    parameter = closed.model.joint(PARAMETER_JOINT)
     qpos = np.delete(states, int(parameter.qposadr[0]), axis=1)
     qvel = np.delete(rates, int(parameter.dofadr[0]), axis=1)
-    assert qpos.shape[1] == model.nq
-    return qpos, qvel
+    assert qpos.shape[1] == scene.model.nq
+    return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)

@@ -80,7 +80,15 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     spec.modelname = mechanism.name
     spec.compiler.degree = False
     spec.compiler.autolimits = True
-    _options(spec, scene)
+    # set the options of a scene; constraint settings from validation/choices/constraint_settings.py
+    option = spec.option
+    option.gravity = scene.acting.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
+    option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    option.timestep = 1e-4
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.tolerance = SOLVER_TOLERANCE
+    disable = mujoco.mjtDisableBit
+    option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
     with _repeated_names(mechanism):
         bodies, frames = _add_links(spec, mechanism, tree, poses, real_inertia=forces is not None)
         # at level dynamics the crank is free, or driven by its motor
@@ -150,18 +158,6 @@ def with_revolutions(mechanism: Mechanism, joint: Joint, values: tuple[float, ..
         else value
         for i, (name, value) in enumerate(zip(joint.coordinates, values, strict=True))
     )
-
-
-def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
-    """Set the options of a scene; constraint settings from validation/choices/constraint_settings.py."""
-    option = spec.option
-    option.gravity = scene.acting.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
-    option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    option.timestep = 1e-4
-    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.tolerance = SOLVER_TOLERANCE
-    disable = mujoco.mjtDisableBit
-    option.disableflags = int(disable.mjDSBL_CONTACT | disable.mjDSBL_ISLAND | disable.mjDSBL_REFSAFE)
 
 
 def _close(

@@ -54,7 +54,10 @@ def cut_loops(
     """
     if not mechanism.joints:
         raise InputError(f"{mechanism.name} has no joints; add one")
-    requested, needed = set(cut or ()), _needed(mechanism)
+    # the names of joints that must not be cut: driven, locked or coupled ones
+    driven = {joint.name for joint in mechanism.driven_joints}
+    geared = joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates])
+    requested, needed = set(cut or ()), (driven | geared | joints_with(mechanism, mechanism.locked))
     _require_cuttable(mechanism, requested, needed)
     joined = components(
         [GROUND, *(link.name for link in mechanism.links)],
@@ -65,7 +68,21 @@ def cut_loops(
         raise InputError(
             f"{mechanism.name}: no chain of joints connects the frame with {', '.join(disconnected)}; add one"
         )
-    ordered = _ordered_for_tree(mechanism, requested, needed, keep)
+    # the joints in the order in which they stay in the tree
+    distance = _distance_from_crank(mechanism)
+
+    def priority(joint: Joint) -> tuple[bool | int, ...]:
+        """Return the reasons against cutting a joint, the strongest first.
+
+        The number of rows has priority over the distance from the crank: fewer rows make quicker steps.
+        """
+        steps, kind = min(distance[joint.a.link], distance[joint.b.link]), KINDS[joint.kind]
+        name, cuttable = joint.name, _cuttable(kind)
+        dof = cuttable and kind.dof
+        return name not in requested, name in needed, not cuttable, name in keep, -dof, -steps
+
+    # among joints with equal priority the first stays
+    ordered = sorted(mechanism.joints, key=priority, reverse=True)
     kept = {*spanning_edges((joint.a.link, joint.b.link, joint.name) for joint in ordered)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
     welded = welds and plane_normals(mechanism) is None
@@ -89,14 +106,16 @@ def cut_loops(
         )
     # the equation of a rod remains if its coordinates place a link
     rods = tuple(joint for joint in mechanism.joints if joint.name in kept and KINDS[joint.kind].rod)
-    return Tree(mechanism, _ordered(mechanism, kept), (*cuts, *rods))
-
-
-def _needed(mechanism: Mechanism) -> set[str]:
-    """Return the names of joints that must not be cut: driven, locked or coupled ones."""
-    driven = {joint.name for joint in mechanism.driven_joints}
-    geared = joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates])
-    return driven | geared | joints_with(mechanism, mechanism.locked)
+    placed, branches = {GROUND}, []
+    waiting = [joint for joint in mechanism.joints if joint.name in kept]
+    while waiting:
+        joint = next(j for j in waiting if j.a.link in placed or j.b.link in placed)
+        waiting.remove(joint)
+        forward = joint.a.link in placed
+        parent, child = (joint.a, joint.b) if forward else (joint.b, joint.a)
+        branches.append(Branch(joint, parent, child, 1 if forward else -1))
+        placed.add(child.link)
+    return Tree(mechanism, tuple(branches), (*cuts, *rods))
 
 
 def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str]) -> None:
@@ -108,26 +127,6 @@ def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str
     for name in sorted(requested & needed):
         what = "driven" if name in driven else "held" if name in mechanism.locked else "geared"
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
-
-
-def _ordered_for_tree(
-    mechanism: Mechanism, requested: set[str], needed: set[str], keep: Collection[str]
-) -> list[Joint]:
-    """Return the joints in the order in which they stay in the tree."""
-    distance = _distance_from_crank(mechanism)
-
-    def priority(joint: Joint) -> tuple[bool | int, ...]:
-        """Return the reasons against cutting a joint, the strongest first.
-
-        The number of rows has priority over the distance from the crank: fewer rows make quicker steps.
-        """
-        steps, kind = min(distance[joint.a.link], distance[joint.b.link]), KINDS[joint.kind]
-        name, cuttable = joint.name, _cuttable(kind)
-        dof = cuttable and kind.dof
-        return name not in requested, name in needed, not cuttable, name in keep, -dof, -steps
-
-    # among joints with equal priority the first stays
-    return sorted(mechanism.joints, key=priority, reverse=True)
 
 
 def _rejection_reason(joint: Joint, needed: set[str]) -> str:
@@ -167,19 +166,6 @@ def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
             neighbours.setdefault(b, []).append(a)
     steps, farthest = distances(neighbours, driven), len(mechanism.joints)
     return {link.name: steps.get(link.name, farthest) for link in mechanism.links} | {GROUND: 0}
-
-
-def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
-    placed, branches = {GROUND}, []
-    waiting = [joint for joint in mechanism.joints if joint.name in kept]
-    while waiting:
-        joint = next(j for j in waiting if j.a.link in placed or j.b.link in placed)
-        waiting.remove(joint)
-        forward = joint.a.link in placed
-        parent, child = (joint.a, joint.b) if forward else (joint.b, joint.a)
-        branches.append(Branch(joint, parent, child, 1 if forward else -1))
-        placed.add(child.link)
-    return tuple(branches)
 
 
 def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, float]:

@@ -10,14 +10,12 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding
 from mechsim.model.forces import Forces
-from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import (
-    BodyPoint,
     actuated_joints,
     actuator_names,
     driven,
@@ -95,14 +93,6 @@ def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
     return corners
 
 
-def joint_limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
-    """Return the ranges of limited hinges and slides, in [rad] or [m]; empty if limits are disabled."""
-    return {
-        model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-        for j in limited_joints(model).tolist()
-    }
-
-
 # kind of element, its range, and the attribute that activates the range
 _RANGES = (
     ("joint", "range", "limited"),
@@ -110,28 +100,6 @@ _RANGES = (
     ("actuator", "ctrlrange", "ctrllimited"),
     ("actuator", "forcerange", "forcelimited"),
 )
-
-
-def ignored_ranges(spec: mujoco.MjSpec) -> list[str]:
-    """Return sentences on the ranges that MuJoCo ignores because the lower limit exceeds the upper one."""
-    return [
-        f"{kind} {element.name!r} has {attribute} {low:g} {high:g}, which MuJoCo takes as no limit: "
-        "it goes from low to high"
-        for kind, attribute, flag in _RANGES
-        for element in getattr(spec, f"{kind}s")
-        for low, high in [getattr(element, attribute)]
-        if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
-    ]
-
-
-def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
-    """Return the largest distance in [m] between the points that loop-closing joints make coincident."""
-    frames = {GROUND: IDENTITY, **poses}
-    offsets = [
-        frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
-        for joint in joints
-    ]
-    return max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
 
 
 LockedAt = float | None | Callable[[Literal["m", "rad"]], float]
@@ -172,7 +140,14 @@ def read_model(
     loops = equalities(model, tree.carriers, skip_others=lint)
     points = tracked(model, tree.carriers, track)
     values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
-    locked = _locked_values(model, compiled_file.lock, values)
+    locked: dict[str, float] = {}
+    for name, value in compiled_file.lock.items():
+        require_coordinate(model, name, "--lock")
+        if callable(value):
+            value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
+        locked[name] = values[name] if value is None else float(value)
+        if not np.isfinite(locked[name]):
+            raise InputError(f"--lock {name} is at {value}; give a finite number in SI")
     driven_names = driven(model, drivers, list(locked), describe_only or lint)
     # tracked points in the frames of links: name -> link and position
     carrier_of = {model.body(b).name: tree.carriers[b] for b in range(model.nbody)}
@@ -196,15 +171,28 @@ def read_model(
         links=with_inertias(model, mechanism.links, tree.carriers, raised),
         start=values[driven_names[0]] if mechanism.has_crank else mechanism.start,
     )
-    _add_sites(spec, points)
+    # add a site at each tracked point that is not a site
+    names = {site.name for site in spec.sites}
+    for name, (body, position) in points.items():
+        if name not in names:
+            spec.body(body).add_site(name=name, pos=position)
+    # the largest distance in [m] between the points that loop-closing joints make coincident
+    frames = {GROUND: IDENTITY, **mechanism.guess}
+    offsets = [
+        frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
+        for joint in loops.joints
+    ]
     return MjcfModel(
         path=compiled_file.path,
         source=source,
         mechanism=mechanism,
         spec=spec,
         qpos=start,
-        gap=largest_gap(loops.joints, mechanism.guess),
-        limits=joint_limits(model),
+        gap=max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0),
+        limits={
+            model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
+            for j in limited_joints(model).tolist()
+        },
         actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
         remarks=(*compiled_file.remarks, *loops.remarks),
         # the linter reports negative damping instead of rejecting it, and needs no forces
@@ -259,7 +247,14 @@ def _compiled(
     except ValueError as error:  # MuJoCo reports a repeated name in a URDF file only here
         raise readable_error(path, error) from None
     model, _ = compile_repaired(path, spec, unread if lint else None)
-    remarks += ignored_ranges(spec)
+    remarks += [
+        f"{kind} {element.name!r} has {attribute} {low:g} {high:g}, which MuJoCo takes as no limit: "
+        "it goes from low to high"
+        for kind, attribute, flag in _RANGES
+        for element in getattr(spec, f"{kind}s")
+        for low, high in [getattr(element, attribute)]
+        if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
+    ]
     start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
     for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
         spec.delete(key_)
@@ -267,7 +262,13 @@ def _compiled(
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
     fixed, lock = _fixed_joints(model, lock, fix_base=fix_base)
     if fixed:
-        remarks += _fixed_remarks(model, fixed)
+        # sentences on the joints that were removed
+        free = [model.body(model.jnt_bodyid[j]).name for j in fixed if int(model.jnt_type[j]) == FREE]
+        balls = [model.joint(j).name for j in fixed if int(model.jnt_type[j]) == BALL]
+        groups = (("a free joint", free), ("the ball", balls))
+        remarks += [
+            f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
+        ]
         start = fix_bodies(spec, model, fixed, start)
         model, _ = compile_repaired(path, spec)
     model, start = with_pose_chains(spec, model, start, drivers)
@@ -284,38 +285,6 @@ def _fixed_joints(
     named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
     fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
     return fixed, {name: value for name, value in lock.items() if rotational.get(name) not in fixed}
-
-
-def _fixed_remarks(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
-    """Return sentences on the joints that were removed."""
-    free = [model.body(model.jnt_bodyid[j]).name for j in joints if int(model.jnt_type[j]) == FREE]
-    balls = [model.joint(j).name for j in joints if int(model.jnt_type[j]) == BALL]
-    groups = (("a free joint", free), ("the ball", balls))
-    return [
-        f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
-    ]
-
-
-def _locked_values(
-    model: mujoco.MjModel, lock: Mapping[str, LockedAt], values: Mapping[str, float]
-) -> dict[str, float]:
-    locked: dict[str, float] = {}
-    for name, value in lock.items():
-        require_coordinate(model, name, "--lock")
-        if callable(value):
-            value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
-        locked[name] = values[name] if value is None else float(value)
-        if not np.isfinite(locked[name]):
-            raise InputError(f"--lock {name} is at {value}; give a finite number in SI")
-    return locked
-
-
-def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
-    """Add a site at each tracked point that is not a site."""
-    names = {site.name for site in spec.sites}
-    for name, (body, position) in points.items():
-        if name not in names:
-            spec.body(body).add_site(name=name, pos=position)
 
 
 def states_of(

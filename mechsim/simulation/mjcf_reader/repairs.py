@@ -76,7 +76,14 @@ def without_missing(spec: mujoco.MjSpec, message: str) -> str:
     for kind, attribute in ASSETS.items():
         assets = list(getattr(spec, attribute))
         if any(_same_file(missing, name) for asset in assets for name in _files(asset)):
-            _detach(spec, kind)
+            # remove the references to a kind of assets
+            if kind == "meshes":
+                _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
+            elif kind == "height fields":
+                _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
+            elif kind == "textures":
+                for material in spec.materials:
+                    material.textures = [""] * len(material.textures)
             for asset in assets:
                 spec.delete(asset)
             return f"file {missing} is missing: read without its {kind}"
@@ -91,17 +98,6 @@ def _same_file(missing: str, name: str) -> bool:
     # MuJoCo shortens package:///part.stl in URDF files to one slash
     path, asset = (re.sub(r"[\\/]+", "/", text) for text in (missing, name))
     return path.endswith(asset.lstrip("./"))
-
-
-def _detach(spec: mujoco.MjSpec, kind: str) -> None:
-    """Remove the references to a kind of assets."""
-    if kind == "meshes":
-        _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
-    elif kind == "height fields":
-        _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
-    elif kind == "textures":
-        for material in spec.materials:
-            material.textures = [""] * len(material.textures)
 
 
 def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:

@@ -16,7 +16,7 @@ from mechsim.numerics.continuation import ContinuationPath, PathNames
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation import loop_jacobian
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import ChangePoint, closed_near
 from mechsim.simulation.poses.equations import ModelEquations, ModelStates
@@ -109,12 +109,6 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
         require_travel(
             f"{self.name}: {self.words.mover}", position(start), position(target), abs(target - start)
         )
-
-    def find_gain(self) -> None:
-        """Follow one revolution of the crank, and compare its ends."""
-        with suppress(AssemblyError):
-            end = self.states_at(np.array([self.initial, self.initial + REVOLUTION]))
-            self.gain = revolution_gain(self.loops.closure, end)
 
     def revolutions(self, angles: Array) -> Array:
         """Return the whole revolutions between crank angles and the traced revolution, (n,)."""
@@ -225,7 +219,10 @@ def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array,
     path = _pose_path(loops, tuple(start.tolist()))
     revolves = np.ptp(np.append(angles, path.initial)) > 1.5 * REVOLUTION
     if revolves and path.gain is None and loops.drivers is None:
-        path.find_gain()
+        # follow one revolution of the crank, and compare its ends
+        with suppress(AssemblyError):
+            end = path.states_at(np.array([path.initial, path.initial + REVOLUTION]))
+            path.gain = revolution_gain(path.loops.closure, end)
     return path.states_at(angles), path
 
 

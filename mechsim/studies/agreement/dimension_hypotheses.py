@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_designs
+from mechsim.analytic.designs import DesignFamily, Dimension, placed_designs
 from mechsim.analytic.loops.constraints import tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.start import closed

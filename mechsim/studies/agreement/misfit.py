@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.model.expressions import unit_powers
 from mechsim.model.motion import Motion
 from mechsim.model.quantity import Quantity

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.errors import InputError
 from mechsim.model.design_arrays import side_numbers, structure
 from mechsim.model.expressions import Evaluator, Term, parse_expression

@@ -131,7 +131,7 @@ def _assembled(trial: Trial, solver: KinematicSolver, mechanism: Mechanism) -> T
 
 
 def _perturbed(pose: Pose, value: float, length: float, random: np.random.Generator) -> Pose:
-    from mechsim.analytic.loops import turned_by
+    from mechsim.analytic.vector_method.rotations import turned_by
 
     shift, rotation = value * length * random.normal(size=3), value * random.normal(size=3)
     return Pose(pose.position + shift, turned_by(pose.rotation[None], rotation[None])[0])

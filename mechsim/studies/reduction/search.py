@@ -9,8 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.progress import Progress, no_progress
-from mechsim.simulation.mjcf import to_xml
-from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf.compiling import quiet, to_xml
 from mechsim.studies.reduction.candidates import CATEGORIES
 from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate, with_candidate
 from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps

@@ -17,7 +17,7 @@ from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import JointMap, map_over_grid
-from mechsim.simulation.mjcf import quiet, to_xml
+from mechsim.simulation.mjcf.compiling import quiet, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE, SLIDE
 from mechsim.simulation.state import rotation_matrix

@@ -17,7 +17,7 @@ from mechsim.model.links import Vector
 from mechsim.model.mechanism import described
 from mechsim.model.motion_laws import State, steady
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import specification
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.law_text import control_laws, python_expression
@@ -43,7 +43,7 @@ def scene_file(model: Any) -> Generator[str]:
         spec = specification(described(solver), Scene(level="dynamics", forces=solver.forces))
     with TemporaryDirectory(prefix="mechsim-") as folder:
         path = Path(folder) / f"{solver.name.replace(' ', '_')}.xml"
-        path.write_text(mjcf.to_xml(spec), encoding="utf-8")
+        path.write_text(to_xml(spec), encoding="utf-8")
         yield str(path)
 
 

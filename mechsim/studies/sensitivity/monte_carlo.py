@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily, changes, placed_designs
+from mechsim.analytic.derivatives.dimensions import changes
 from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers, perturbed_forces
 from mechsim.analytic.derivatives.motion import (
     TracedMotion,
@@ -15,6 +15,7 @@ from mechsim.analytic.derivatives.motion import (
     followed_motion,
     motion_derivatives,
 )
+from mechsim.analytic.designs import DesignFamily, placed_designs
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.solvers import KinematicSolver

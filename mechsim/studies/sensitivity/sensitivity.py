@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
+from mechsim.analytic.designs import DesignFamily, Dimension
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, needs

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError
 from mechsim.files import read_rows
 from mechsim.model.joint_kinds import KINDS, kinds_that

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from mechsim.simulation.mjcf import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.sweep.methods import by_one_formula, measured_designs
 from mechsim.studies.sweep.task import Measured, SweepTask
 

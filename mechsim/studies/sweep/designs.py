@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import read_rows

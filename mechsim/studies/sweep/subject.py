@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism

@@ -18,7 +18,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.driven_run import first_state
-from mechsim.simulation.mjcf import compiled
+from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf_reader.coordinates import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS

@@ -127,7 +127,13 @@ class CurveJoints:
         Accuracy: of the arcs about 1e-9.
         """
         turns: list[tuple[int, Extremum, float]] = []
-        grid, values, rates = self._samples()
+        # arcs over the whole curve, and values and rates there, (n, columns)
+        chunks: list[tuple[Array, Array, Array]] = []
+        for table, rate in zip(self.tables.segments, self.rates.segments, strict=True):
+            grid = np.linspace(table.low, table.high, SAMPLES, endpoint=False)
+            grid = grid[grid < self.traced.length]
+            chunks.append((grid, table.evaluate(grid), rate.evaluate(grid)))
+        grid, values, rates = (np.concatenate(column) for column in zip(*chunks, strict=True))
         units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
         for i in np.flatnonzero(np.ptp(values, axis=0) > ROUNDING * units).tolist():
             rising = rates[:, i] > 0.0
@@ -138,16 +144,6 @@ class CurveJoints:
                     (i, "highest" if rising[k] else "lowest", self._turning_arc(i, float(grid[k]), end))
                 )
         return sorted(turns, key=lambda point: point[2])
-
-    def _samples(self) -> tuple[Array, Array, Array]:
-        """Return arcs over the whole curve, and values and rates there, (n, columns)."""
-        chunks: list[tuple[Array, Array, Array]] = []
-        for table, rate in zip(self.tables.segments, self.rates.segments, strict=True):
-            grid = np.linspace(table.low, table.high, SAMPLES, endpoint=False)
-            grid = grid[grid < self.traced.length]
-            chunks.append((grid, table.evaluate(grid), rate.evaluate(grid)))
-        grid, values, rates = (np.concatenate(column) for column in zip(*chunks, strict=True))
-        return grid, values, rates
 
     def _turning_arc(self, column: int, low: float, high: float) -> float:
         """Return the arc between two at which a coordinate has a turning point."""

@@ -7,7 +7,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.derivatives.dimensions import own_designs
+from mechsim.analytic.designs import own_designs
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
 from mechsim.numerics.balls import Ball, DualBall, ball
