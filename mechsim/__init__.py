@@ -12,7 +12,6 @@ from mechsim._version import __version__ as __version__
 # a name that is imported as itself is public for type checkers
 if TYPE_CHECKING:
     from mechsim import formulas as formulas
-    from mechsim import loops as loops
     from mechsim import simulation as simulation
     from mechsim import testing as testing
     from mechsim import units as units
@@ -71,6 +70,7 @@ if TYPE_CHECKING:
     from mechsim.subjects.gallery import list as list
     from mechsim.subjects.readers import load as load
     from mechsim.subjects.simulate_by_name import simulate as simulate
+    from mechsim.theory import loops as loops
     from mechsim.theory.assemblies import assemblies as assemblies
     from mechsim.theory.continuation.mechanism_trace import trace as trace
     from mechsim.verdict.checks import Check as Check
@@ -84,7 +84,7 @@ _MODULES = {
     "dynamics": "subjects.dynamics",
     "formulas": "formulas",
     "load_profile": "model.load_profile",
-    "loops": "loops",
+    "loops": "theory.loops",
     "masses": "model.masses",
     "motors": "model.motors",
     "plots": "pictures.plots",

@@ -117,7 +117,7 @@ def _least_step(loops: ModelLoops, free: NDArray[np.int64], jacobian: Array, sca
 
 def rounding(loops: ModelLoops) -> float:
     """Return the largest Jacobian entry that counts as rounding, in [m] or [rad] per [m] or [rad]."""
-    return FLOOR * max(1.0, float(loops.characteristic_lengths.max()))
+    return FLOOR * max(1.0, loops.characteristic_length)
 
 
 def constrained_jacobian(loops: ModelLoops, jacobian: Array) -> Array:
@@ -168,9 +168,8 @@ def conditioning(loops: ModelLoops, jacobian: Array) -> Array:
     It is the smallest singular value of the scaled Jacobian, without those that are zero at every state
     because of redundant constraints or unconstrained DOFs.
     """
-    lengths = loops.characteristic_lengths[:, None, None]
     passive = np.setdiff1d(loops.free, loops.driven_dofs)
-    matrix = jacobian[:, :, passive] * np.where(loops.angular_dofs[passive], 1.0, lengths)
+    matrix = jacobian[:, :, passive] * np.where(loops.angular_dofs[passive], 1.0, loops.characteristic_length)
     matrix *= loops.scale[..., None]
     values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)
     if not values.size:

@@ -4,8 +4,8 @@ MuJoCo computes the kinematics and the Jacobians; the equations are the model's 
 No closed form is used.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import mujoco
@@ -18,7 +18,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
 from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, RodPair, constraints
-from mechsim.simulation.state import HINGE, SLIDE, PosedBodies, angular_dofs, displaced, rotated
+from mechsim.simulation.state import HINGE, PosedBodies, angular_dofs, displaced, rotated
 
 
 class IndependentRows:
@@ -32,8 +32,8 @@ class IndependentRows:
             space without unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
     """
 
-    def __init__(self, basis: tuple[Array, Array, Array] | None = None):
-        self.basis = basis
+    def __init__(self) -> None:
+        self.basis: tuple[Array, Array, Array] | None = None
 
     def basis_of(self, matrix: Array) -> Array | None:
         """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
@@ -66,7 +66,7 @@ class ModelLoops:
         drivers: the drivers that follow motion laws; None for a single crank.
         pairs, rods, frames, couplings: coincident points, points with a constant distance, parallel frames
             and coupled coordinates.
-        posed: the kinematics of the model, and the fields that differ between states.
+        posed: the kinematics of the model.
         independent: the independent constraints, shared by all copies.
         change_point: policy of a path of poses at change points.
     """
@@ -103,34 +103,29 @@ class ModelLoops:
         return angular_dofs(self.model)
 
     @cached_property
-    def characteristic_lengths(self) -> Array:
-        """Characteristic length of the model, in [m], (n,); (1,) if all states share its fields."""
-        bodies = np.atleast_3d(self.posed.fields.get("body_pos", self.model.body_pos[None]))
-        offsets = [np.linalg.norm(bodies[:, 1:], axis=2).max(1, initial=0.0)]
-        offsets += [
-            np.linalg.norm(local, axis=1 if local.ndim > 1 else None)
-            for pair in (*self.pairs, *self.rods)
-            for local in pair.local
-        ]
-        length = np.max(np.broadcast_arrays(*offsets), axis=0)
-        return length if self.posed.fields else np.where(length > 0.0, length, _extent(self.model))
+    def characteristic_length(self) -> float:
+        """Largest distance of bodies and closing points from the origins of their bodies, in [m].
+
+        Without any it is that of sites, joints and centres of mass, or 1 m.
+        """
+        model, ends = self.model, [local for pair in (*self.pairs, *self.rods) for local in pair.local]
+        for points in (
+            [*model.body_pos[1:], *ends],
+            np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos]),
+        ):
+            length = max((float(np.linalg.norm(point)) for point in points), default=0.0)
+            if length > 0.0:
+                return length
+        return 1.0
 
     @cached_property
     def scale(self) -> Array:
-        """Factors that make residuals dimensionless, (m,); (n, m) if states have their own fields."""
-        if self.posed.fields:
-            return np.repeat(1.0 / self.characteristic_lengths[:, None], 3 * len(self.pairs), 1)
+        """Factors that make residuals dimensionless, (m,)."""
         factor = 1.0 / self.characteristic_length
         coupled = [1.0 if self.angular_dofs[row.left.dofs].all() else factor for row in self.couplings]
         driven = [] if self.drivers is None else np.where(self.drivers.slides, factor, 1.0)
         lengths = np.full(self.point_rows.stop, factor)
         return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
-
-    @property
-    def characteristic_length(self) -> float:
-        """Characteristic length of the model, in [m], if all states share its fields."""
-        (length,) = self.characteristic_lengths.tolist()
-        return length
 
     @property
     def units(self) -> Array:
@@ -173,18 +168,6 @@ class ModelLoops:
     def driver_text(self, angle: float) -> str:
         """Return the crank angle or the driver values as text."""
         return f"crank angle {angle:.6g} rad" if self.drivers is None else self.drivers.text(angle)
-
-    def with_fields(self, fields: Mapping[str, Array]) -> "ModelLoops":
-        """Return the loops of n states with different model fields, name -> (n, ...).
-
-        Its methods then take n states. All loops must be closed by site points; the independent constraint
-        rows are those of the model itself.
-        """
-        sites = fields["site_pos"]
-        closing = zip(self.pairs, self.model.eq_obj1id, self.model.eq_obj2id, strict=True)
-        pairs = [replace(pair, local=(sites[:, a], sites[:, b])) for pair, a, b in closing]
-        independent = IndependentRows(self.independent.basis)
-        return replace(self, pairs=pairs, posed=PosedBodies(self.model, fields), independent=independent)
 
     def residual(self, qpos: Array) -> Array:
         """Return the constraint residuals, (n, m) in [m] or [rad]."""
@@ -247,20 +230,15 @@ class ModelLoops:
         return np.abs(residual * self.scale).max(1, initial=0.0)
 
 
-def read_loops(
-    model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None, *, any_joint: bool = False
-) -> ModelLoops:
+def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None) -> ModelLoops:
     """Return the loops of a compiled model with a crank, or with drivers under motion laws.
-
-    With `any_joint` the crank may also be a slide: a model that moves freely has no crank of its own.
 
     Raises:
         InputError: if the model has no hinge with the crank's name.
     """
     crank = crank if drivers is None else PARAMETER_JOINT
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
-    kinds = (HINGE, SLIDE) if any_joint else (HINGE,)
-    if joint < 0 or model.jnt_type[joint] not in kinds:
+    if joint < 0 or model.jnt_type[joint] != HINGE:
         names = [model.joint(i).name for i in range(model.njnt)]
         raise InputError(
             f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "
@@ -273,9 +251,3 @@ def loops_with_crank(model: mujoco.MjModel, dof: int, drivers: Drivers | None = 
     """Return the loops of a compiled model whose crank is a degree of freedom."""
     closing = constraints(model)
     return ModelLoops(model, dof, drivers, *closing, PosedBodies(model), IndependentRows())
-
-
-def _extent(model: mujoco.MjModel) -> float:
-    """Return the largest distance of sites, joints and centres of mass from their bodies' origins, or 1 m."""
-    positions = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
-    return float(np.linalg.norm(positions, axis=1).max(initial=0.0)) or 1.0

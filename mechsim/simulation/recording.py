@@ -171,7 +171,7 @@ def _evaluated(
     if crank_acceleration is not None:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | FORCE_FLAGS
     n = len(states.time)
-    sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)
+    sims = batch.Batch(model, n, 1 if n <= ONE_THREAD else 0)
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:

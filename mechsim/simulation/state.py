@@ -1,7 +1,7 @@
 """States of a compiled model: coordinates, displacements, body poses and point Jacobians."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -31,16 +31,14 @@ class PosedBodies:
 
     Attributes:
         kinematic_model: a copy of the model reduced to its kinematics; do not change it.
-        fields: model fields that differ between states, such as those of designs: name -> (n, ...).
     """
 
-    def __init__(self, model: mujoco.MjModel, fields: Mapping[str, Array] | None = None):
+    def __init__(self, model: mujoco.MjModel):
         # a copy of a model that computes kinematics only, as far as MuJoCo allows
         looking = copy.copy(model)
         off = mujoco.mjtDisableBit
         looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
         self.kinematic_model = looking
-        self.fields: Mapping[str, Array] = fields or {}
         self._batches: dict[int, batch.Batch] = {}
 
     def poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
@@ -53,7 +51,12 @@ class PosedBodies:
             Positions of the bodies' origins, (n, nbody, 3) in [m], their rotations, (n, nbody, 3, 3), and a
             function for Jacobians; all are valid until the next call.
         """
-        sims = self._batch(len(qpos))
+        # a batch is made once for each number of states
+        if (n := len(qpos)) not in self._batches:
+            if len(self._batches) > 8:
+                self._batches.clear()
+            self._batches[n] = batch.Batch(self.kinematic_model, n, 1 if n <= ONE_THREAD else 0)
+        sims = self._batches[n]
         position, matrix = sims.bind("xpos"), sims.bind("xmat")
         sims.bind("qpos")[:] = qpos
         sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
@@ -67,7 +70,7 @@ class PosedBodies:
     def site_positions(self, qpos: Array) -> Array:
         """Return the positions of all sites at n states, (n, nsite, 3) in [m]."""
         model = self.kinematic_model
-        return self._positions(qpos, model.site_bodyid, self.fields.get("site_pos", model.site_pos))
+        return self._positions(qpos, model.site_bodyid, model.site_pos)
 
     def centres(self, qpos: Array) -> Array:
         """Return the centres of mass of all bodies at n states, (n, nbody, 3) in [m]."""
@@ -76,22 +79,6 @@ class PosedBodies:
     def _positions(self, qpos: Array, bodies: Any, local: Array) -> Array:
         position, rotation, _ = self.poses(qpos)
         return position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
-
-    def simulations(self, model: mujoco.MjModel, n: int, threads: int) -> batch.Batch:
-        """Return n simulations of a model like this, each with its own `fields`."""
-        sims = batch.Batch(model, n, threads)
-        for name, values in self.fields.items():
-            sims.expand(name)[:] = values
-        return sims
-
-    def _batch(self, n: int) -> batch.Batch:
-        """Return a batch of n simulations of the model, made once for each n."""
-        if n not in self._batches:
-            if len(self._batches) > 8:
-                self._batches.clear()
-            threads = 1 if n <= ONE_THREAD else 0
-            self._batches[n] = self.simulations(self.kinematic_model, n, threads)
-        return self._batches[n]
 
 
 def data_at(model: mujoco.MjModel, qpos: Array, qvel: Array | None = None) -> mujoco.MjData:

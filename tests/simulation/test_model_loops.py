@@ -75,29 +75,10 @@ def test_batched_and_single_states_have_equal_results(mechanism: Mechanism) -> N
         assert np.abs(several[1] - single[0]).max() < 1e-15
 
 
-def test_residuals_scale_with_the_size_of_a_design() -> None:
+def test_the_size_of_a_model_is_its_longest_body_or_loop_point_distance() -> None:
     loops = loops_of(catalog.make("four_bar").mechanism)
-    sizes, states = np.array([1.3, 0.7, 2.0]), states_near(loops, 3, 0.1)
-    plain, gradient = loops.linearise(states)
-    for rows in (np.arange(3), np.array([1])):
-        fields = {
-            name: sizes[rows, None, None] * getattr(loops.model, name) for name in ("site_pos", "body_pos")
-        }
-        scaled = loops.with_fields(fields)
-        result, jacobian = scaled.linearise(states[rows])
-        assert np.abs(result - sizes[rows, None] * plain[rows]).max() < 1e-15
-        assert np.abs(jacobian - sizes[rows, None, None] * gradient[rows]).max() < 1e-15
-        assert scaled.characteristic_lengths == pytest.approx(sizes[rows] * loops.characteristic_length)
-        assert scaled.closure_error(result) == pytest.approx(loops.closure_error(plain)[rows])
-
-
-def test_the_size_of_a_design_is_its_longest_body_or_loop_point_distance() -> None:
-    loops = loops_of(catalog.make("four_bar").mechanism)
-    sites, bodies = (np.repeat(item[None], 2, 0) for item in (loops.model.site_pos, loops.model.body_pos))
-    bodies[1, 1] = 0.3, -0.4, 1.2
-    assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).characteristic_lengths == pytest.approx(
-        [loops.characteristic_length, 1.3]
-    )
+    loops.model.body_pos[1] = 0.3, -0.4, 1.2
+    assert replace(loops).characteristic_length == pytest.approx(1.3, rel=1e-15)
 
 
 def test_the_rank_of_a_batch_includes_every_state() -> None:

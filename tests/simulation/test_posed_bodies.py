@@ -1,4 +1,4 @@
-"""Poses of bodies and velocities of their points, for states and designs, against manual formulas."""
+"""Poses of bodies and velocities of their points, against manual formulas."""
 
 import math
 
@@ -42,14 +42,6 @@ def test_poses_and_jacobians_equal_manual_formulas(n):
     posed = PosedBodies(model)
     assert_posed(posed, STATES[:n], PIVOT)
     assert model.opt.disableflags == 0
-
-
-@pytest.mark.parametrize("n", [1, 3])
-def test_designs_have_their_own_body_positions(n):
-    model = mujoco.MjModel.from_xml_string(MODEL)
-    bodies = np.repeat(model.body_pos[None], n, 0)
-    bodies[:, 1] += np.arange(1, n + 1)[:, None] * [0.01, -0.02, 0.03]
-    assert_posed(PosedBodies(model, {"body_pos": bodies}), STATES[:n], bodies[:, 1])
 
 
 def test_vectors_rotate_with_their_bodies():

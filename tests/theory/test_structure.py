@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.loops import assemble, residual_norms, turned_by
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.theory.assur import assur_groups
+from mechsim.theory.loops import assemble, residual_norms, turned_by
 from mechsim.theory.mobility_count import mobility
 
 JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]

@@ -51,6 +51,8 @@ class Cut:
         length: characteristic length of the mechanism, in [m].
         one_sense: whether further equations, cosine = 1, keep a search away from antiparallel axes, which
             satisfy the others. At a solution their derivatives are zero.
+        sides_of_designs: points and joint frames of both sides, (3, n) and (3, 3, n), if they are not those
+            of the joint, as of many designs.
     """
 
     joint: Joint
@@ -59,6 +61,7 @@ class Cut:
     gains: Array
     length: float
     one_sense: bool = False
+    sides_of_designs: Sides | None = None
 
     @cached_property
     def lengths(self) -> list[int]:
@@ -97,6 +100,9 @@ class Cut:
     @cached_property
     def ends(self) -> list[tuple[int, Array, Array]]:
         """Link, point and joint frame of sides a and b, in the frames of the links."""
+        if self.sides_of_designs is not None:
+            point_a, frame_a, point_b, frame_b = self.sides_of_designs
+            return [(self.sides[0], point_a, frame_a), (self.sides[1], point_b, frame_b)]
         ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
         return [(link, np.array(end.point), end.frame) for link, end in ends]
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops, TreeSolver, axes_aligned
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, axes_aligned
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
@@ -17,7 +17,7 @@ from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.tree import JointSides
 from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import AssemblyError
-from mechsim.model.design_arrays import DesignArrays, StartedDesigns
+from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
@@ -73,28 +73,17 @@ class DesignLoops(TreeLoops):
 
     def _repeated(self, repeat: int) -> TreeLoops:
         """Return the equations of all designs in order, repeated."""
-        wide = {
-            name: tuple(np.tile(array, repeat) for array in ends) for name, ends in self.arrays.ends.items()
+        wide: dict[str, Ends] = {
+            name: (np.tile(a, repeat), np.tile(b, repeat), np.tile(c, repeat), np.tile(d, repeat))
+            for name, (a, b, c, d) in self.arrays.ends.items()
         }
-        tree = replace(self.tree)
         constants: dict[int, JointSides] = {}
-        for branch in tree.branches:
+        for branch in self.tree.branches:
             point_a, frame_a, point_b, frame_b = wide[branch.joint.name]
             a, b = (frame_a, point_a), (frame_b, point_b)
             constants[branch.child] = JointSides(*a, *b) if branch.forward else JointSides(*b, *a)
-        # preset cached properties
-        cached: dict[str, object] = vars(tree)
-        cached["constants"] = constants
-        cuts = tuple(_cut(cut, wide[cut.joint.name]) for cut in self.cuts)
-        return TreeLoops(tree, cuts, self.turn_offsets, self.driven)
-
-
-def _cut(cut: Cut, ends: tuple[Array, ...]) -> Cut:
-    point_a, frame_a, point_b, frame_b = ends
-    copy = replace(cut)
-    cached: dict[str, object] = vars(copy)
-    cached["ends"] = [(cut.sides[0], point_a, frame_a), (cut.sides[1], point_b, frame_b)]
-    return copy
+        cuts = tuple(replace(cut, sides_of_designs=wide[cut.joint.name]) for cut in self.cuts)
+        return TreeLoops(replace(self.tree, sides=constants), cuts, self.turn_offsets, self.driven)
 
 
 def closed_designs(

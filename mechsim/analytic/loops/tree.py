@@ -112,12 +112,15 @@ class SpanningTree:
         original: the mechanism before splitting.
         branches: tree joint of each link, nearest the frame first.
         cuts: the joints that close the loops, and all rods.
+        sides: index of a link -> sides of its tree joint, if they are not those of the joint, as of many
+            designs.
     """
 
     mechanism: Mechanism
     original: Mechanism
     branches: tuple[TreeJoint, ...]
     cuts: tuple[Joint, ...]
+    sides: Mapping[int, JointSides] | None = None
 
     @cached_property
     def links(self) -> dict[str, int]:
@@ -130,8 +133,10 @@ class SpanningTree:
         return {link.name: i for i, link in enumerate(self.mechanism.links)}
 
     @cached_property
-    def constants(self) -> dict[int, JointSides]:
+    def constants(self) -> Mapping[int, JointSides]:
         """Index of a link -> sides of its tree joint."""
+        if self.sides is not None:
+            return self.sides
         sides: dict[int, JointSides] = {}
         for branch in self.branches:
             a, b = branch.joint.a, branch.joint.b
