@@ -19,8 +19,8 @@ from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf.compiling import quiet, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
-from mechsim.simulation.model_loops import HINGE, SLIDE
-from mechsim.simulation.state import rotation_matrix
+from mechsim.simulation.model_loops import HINGE
+from mechsim.simulation.state import SLIDE, rotation_matrix
 from mechsim.studies.robots.mujoco_models import mujoco_spec, ranges_in_si
 
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
