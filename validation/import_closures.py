@@ -41,6 +41,7 @@ GATES = {
     ("studies.export", "studies.scene.tune_model"): "--tolerance, --speed",
     ("studies.robots.mujoco_models", "simulation.source"): "a MODEL that is no file of MuJoCo",
     ("studies.robots.mujoco_models", "subjects.readers"): "a MODEL that is no file of MuJoCo",
+    ("studies.check", "subjects.readers"): "a MODEL that is no file of MuJoCo",
     ("shapes.joints", "shapes.belts"): "a belt or rope",
     ("subjects.toml_reader", "model.belts"): "belts in TOML",
     ("subjects.toml_reader", "subjects.toml_curves"): "curves or cams in TOML",
