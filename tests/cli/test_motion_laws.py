@@ -111,40 +111,6 @@ def test_show_reports_mobility_under_any_drivers(mechsim):
     assert mobility("--lock", "lift")["dofs"] == 1
 
 
-WRONG = {
-    "no motion laws": (["solve", "arm.toml"], ["lift, turn have no motion law", "--drive JOINT=LAW"]),
-    "one motion law": (["solve", "arm.toml", *MOTION_LAWS[:2]], ["turn has no motion law", "--drive JOINT"]),
-    "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
-    "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
-    "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),
-    "angles": (
-        ["solve", "arm.toml", *MOTION_LAWS, "--angles", "0:1:1"],
-        ["--angles has no effect under motion laws"],
-    ),
-    "turns": (
-        ["simulate", "arm.toml", *MOTION_LAWS, "--turns", "2"],
-        ["--turns has no effect under motion laws"],
-    ),
-    "one row": (["solve", "arm.toml", *MOTION_LAWS, "--samples", "1"], ["--samples is 1"]),
-    "no time": (["solve", "arm.toml", *MOTION_LAWS, "--duration", "0s"], ["above 0"]),
-    "a keyframe": (["solve", "arm.toml", "--key", "home"], ["no keyframes"]),
-    "a plot of a crank": (
-        ["plot", "arm.toml", *MOTION_LAWS, "--kind", "transmission", "-o", "a.svg"],
-        ["needs a crank without a motion law; choose from"],
-    ),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_invalid_input_gives_one_line(mechsim, case):
-    arguments, expected = WRONG[case]
-    code, out, output = mechsim(*arguments)
-    assert (code, out) == (2, "")
-    assert len(output.strip().splitlines()) == 1
-    for word in expected:
-        assert word in output
-
-
 def test_an_export_with_motion_laws_gives_the_same_solution(mechsim):
     assert mechsim("export", "arm.toml", *MOTION_LAWS, "--format", "toml", "-o", "again.toml")[0] == 0
     tables = []

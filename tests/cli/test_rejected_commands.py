@@ -8,18 +8,30 @@ import pytest
 from model_files import FOLDER
 from typed_call import Call
 
+from mechsim.numerics import resources
+
 TABLES = tomllib.loads((FOLDER.parent / "rejected" / "commands.toml").read_text(encoding="utf-8"))
-LINES = TABLES["quick"] | TABLES["long"]
+# table -> memory in bytes that is said to be left
+MEMORY = {"small_memory": 1e9, "large_memory": 1e15}
 
 
 @pytest.mark.parametrize(
-    "line", [*TABLES["quick"], *(pytest.param(line, marks=pytest.mark.long) for line in TABLES["long"])]
+    ("table", "line"),
+    [
+        pytest.param(table, line, marks=[pytest.mark.long] * (table == "long"))
+        for table, lines in TABLES.items()
+        for line in lines
+    ],
 )
-def test_an_invalid_command_gives_one_line_and_no_file(line: str, mechsim: Call, tmp_path: Path) -> None:
+def test_an_invalid_command_gives_one_line_and_no_file(
+    table: str, line: str, mechsim: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if table in MEMORY:
+        monkeypatch.setattr(resources, "available_memory", lambda: MEMORY[table])
     words = [str(FOLDER.parent / word) if word.startswith("models/") else word for word in shlex.split(line)]
     answer = mechsim(*words)
     assert (answer.code, answer.out) == (2, "")
     assert len(answer.err.strip().splitlines()) == 1
     assert "Traceback" not in answer.err
-    assert [word for word in LINES[line] if word not in answer.err] == []
+    assert [word for word in TABLES[table][line] if word not in answer.err] == []
     assert list(tmp_path.iterdir()) == []

@@ -56,31 +56,6 @@ def test_json_numbers_components_from_one_and_lists_branch_points(trace):
     )
 
 
-REJECTED = {
-    "unknown coordinate": (
-        ("--plot", "a.svg", "--of", "angle,roker"),
-        "did you mean 'rocker.q'? choose from",
-    ),
-    "one coordinate": (("--plot", "a.svg", "--of", "angle"), "--of names 1 coordinates (angle); name two or"),
-    "no plot": (("--of", "angle,rocker"), "add --plot FILE"),
-    "no samples": (("--samples", "0", "-o", "a.csv"), "0 samples of a curve; give 2 to"),
-    "starts below none": (("--starts", "-1"), "starts of a trace: -1; give a whole number"),
-    "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; choose from .csv, .npz"),
-    "unknown plot": (("--plot", "a.txt"), "'a.txt' ends in .txt; choose from .svg, .pdf, .png"),
-    "cannot assemble": (("--set", "ground=300mm"), "the loops close at no crank angle"),
-}
-
-
-@pytest.mark.parametrize("name", REJECTED)
-def test_invalid_input_gives_one_line_and_no_file(trace, tmp_path, name):
-    arguments, output = REJECTED[name]
-    code, out, err = trace("four_bar", *arguments)
-    assert (code, out) == (2, "")
-    assert output in err
-    assert len(err.splitlines()) == 1
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.long
 def test_a_user_defined_mechanism_is_traced(trace):
     code, out, err = trace(str(gallery.files()["elliptic_trammel"]), "--starts", "10")

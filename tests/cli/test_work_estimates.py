@@ -14,38 +14,6 @@ from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.cli import inverse_dynamics as cli_dynamics
 from mechsim.cli import options, progress, solve
 from mechsim.model.forces import Forces
-from mechsim.numerics import resources
-
-# requests beyond the memory: arguments, and fragments of the message
-TOO_LARGE = {
-    "simulate rssr --turns 1e5": ["7.2e+06 instants", "instants at the most"],
-    "simulate rssr --turns 1e5 --tolerance 1um": ["7.2e+06 instants", "fewer turns"],
-    "simulate rssr --samples 36000001": ["3.6e+07 instants", "records farther apart"],
-    "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
-    "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
-    "dynamics inverse rssr --samples 10000000": ["10,000,000 instants", "both methods", "at the most"],
-    "dynamics inverse rssr --turns 9999 --method none": ["3,599,641 instants", "instants at the most"],
-    "solve rssr --set crank=13m**9**9**9": ["crank", "not known"],
-}
-
-
-@pytest.fixture
-def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resources, "available_memory", lambda: 1e9)
-
-
-@pytest.mark.usefixtures("a_gigabyte")
-@pytest.mark.parametrize("arguments", TOO_LARGE)
-def test_work_beyond_memory_is_rejected_with_the_limit(
-    arguments: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mechsim: Call
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    answer = mechsim(*arguments.split())
-    output = answer.err
-    assert answer.code == 2
-    assert len(output.splitlines()) == 1
-    assert all(word in output for word in TOO_LARGE[arguments])
-    assert list(tmp_path.iterdir()) == []
 
 
 def rejection_line(
@@ -224,33 +192,3 @@ def test_a_motor_much_too_strong_for_its_model_drives_it(motor: motors.PlainMoto
     if motor.derivative:
         # it keeps its speed after the start
         assert np.ptp(run.speed[1:]) < 0.02 * abs(motor.no_load)
-
-
-# counts beyond their limits: arguments, and fragments of the message
-TOO_MANY = {
-    "sweep four_bar --vary crank=3cm:4cm:1000000000 --measure crank_range -o a.csv": [
-        "1,000,000,000",
-        "--vary",
-    ],
-    "sweep four_bar --vary crank=3cm:4cm:20000 --vary coupler=8cm:9cm:20000 --measure assemblies -o a.csv": [
-        "400,000,000",
-        "fewer values",
-    ],
-    "sweep four_bar --vary crank=3cm:4cm:2 --check 1000000000 --measure range:rocker -o a.csv": ["0 to 2"],
-    "sample four_bar -n 1000000000 -o a.npz": ["1,000,000,000", "1 to 1,000,000"],
-    "map four_bar --from crank=0:1 --to rocker --points 1000000 -o a.npz": ["1,000,000", "--points"],
-    "map four_bar --from crank=0:1 --to rocker --degree 1000000 -o a.npz": ["1,000,000", "--degree"],
-    "dynamics statics four_bar --assemblies 1000000000": ["1,000,000,000", "0 to 100,000"],
-    "trace four_bar --starts 1000000000": ["1000000000", "0 to 100000"],
-}
-
-
-@pytest.mark.parametrize("arguments", TOO_MANY)
-def test_a_count_beyond_its_limit_is_rejected_before_work(
-    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    monkeypatch.setattr(resources, "available_memory", lambda: 1e15)
-    monkeypatch.chdir(tmp_path)
-    output = rejection_line(arguments, monkeypatch, capsys)
-    assert all(word in output for word in TOO_MANY[arguments])
-    assert not list(tmp_path.glob("a.*"))
