@@ -34,9 +34,7 @@ from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option, parse_length, parse_time
 
 # options without an effect on a file that is stepped under controls
-WITHOUT_CONTROLS = (
-    *("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia", "start"),
-)
+WITHOUT_CONTROLS = (*("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia"),)
 # options of time steps
 OF_STEPS = ("timestep", *option_names(SettingOptions))
 # options that apply to a crank only and are invalid with motion laws

@@ -18,6 +18,7 @@ from mechsim.simulation.result import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.tolerance import (
     MAX_STEPS,
+    MIN_FACTOR,
     TARGET_FRACTION,
     Attempt,
     ToleranceReport,
@@ -46,7 +47,7 @@ MAX_STEPS_OF_MOTION = 2_000_000
 
 def run_within(driven: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run, with its outcome, whose number of steps is chosen for a tolerance in [m]."""
-    first, spent = steps_needed(driven, settings, tolerance)
+    settings, first, spent = steps_needed(driven, settings, tolerance)
     run, report = _run_to_tolerance(driven, settings, tolerance, first, spent)
     run = (
         _with_report(run, report)
@@ -155,8 +156,8 @@ def _run_to_tolerance(
     )
 
 
-def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
-    """Return the steps per cycle that a tolerance requires, from trial revolutions; and the trial steps."""
+def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tuple[Settings, int, int]:
+    """Return settings, the steps per cycle that a tolerance requires, and the steps of trial revolutions."""
     short, trial = driven.over_first_turns(1.0), _trial_steps(driven)
     error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())
     spent = round(trial * short.profile.turns / driven.cycle)
@@ -167,40 +168,44 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
         np.round(float(np.clip(TRIAL_FRACTION * driven.profile.turns, *TRIAL_TURNS)))
     )
     if steps >= CONVERGED_FRACTION * trial or trial_run.profile.turns > 0.5 * driven.profile.turns:
-        return steps, spent
+        return settings, steps, spent
     # trials with so few steps do not show convergence or bounded errors
     previous, last = trial_run.errors_by_turn(_with_steps(driven, settings, steps))[-2:]
     spent += round(steps * trial_run.profile.turns)
     if not last <= MAX_GROWTH * previous:
-        return trial, spent
+        return settings, trial, spent
     # assume that an error with growth over the last revolution continues to grow
     predicted_error = last * max(1.0, last / max(previous, TINY)) ** 2
     if predicted_error > tolerance:
         order = plausible_order(last, error, trial / steps)
         steps = _whole_steps(driven, steps_for(steps, predicted_error, tolerance, order))
         steps = steps if steps <= WORTHWHILE_FRACTION * trial else trial
-    return steps, spent
+    return settings, steps, spent
 
 
 def _after_diverging(
     driven: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float, spent: int
-) -> tuple[int, int]:
-    """Return the steps per cycle from finer trials after divergence of the first trial; and the trial steps.
+) -> tuple[Settings, int, int]:
+    """Return settings, steps per cycle from trials after divergence of the first one, and the trial steps.
 
-    For a custom model the file's own time step is one of the trials.
+    For a custom model the file's own time step is one of the trials. If all diverge, the last is softer: of a
+    rod with a small inertia about its line, the rounding of stiff constraints turns it ever faster.
     """
-    trials = {settings.steps_per_turn}
+    finer = {settings.steps_per_turn}
     if driven.closed.custom:
         cycle = driven.cycle * REVOLUTION / driven.profile.max_speed
-        trials.add(round(min(cycle / float(driven.closed.model.opt.timestep), MAX_STEPS)))
-    for trial in sorted(entry for entry in trials if entry > _trial_steps(driven)):
-        error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())
+        finer.add(round(min(cycle / float(driven.closed.model.opt.timestep), MAX_STEPS)))
+    trials = [(settings, steps) for steps in sorted(finer) if steps > _trial_steps(driven)]
+    if settings.compliance is None:
+        softer = replace(settings, compliance=MIN_FACTOR * settings.compliance_used)
+        trials.append((softer, settings.steps_per_turn))
+    for tried, trial in trials:
+        error = float(short.errors_by_turn(_with_steps(driven, tried, trial)).max())
         spent += round(trial * short.profile.turns / driven.cycle)
         if np.isfinite(error):
-            return max(
-                trial, _whole_steps(driven, steps_for(trial, error, TARGET_FRACTION * tolerance, ORDER))
-            ), spent
-    return settings.steps_per_turn, spent
+            steps = _whole_steps(driven, steps_for(trial, error, TARGET_FRACTION * tolerance, ORDER))
+            return tried, max(trial, steps), spent
+    return settings, settings.steps_per_turn, spent
 
 
 def _trial_steps(driven: DrivenRun) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.numerics import inputs
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -267,6 +268,10 @@ class Settings:
         # noslip recomputes accelerations from forces, whose rounding is divided by the small compliance
         model.opt.noslip_iterations = 0
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
+        # a light body of a chain of slides would make its constraint softer than the loops
+        virtual = [i for i in range(model.nbody) if model.body(i).name.startswith(VIRTUAL_PREFIX)]
+        others = np.delete(model.body_invweight0, virtual, 0)
+        model.body_invweight0[virtual] = np.minimum(model.body_invweight0[virtual], others.max(0))
         if not velocity_products:
             # these omit the velocity-product terms of polynomials and rods; a short time constant corrects it
             nonlinear = [row.equality for row in (*loops.couplings, *loops.rods) if row.nonlinear]

@@ -85,7 +85,7 @@ def test_a_zero_error_needs_the_minimum_number_of_steps() -> None:
         def errors_by_turn(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
 
-    assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[0] == position_tolerance.MIN_STEPS
+    assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[1] == position_tolerance.MIN_STEPS
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])

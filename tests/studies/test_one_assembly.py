@@ -10,6 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.studies.scene.open_scene import open_scene
 from mechsim.theory.assemblies import all_assembly_points
 
 
@@ -103,3 +104,36 @@ def test_a_requested_start_selects_the_assembly(tmp_path):
         ms.load(path, start={"C": 0.0})
     with pytest.raises(InputError, match="leave out --start"):
         ms.load("four_bar", start={"crank": 0.0})
+
+
+# crank 0.1 m at (0, 1), rod 0.3 m, rocker 0.2 m at (0.4, 0.8) in the plane x, z
+FOUR_BAR_XML = """<mujoco><worldbody>
+<body name="c" pos="0 0 1"><joint name="crank" axis="0 1 0" damping="1"/>
+<geom type="capsule" fromto="0 0 0 .1 0 0" size=".01"/>
+<body name="k" pos=".1 0 0"><joint name="rod" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".01"/>
+</body></body><body name="r" pos=".4 0 .8"><joint name="rocker" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 .2" size=".01"/></body></worldbody>
+<equality><connect body1="k" body2="r" anchor=".3 0 0"/></equality>
+<contact><exclude body1="k" body2="r"/></contact>
+<actuator><position name="m" joint="crank" kp="100"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("requested", [2.0, 2.5, 4.0, -2.0, -3.7])
+def test_the_assembly_nearest_to_a_requested_angle_is_chosen_by_every_command(tmp_path, requested):
+    path = tmp_path / "loop.xml"
+    path.write_text(FOUR_BAR_XML)
+    # the other end of the rocker is the first one's mirror image in the line from crank to pivot
+    end, pivot, first = np.array([0.1, 1.0]), np.array([0.4, 0.8]), np.array([0.4, 1.0])
+    along = (pivot - end) / np.linalg.norm(pivot - end)
+    other = end + 2.0 * ((first - end) @ along) * along - (first - end) - pivot
+    angles = [turns + angle for angle in (0.0, np.arctan2(*other)) for turns in (-2 * np.pi, 0.0, 2 * np.pi)]
+    expected = min(angles, key=lambda angle: abs(angle - requested))
+    start = {"rocker": f"{requested}rad"}
+    solved = ms.load(path, drive={"crank": "0.1rad*t"}, start=start).solve(t=[0.0])
+    assert solved.joints["rocker"].value[0] == pytest.approx(expected, abs=1e-12)
+    # tune, reduce and simulate under controls start in the state that they write
+    for motion in ({"ctrl": {"m": 0.1}}, {"drive": {"crank": "0.1rad*t"}}):
+        scene = open_scene(str(path), duration=0.1, start=start, **motion)[0]
+        assert np.exp(1j * scene.start[0][2]) == pytest.approx(np.exp(1j * expected), abs=1e-12)
+        assert scene.own_start

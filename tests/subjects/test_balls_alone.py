@@ -73,6 +73,28 @@ def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(tmp_path):
     assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)
 
 
+# the same bar as MJCF: its ropes are rods with small inertias about their lines
+BAR_XML = """<mujoco><worldbody>
+<body name="a"><joint name="A" type="ball"/><geom type="capsule" fromto="0 0 0 0 0 -1" size=".01"/>
+<body name="b" pos="0 0 -1"><joint name="B" type="ball"/>
+<geom type="capsule" fromto="0 0 0 1 0 0" size=".02"/>
+<site name="P" pos=".5 0 0"/><body name="c" pos="1 0 0"><joint name="C" type="ball"/>
+<geom type="capsule" fromto="0 0 0 0 0 1" size=".01"/></body></body></body></worldbody>
+<equality><connect body1="c" body2="world" anchor="0 0 1"/></equality></mujoco>"""
+
+
+@pytest.mark.long
+def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco(tmp_path):
+    path = tmp_path / "bar.xml"
+    path.write_text(BAR_XML)
+    solver = ms.load(str(path), drive={"P.y": "0.3*sin(2*pi*t)"}, lock_others=True)
+    height = solver.solve(t=np.array([0.0, 0.25])).points["P"].position[1, 2]
+    assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)
+    validation = ms.validate(solver)
+    assert validation.passed, validation
+    assert len(validation.checks) == 16
+
+
 def test_the_equations_of_a_driven_link_are_not_drawn(tmp_path):
     path = tmp_path / "rod.toml"
     path.write_text(ROD_TOML)

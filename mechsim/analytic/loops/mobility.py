@@ -208,9 +208,9 @@ def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
 
 
 # displacements along a degree of freedom, in [rad] or characteristic lengths: a point at the top or bottom of
-# its path moves by their square only; residual of closed loops; and fraction of the displacement above which
-# a joint or a point counts as moved
-NULL_DISPLACEMENTS, CLOSED, MIN_MOTION = (1e-3, 0.1), 1e-10, 1e-2
+# its path moves by a fraction of their square only, as of a bar on two ropes that turns; residual of closed
+# loops; and fraction of the displacement above which a joint or a point counts as moved
+NULL_DISPLACEMENTS, CLOSED, MIN_MOTION = (1e-3, 0.1, 0.5), 1e-10, 1e-2
 # smallest participation of a coordinate in a null direction; and largest number of names in a message
 MIN_PARTICIPATION, LISTED = 1e-6, 12
 
@@ -280,10 +280,12 @@ def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[t
         free.sort(
             key=lambda name: float(np.linalg.norm(null_space[:, columns[name]])) < 1.0 - MIN_PARTICIPATION
         )
+    named: set[str] = set()
     for name in free:
         displaced = _displaced_by(solver, null_space, columns[name])
         if displaced and name in displaced:
             label = joints[name].name if KINDS[joints[name].kind].floating else name
+            named.add(name)
             yield label, label
             null_space = with_coordinate_locked(null_space, columns[name])
     # rotations of balls, which have no coordinate
@@ -292,7 +294,8 @@ def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[t
             column = int(np.searchsorted(loops.unknown, rotation))
             displaced = _displaced_by(solver, null_space, column)
             if displaced:
-                yield ball.joint.name if ball.kind.floating else displaced[0], ball.joint.name
+                moved = next((name for name in displaced if name not in named), displaced[0])
+                yield ball.joint.name if ball.kind.floating else moved, ball.joint.name
                 null_space = with_coordinate_locked(null_space, column)
 
 
@@ -302,8 +305,9 @@ def _displaced_by(solver: TreeSolver, null_space: Array, column: int) -> list[st
     length = float(np.linalg.norm(components))
     if length < MIN_PARTICIPATION:
         return []
-    direction, (small, large) = (components / length) @ null_space, NULL_DISPLACEMENTS
-    return _moved_by(solver, direction, small) or _moved_by(solver, direction, large)
+    direction = (components / length) @ null_space
+    moved = (_moved_by(solver, direction, displacement) for displacement in NULL_DISPLACEMENTS)
+    return next(filter(None, moved), [])
 
 
 def _moved_by(solver: TreeSolver, direction: Array, displacement: float) -> list[str]:

@@ -17,6 +17,7 @@ from mechsim.model.joints import End, joint_coordinate
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND, IDENTITY, Pose, vector
 from mechsim.model.mechanism import Mechanism, described
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, rank, significant
@@ -345,7 +346,7 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
     for poses in _initial_guesses(mechanism):
         loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
         try:
-            q = closed(loops, initial)
+            q = _next_to_stated(loops, closed(loops, initial), stated)
             _require_axes_aligned(loops, q)
         except AssemblyError as failure:
             error = error or failure
@@ -355,7 +356,7 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
             return candidates[-1]
     poses = guessed_poses(mechanism)
     loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
-    searched = all_closed(loops, disturbed(loops, initial))
+    searched = _next_to_stated(loops, all_closed(loops, disturbed(loops, initial)), stated)
     for q in (searched.select(np.array([i])) for i in range(len(searched))):
         candidates.append(
             _Assembly(
@@ -369,6 +370,20 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
         return replace(nearest, q=closed(nearest.loops, nearest.q))
     assert error is not None
     raise AssemblyError(f"{error} ({_TRIED})")
+
+
+def _next_to_stated(loops: TreeLoops, q: Coordinates, stated: Mapping[str, float]) -> Coordinates:
+    """Return configurations with the angles of hinges within half a revolution of their stated values.
+
+    Driven and coupled angles are unchanged.
+    """
+    tree, values = loops.tree, q.values.copy()
+    coupled = {name for law in tree.mechanism.laws for name in law.coordinates}
+    for name in ({*stated} & {*tree.index_of}) - coupled:
+        joint, index = tree.mechanism.joint_with(name)[0], tree.index_of[name]
+        if KINDS[joint.kind].hinge and index not in loops.driven:
+            values[index] += REVOLUTION * np.round((stated[name] - values[index]) / REVOLUTION)
+    return replace(q, values=values)
 
 
 def disturbed(loops: TreeLoops, q: Coordinates) -> Coordinates:

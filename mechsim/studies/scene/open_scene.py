@@ -90,6 +90,7 @@ def open_scene(
         duration=duration_of(seconds, None, laws),
         points=points,
         key=key,
+        started=bool(options.get("start")),
     )
     return scene, tuple(f"{solver.name}: {fact}" for fact in solver.facts)
 

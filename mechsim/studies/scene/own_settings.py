@@ -88,6 +88,7 @@ def published_scene(source: KinematicSolver, profile: CrankProfile | None = None
         duration=_duration(source, profile),
         points=source.mechanism.points,
         qpos=source.source.qpos,
+        started=bool(source.mechanism.guess),
     )
     return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by virtual drive inertia"
 

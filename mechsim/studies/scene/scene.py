@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import GROUND, Vector, vector
 from mechsim.model.mechanism import Mechanism
@@ -162,6 +163,7 @@ def scene_of(
     points: Mapping[str, tuple[str, Vector]] | None = None,
     key: str | None = None,
     qpos: Array | None = None,
+    started: bool = False,
 ) -> UserScene:
     """Return a scene and its motion.
 
@@ -179,6 +181,7 @@ def scene_of(
             points at which joints close the loops.
         key: initial keyframe.
         qpos: initial coordinates, (nq,), in place of the file's or the keyframe's.
+        started: whether it starts in the assembly of the mechanism's guess, as selected by a user.
 
     Raises:
         InputError: for an unknown actuator or joint, or motion laws without a start.
@@ -205,6 +208,9 @@ def scene_of(
     if key is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
     start = (data.qpos if qpos is None else qpos).copy(), data.qvel.copy()
+    if started:
+        assembly = closure.loops.read(start_poses(mechanism)[0])
+        start = closure.states_of(assembly, start[0])[0], start[1]
     if joint_laws:
         # the assembled state and the velocities at the start of motion laws
         first = {name: [float(values[0]) for values in law(np.zeros(1))] for name, law in joint_laws.items()}
@@ -225,6 +231,7 @@ def scene_of(
         key,
         float(plain.stat.meaninertia / model.stat.meaninertia),
         fixed,
+        assembled_start=started,
     )
 
 
