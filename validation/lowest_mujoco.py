@@ -16,32 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 CUSTOM = ROOT / "models" / "four_bar.xml"
-COMMANDS = (
-    "show four_bar",
-    "solve rssr --angles 0:360:30deg -o {out}.csv",
-    "simulate rssr --speed 60rpm -o {out}.csv",
-    "simulate four_bar --speed 60rpm --tolerance 10um -o {out}.csv",
-    "simulate rssr --speed 60rpm --tolerance 10um -o {out}.csv",
-    "simulate {custom} --speed 60rpm --tolerance 10um -o {out}.csv",
-    "sample {custom} -n 100 -o {out}.npz",
-    "map {custom} --from crank=20deg:80deg --to rocker -o {out}.npz",
-    "trace four_bar -o {out}.csv",
-    "dynamics inverse slider_crank --speed 600rpm",
-    "dynamics forward four_bar --motor line:1,600rpm --turns 3",
-    "dynamics forward four_bar --initial crank.q=30deg --duration 0.1s",
-    "validate slider_crank",
-    "validate rssr",
-    "validate {custom}",
-    "tradeoff slider_crank --budget 30s",
-    "tune {custom} --drive crank=60rpm --tolerance 100um --budget 20s -o {out}.xml",
-    "reduce {custom} --drive crank=60rpm --tolerance 100um -o {out}.xml",
-    "sweep four_bar --vary crank=3cm:5cm:3 --measure range:rocker --check 2 -o {out}.csv",
-    "sensitivity four_bar --of B,rocker --to crank,coupler",
-    "export four_bar --speed 60rpm -o {out}.xml",
-    "export {custom} --format toml -o {out}.toml",
-    "render four_bar -o {out}.png",
-    "view four_bar -o {out}.html",
-)
+COMMANDS = Path(__file__).with_suffix(".txt").read_text().splitlines()
 
 
 def lowest_allowed() -> tuple[int, ...]:

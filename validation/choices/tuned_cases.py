@@ -1,5 +1,6 @@
 """Scenes, motions and tolerances of the study tuned_scenes.py."""
 
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,23 +25,7 @@ CRANKS = (
 )
 WITH_SEVERAL_DRIVERS = ("five_bar", "planar_3rrr", "humanoid_ankle")
 # file, and controls of its actuators; without controls its drivers swing
-PUBLIC: dict[str, tuple[str, dict[str, str]]] = {
-    "2F-85": ("robotiq_2f85.xml", {"fingers_actuator": "255*(0.5-0.5*cos({rate}*2*pi*t))"}),
-    "G1 ankle": (
-        "g1_ankle.xml",
-        {
-            "left_motor_joint": "0.3*sin({rate}*1.2*pi*t)",
-            "right_motor_joint": "-0.15*sin({rate}*1.2*pi*t)",
-        },
-    ),
-    "Tiangong ankle": ("feidedao_Parallel_Ankle_Joint/5_tiangong/urdf/TG10-00.xml", {}),
-    "planar-2dof": ("Rhoban_onshape-to-robot-examples/planar-2dof/robot.xml", {}),
-    "delta robot": ("jurmy24_delta-simulation/simulation/delta-robot/robot.xml", {}),
-    "xArm gripper": (
-        "Kcygt_mujoco_menagerie/ufactory_xarm7/hand.xml",
-        {"fingers_actuator": "255*(0.5-0.5*cos({rate}*2*pi*t))"},
-    ),
-}
+PUBLIC = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 # for every scene: error measure, tolerance relative to its size, speed factor of its motion
 CASES: tuple[tuple[Literal["closure", "trajectory"], float, float], ...] = (
     ("closure", 1e-5, 1.0),
@@ -108,15 +93,15 @@ def scene_files(folder: Path | None, work: Path, only: set[str]) -> Iterator[Sce
         mechanism, path = load(name).mechanism, work / f"{name}.xml"
         path.write_text(to_xml(exported(mechanism, Scene())))
         yield SceneFile(name, path, mechanism, {})
-    for name, (file, controls) in PUBLIC.items() if folder else ():
-        path = folder / file
+    for name, scene in PUBLIC.items() if folder else ():
+        file, path = scene["file"], folder / scene["file"]
         if only and name not in only:
             continue
         if not path.is_file():
             print(f"{name}: {file} is missing: skipped")
             continue
         path = _loadable(path, work / f"{name}.xml".replace(" ", "-"))
-        yield SceneFile(name, path, load(str(path)).mechanism, controls)
+        yield SceneFile(name, path, load(str(path)).mechanism, scene.get("controls", {}))
 
 
 def _loadable(path: Path, path_without_meshes: Path) -> Path:

@@ -37,34 +37,16 @@ OWN = Path(__file__).parent / "mutated"
 SECONDS, WALL, MEMORY, MAPPED = 60, 600, 2 * 1024**3, 16 * 1024**3
 NUMBER = re.compile(rb"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
 WORD = re.compile(rb"[A-Za-z_]\w*")
-NUMBERS = (b"0", b"-1", b"1e-9", b"1e-300", b"1e12", b"1e300", b"1e400", b"nan", b"-inf", b"9" * 5000, b"1,5")
-TEXTS = (
-    b"<!--",
-    b"&x;",
-    b"\0",
-    b"\xff",
-    b"[[",
-    b"&a [*a]",
-    b"!!int ''",
-    b"../x",
-    b'"',
-    b"sqrt(-1)",
-    b"log(0)",
-    b"\xef\xbb\xbf",
-    b"\xff\xfe",
-    b"!!python/object/apply:os.getpid []",
-    b"[" * 2000,
-    b"{a: " * 2000,
-    b"<a>" * 2000,
-    b"a." * 2000,
-    b'<!DOCTYPE a [<!ENTITY x SYSTEM "/etc/hostname">]>&x;',
-)
 # weights of the commands that read, check or write a file; the others have 1
 WEIGHTS = {"show": 6, "check": 6, "export": 4}
 # libraries that mechsim imports when they are needed
 LIBRARIES = ("networkx", "pydantic", "scipy.optimize", "yaml")
-# commands of each kind of file
-COMMANDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+# commands of each kind of file, and what replaces numbers and bytes
+COMMANDS = TABLE["commands"]
+NUMBERS, TEXTS = ([text.encode("latin-1") for text in TABLE[kind]] for kind in ("numbers", "texts"))
+NUMBERS.append(b"9" * 5000)
+TEXTS += [text.encode() * 2000 for text in TABLE["repeated"]]
 
 
 def inputs() -> list[Path]:
