@@ -259,7 +259,7 @@ def _arctan2(y: Jet, x: Jet) -> Jet:
     r2 = x.value * x.value + y.value * y.value
     rate = (x.value * y.rate - y.value * x.rate) / r2
     second = x.value * y.second - y.value * x.second - 2.0 * rate * (x.value * x.rate + y.value * y.rate)
-    return Jet(np.arctan2(y.value, x.value), rate, second / r2)
+    return Jet(angle_of(y.value, x.value), rate, second / r2)
 
 
 def _log(x: Jet) -> Jet:

@@ -118,3 +118,13 @@ def test_a_numerical_root_has_both_derivatives():
 def test_a_function_without_a_rule_is_rejected():
     with pytest.raises(TypeError):
         np.tanh(jet((1.0, 2.0, 3.0)))
+
+
+def test_the_angle_of_a_jet_takes_complex_steps():
+    # d/dy atan2(y, x) = x / (x2 + y2), from fifty digits
+    x, y = 0.3, -0.7
+    sine = Jet(jets.stepped(np.array([y]), np.ones(1)), np.zeros(1), np.zeros(1))
+    angle = np.arctan2(sine, Jet(np.array([x]), np.zeros(1), np.zeros(1)))
+    exact = mp.mpf(x) / (mp.mpf(x) ** 2 + mp.mpf(y) ** 2)
+    assert angle.value.real[0] == pytest.approx(float(mp.atan2(mp.mpf(y), mp.mpf(x))), rel=1e-15)
+    assert jets.change_of(angle.value)[0] == pytest.approx(float(exact), rel=1e-14)
