@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.reduction.candidates.bodies import (
     RemovalCandidate,
     count_text,
@@ -31,7 +32,8 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
-        return [RemovalCandidate("contacts", "contact detection (no contacts)", _disable_contacts)]
+        edit = PlainSettings(contact=False).put_into
+        return [RemovalCandidate("contacts", "contact detection (no contacts)", edit)]
     names = [
         geom.name
         for geom in observed.spec.geoms
@@ -39,10 +41,6 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     ]
     what = f"contacts of {count_text(len(names), 'geom')} without contact"
     return [RemovalCandidate("contacts", what, partial(_without_contacts, names=names))] if names else []
-
-
-def _disable_contacts(spec: mujoco.MjSpec) -> None:
-    spec.option.disableflags |= CONTACTS_DISABLED
 
 
 def _without_contacts(spec: mujoco.MjSpec, names: Collection[str]) -> None:
