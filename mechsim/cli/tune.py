@@ -62,7 +62,6 @@ class TuneJson(TypedDict):
     summary: list[str]
     published: Published
     tuned: TunedSettings
-    by_python: TriedSettings | None
     limit: LimitJson
     put_in: list[Any]
     diff: str
@@ -93,7 +92,7 @@ def tune(
     python: Annotated[
         str | None,
         output_file(
-            "Also write a Python script that runs the scene, with settings that MJCF cannot hold.",
+            "Also write a Python script that runs the scene, with its controls and forces.",
             ".py",
             name="--python",
             metavar="OUT.py",
@@ -136,16 +135,11 @@ def _print(result: Tuned, data: dict[str, Any]) -> None:
     shown = (PlainSettings(), result.best.settings)
     others = sorted(result.compared, key=lambda trial: trial.seconds)
     listed = [trial for trial in others if trial.settings not in shown]
-    listed += [] if result.beyond is None else [result.beyond]
     rows += [(_summary(result, trial), *_row(trial, result)) for trial in listed]
     for sentence in result.sentences:
         print_text(sentence)
     if not result.reached:
         print_text(f"no MJCF file reaches {result.tolerance:g} {unit} for this scene")
-        if result.beyond is not None:
-            script = f"in {data['python']}" if data["python"] else "which --python OUT.py writes"
-            error = number(result.beyond.errors.by(result.by), 2)
-            print_text(f"lines of Python reach {error} {unit}, {script}")
     head = ["settings changed", f"{result.by} [{unit}]", "trajectory [m]", "ms/s"]
     # the deciding measure is printed once only
     keep = [i for i in range(4) if not (i == 2 and result.by == "trajectory")]

@@ -96,11 +96,6 @@ class PlainSettings:
     energy: bool | None = None
     compliance: float | None = None
 
-    @property
-    def in_file(self) -> bool:
-        """Whether an MJCF file can contain all settings."""
-        return self.compliance is None
-
     def applied(self, model: mujoco.MjModel) -> mujoco.MjModel:
         """Return a copy of a compiled model with these settings."""
         model = copy.copy(model)
@@ -126,8 +121,7 @@ class PlainSettings:
         """
         if self.compliance not in (None, 1.0):
             raise InputError(
-                f"compliance is {self.compliance:g}, but an MJCF file can only contain 1; leave it out, or "
-                "let `mechsim tune --python` write a script"
+                f"compliance is {self.compliance:g}, but an MJCF file can only contain 1; leave it out"
             )
         self._set_options(spec.option)
         for equality in spec.equalities:
@@ -177,14 +171,6 @@ def _number(name: str, value: Any) -> Any:
         return value
     prefix, kind, _ = _ENUMERATIONS[name]
     return int(getattr(kind, prefix + str(value).upper()))
-
-
-def python_value(name: str, value: object) -> str:
-    """Return the Python expression of an option's value for MuJoCo."""
-    if name not in _ENUMERATIONS:
-        return repr(value)
-    prefix, kind, _ = _ENUMERATIONS[name]
-    return f"mujoco.{kind.__name__}.{prefix}{str(value).upper()}"
 
 
 def option_value(name: str, value: Any) -> Any:

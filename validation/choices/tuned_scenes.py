@@ -14,7 +14,7 @@ with 1 if a tolerance is exceeded or a search takes more than a minute.
 import argparse
 import sys
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
 
@@ -51,11 +51,9 @@ def external_error(scene: UserScene, result: Tuned, best: SceneTrial, work: Path
     """Run the written files externally; return the largest error and that of the reference, in [m]."""
     stem = f"tuned-{scene.mechanism.name}".replace(" ", "-")
     file, script = work / f"{stem}.xml", work / f"{stem}.py"
-    in_file = replace(best.settings, compliance=None)
-    read = write_scene(scene, in_file, tuned_text(scene, in_file, [], work).after, file)
-    written = replace(read, model=best.settings.applied(read.model))
-    changed = {} if best.settings.in_file else {"compliance": best.settings.compliance}
-    script.write_text(python_of(written, file, python_laws(scene), changed=changed))
+    settings = best.settings
+    written = write_scene(scene, settings, tuned_text(scene, settings, [], work).after, file)
+    script.write_text(python_of(written, file, python_laws(scene)))
     if result.by == "trajectory":
         return trajectory_error(script_of(script), scene.duration, scene.tracked)
     drivers = scene.closure.drivers
@@ -75,7 +73,7 @@ def checked_row(item: SceneFile, number: int, work: Path, count: Counts, budget:
     count.slow += result.seconds > MAX_SECONDS
     published = result.published
     row = [by, tolerance, published.errors.by(by), 1e3 * published.seconds]
-    best = result.chosen or result.beyond
+    best = result.chosen
     if best is None:
         count.unreachable += 1
         return [
@@ -90,7 +88,7 @@ def checked_row(item: SceneFile, number: int, work: Path, count: Counts, budget:
     error, reference_error = external_error(scene, result, best, work)
     satisfied = error <= tolerance
     count.promised, count.satisfied = count.promised + 1, count.satisfied + satisfied
-    note = ("" if best.settings.in_file else "by Python") if satisfied else "EXCEEDED"
+    note = "" if satisfied else "EXCEEDED"
     return [*row, error, reference_error, 1e3 * best.seconds, result.seconds, len(result.tried), note]
 
 

@@ -29,8 +29,6 @@ IMPLICIT = "discrete"
 # off
 TIME_CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
 SAFE_TIME_CONSTANT = 2.0
-# compliance scales, which no file can contain
-COMPLIANCES = (1e-2, 1e-4, 1e-8)
 
 
 def steps_of(scene: UserScene) -> list[float]:
@@ -101,19 +99,6 @@ def fourth_order(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield the settings of a step with RK4."""
     for constant in (SAFE_TIME_CONSTANT, 3.0, 5.0, 10.0, None):
         yield loop_settings(scene, step, "RK4", constant)
-
-
-def low_compliance_probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield a few settings of lowest compliance that determine whether a step can satisfy a tolerance."""
-    for integrator, constant in (("Euler", 2.0), ("RK4", 10.0)):
-        yield replace(loop_settings(scene, step, integrator, constant), compliance=COMPLIANCES[-1])
-
-
-def low_compliance(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield the settings of a step with compliances that no file can contain."""
-    for compliance in COMPLIANCES:
-        for integrator, constant in (("Euler", 2.0), ("implicitfast", 2.0), ("RK4", 5.0), ("RK4", 10.0)):
-            yield replace(loop_settings(scene, step, integrator, constant), compliance=compliance)
 
 
 def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:

@@ -18,8 +18,6 @@ from mechsim.studies.scene.step_sizes import (
     COSTS,
     fourth_order,
     fourth_order_probes,
-    low_compliance,
-    low_compliance_probes,
     probes,
     single_stage,
     steps_of,
@@ -61,9 +59,8 @@ class Tuned:
         published: trial of the file's own settings, with errors measured at every step.
         satisfied: whether the file's own settings satisfy the tolerance.
         chosen: the cheapest settings that satisfy the tolerance; the published settings if none are cheaper;
-            None if no settings of a file satisfy it.
-        closest: the settings with the smallest error that a file can contain.
-        beyond: the cheapest sufficient settings that no file can contain; None without such settings.
+            None if no settings satisfy it.
+        closest: the settings with the smallest error.
         compared: the cheapest trials that satisfy the tolerance at every step, timed in the same rounds as
             the published settings.
         tried: all trials, in order.
@@ -79,7 +76,6 @@ class Tuned:
     satisfied: bool
     chosen: SceneTrial | None
     closest: SceneTrial
-    beyond: SceneTrial | None
     compared: Sequence[SceneTrial]
     tried: Sequence[SceneTrial]
     reference: ConvergedReference
@@ -170,7 +166,6 @@ class _SettingSearch:
     budget: Budget
     # largest trajectory error of settings chosen by another measure, in [m]
     max_trajectory_error: float = np.inf
-    fraction: float = TRIALS_FRACTION
     tried: dict[PlainSettings, SceneTrial] = field(default_factory=dict[PlainSettings, SceneTrial])
 
     @property
@@ -179,7 +174,7 @@ class _SettingSearch:
 
     @property
     def ended(self) -> bool:
-        return self.budget.spent > self.fraction * self.budget.seconds
+        return self.budget.spent > TRIALS_FRACTION * self.budget.seconds
 
     def trial(self, settings: PlainSettings) -> SceneTrial:
         """Return the trial of settings; each is run only once."""
@@ -207,14 +202,9 @@ class _SettingSearch:
             trials.append(self.trial(settings))
         return [trial for trial in trials if self.satisfies(trial)]
 
-    def cheapest(self, in_file: bool = True) -> list[SceneTrial]:
+    def cheapest(self) -> list[SceneTrial]:
         """Return the trials that satisfy the tolerance; the cheapest is first."""
-        trials = [
-            trial
-            for trial in self.tried.values()
-            if self.satisfies(trial) and trial.settings.in_file == in_file
-        ]
-        return sorted(trials, key=lambda trial: trial.seconds)
+        return sorted(filter(self.satisfies, self.tried.values()), key=lambda trial: trial.seconds)
 
 
 def _evaluator(reference: ConvergedReference, by: By) -> SceneEvaluator:
@@ -251,13 +241,9 @@ def tuned(
     _vary_best(search)
     published, *compared = _timed(search, [published, *_verified(search)])
     chosen = _simplest_of_fastest(search, compared)
-    beyond = None if chosen is not None or satisfied else _beyond(search)
-    in_file = [trial for trial in search.tried.values() if trial.settings.in_file]
-    closest = min(in_file, key=search.error)
+    closest = min(search.tried.values(), key=search.error)
     if chosen is None:
-        timed = _timed(search, [published, closest, *([beyond] if beyond else [])])
-        published, closest = timed[:2]
-        beyond = timed[2] if beyond else None
+        published, closest = _timed(search, [published, closest])
     if satisfied and (chosen is None or chosen.seconds > (1.0 - TIME_TOLERANCE) * published.seconds):
         chosen = published
     return Tuned(
@@ -268,7 +254,6 @@ def tuned(
         satisfied,
         chosen,
         closest,
-        beyond,
         compared,
         [*search.tried.values()],
         reference,
@@ -368,14 +353,6 @@ def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTr
     runs = [(scene, trial.settings.applied(scene.model)) for trial in trials]
     times = step_times(runs, rounds) if runs else []
     return [replace(trial, seconds=float(time)) for trial, time in zip(trials, times, strict=True)]
-
-
-def _beyond(search: _SettingSearch) -> SceneTrial | None:
-    """Return the cheapest trial that satisfies the tolerance with a compliance that no file can contain."""
-    search.fraction = 1.0
-    for step in _longest(search, steps_of(search.scene), low_compliance_probes):
-        search.satisfying(low_compliance(search.scene, step))
-    return next(iter(search.cheapest(in_file=False)), None)
 
 
 def _figures(error: float, trial: SceneTrial) -> str:

@@ -21,7 +21,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.joints import CRANK
-from mechsim.simulation.plain_settings import ALLOWABLE, settings_of
+from mechsim.simulation.plain_settings import ALLOWABLE
 from mechsim.simulation.source import from_mechanism
 from mechsim.studies.scene.errors import (
     MEASURES,
@@ -125,7 +125,6 @@ class TunedModel:
                 "estimate": result.best.errors.by(result.by) + result.reference_error,
                 "errors": result.errors,
             },
-            "by_python": None if result.beyond is None else _as_dict(result, result.beyond),
             "limit": {
                 "what": result.reference.what,
                 "error": result.reference.errors[0],
@@ -208,7 +207,7 @@ def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, t
 
 def _require_runnable(result: Tuned) -> None:
     """Raise InputError with the cause if the scene diverges with all tried settings."""
-    if np.isfinite(result.closest.errors.by(result.by)) or result.beyond is not None:
+    if np.isfinite(result.closest.errors.by(result.by)):
         return
     cause = divergence_reason(run_scene(result.scene)) or "no closed pose is near its states"
     raise InputError(
@@ -233,7 +232,8 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
 
     read_back = write_scene(result.scene, best.settings, draft.after, path, finish)
     if script is not None:
-        _write_script(script, result, read_back, path, laws)
+        with atomic_path(script) as unfinished:
+            unfinished.write_text(python_of(read_back, path, laws), encoding="utf-8")
     after = path.read_text(encoding="utf-8")
     lines = difflib.unified_diff(
         draft.before.splitlines(), after.splitlines(), result.scene.path, str(path), lineterm="", n=0
@@ -263,20 +263,3 @@ def _comment(result: Tuned, scene: UserScene, laws: dict[str, str]) -> list[str]
         *([f"  {line}" for line in control_lines(scene, laws)] or ["  nothing"]),
         *(f"  where q({name!r}, t) = {laws[name]}" for name in scene.joint_laws),
     ]
-
-
-def _write_script(
-    script: Path, result: Tuned, read_back: UserScene, path: Path, laws: dict[str, str]
-) -> None:
-    """Write the script that runs the tuned scene, including settings that no file can contain."""
-    scene, changed = read_back, {}
-    if result.beyond is not None:
-        best = (result.best).settings.as_dict()
-        beyond = result.beyond.settings.as_dict()
-        changed = {name: value for name, value in beyond.items() if best.get(name) != value}
-        own = settings_of(result.scene.model).as_dict()
-        changed |= {name: value for name, value in own.items() if name in best and name not in beyond}
-        scene = replace(read_back, model=result.beyond.settings.applied(result.scene.model))
-    text = python_of(scene, path, laws, changed=changed)
-    with atomic_path(script) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")

@@ -22,7 +22,7 @@ from mechsim.simulation.mjcf.edited_text import (
 from mechsim.simulation.mjcf.included_files import moved_to, read_text, with_included
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.plain_settings import FLAGS, OPTIONS, PlainSettings, python_value
+from mechsim.simulation.plain_settings import FLAGS, OPTIONS, PlainSettings
 from mechsim.studies.scene.scene import RK4, UserScene
 
 # keyframe at the start of a prescribed motion
@@ -261,49 +261,20 @@ def control_lines(scene: UserScene, expressions: Mapping[str, str]) -> list[str]
     return lines
 
 
-def python_of(
-    scene: UserScene,
-    file: Path,
-    expressions: Mapping[str, str],
-    *,
-    changed: Mapping[str, object] | None = None,
-) -> str:
+def python_of(scene: UserScene, file: Path, expressions: Mapping[str, str]) -> str:
     """Return a script that runs a tuned file in plain MuJoCo; its `steps()` yields the data after every step.
 
     Args:
         scene: scene of the file; its model has the settings of the run.
         file: path of the file; the script is written to the same folder.
         expressions: joint or actuator -> its motion law as an expression of t.
-        changed: settings that differ from the file's, as fields of `PlainSettings`.
     """
     laws = [f"    if joint == {name!r}:\n        return {expressions[name]}\n" for name in scene.joint_laws]
     reset = f"    mujoco.mj_resetDataKeyframe(model, data, model.key({scene.key!r}).id)\n"
     return SCRIPT.read_text(encoding="utf-8").format(
         file=file.name,
-        settings="".join(f"{line}\n" for line in _setting_lines(changed or {})),
         laws="".join(laws),
         duration=scene.duration,
         reset="" if scene.key is None else reset,
         controls="".join(f"        {line}\n" for line in control_lines(scene, expressions)),
     )
-
-
-def _setting_lines(settings: Mapping[str, object]) -> list[str]:
-    """Return the lines of Python that change settings of a loaded model."""
-    lines: list[str] = []
-    for name, value in settings.items():
-        if name in FLAGS:
-            bit, off = FLAGS[name]
-            field = "disableflags" if off else "enableflags"
-            lines.append(f"model.opt.{field} {f'|= {bit}' if value != off else f'&= ~{bit}'}  # {name}")
-        elif name in ("solref", "solimp"):
-            lines.append(f"model.eq_{name}[:] = {value!r}")
-        elif name == "compliance":
-            lines += [
-                "# these weights scale the compliance; no file can state them",
-                f"model.body_invweight0[:] *= {value:g}",
-                f"model.dof_invweight0[:] *= {value:g}",
-            ]
-        else:
-            lines.append(f"model.opt.{name} = {python_value(name, value)}")
-    return lines
