@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mechsim.analytic.loops.assemblies import other_assemblies
+from mechsim.analytic.loops.assemblies import other_assemblies, tracked_positions
 from mechsim.analytic.loops.motion import driven_path
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
@@ -94,7 +94,7 @@ def all_assembly_points(
     links = [solver.whole_motion([angle]).links] if own else []
     path = driven_path(solver.mechanism, solver.motion_laws, solver.change_point)
     others = other_assemblies(path, angle, solver.ranges, links, candidates)
-    return own + [({}, points) for points in others]
+    return own + [({}, tracked_positions(path, poses)) for poses in others]
 
 
 def _assemblies_of(

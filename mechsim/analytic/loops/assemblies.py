@@ -33,8 +33,8 @@ def other_assemblies(
     ranges: Ranges,
     excluded: Sequence[Mapping[str, LinkMotion]],
     candidates: Sequence[Mapping[str, Pose]] | None = None,
-) -> list[dict[str, Array]]:
-    """Return the tracked points, (3,) in [m], of the assemblies at a path parameter that are not excluded.
+) -> list[dict[str, Pose]]:
+    """Return the link poses of the assemblies at a path parameter that are not excluded.
 
     Assemblies are distinct if a joint or a tracked point differs; the spin of a rod about its own axis does
     not count, nor do other revolutions of a nut on its screw.
@@ -53,7 +53,7 @@ def other_assemblies(
     signatures = [_points(compared, links) for links in excluded]
     screws = [joint for joint in loops.tree.original.joints if KINDS[joint.kind].helical]
     threads = _threads(screws, excluded[0]) if excluded else np.zeros(len(screws))
-    others: list[dict[str, Array]] = []
+    others: list[dict[str, Pose]] = []
 
     def add(batch: Coordinates) -> None:
         for poses in _within(loops, batch, ranges):
@@ -64,7 +64,7 @@ def other_assemblies(
                 for previous in signatures
             ):
                 signatures.append(signature)
-                others.append(_tracked(path, poses))
+                others.append(poses)
 
     if candidates is not None:
         for poses in candidates:
@@ -124,7 +124,7 @@ def _points(
     return np.array([placed[link][0] + placed[link][1] @ np.array(local) for link, local in compared])
 
 
-def _tracked(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:
+def tracked_positions(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:
     """Return the tracked points of moving links, (3,) in [m]."""
     points = path.loops.tree.original.points.items()
     return {name: poses[link].point(local) for name, (link, local) in points if link != GROUND}

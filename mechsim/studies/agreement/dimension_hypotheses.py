@@ -1,25 +1,22 @@
 """Hypotheses of one wrong dimension: parameter, position of a joint or point, gear ratio or phase."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from mechsim.analytic.designs import DesignFamily, Dimension, placed_designs
-from mechsim.analytic.loops.constraints import tree_loops
-from mechsim.analytic.loops.kinematics import Coordinates, link_poses
-from mechsim.analytic.loops.start import closed
+from mechsim.analytic.loops.assemblies import other_assemblies
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.motion import driven_path
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.link_poses import guessed_poses, initial_coordinates
-from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
 from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import (
     NAMED,
     PLACED,
@@ -48,31 +45,76 @@ def parameters(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of one wrong parameter, coupling ratio or coupling phase: the most likely ones."""
     designs = misfit.designs
     hypotheses = [_other_dimension(misfit, designs, name, NAMED) for name in designs.dimensions]
-    hypotheses += _other_couplings(misfit)
+    if not misfit.evaluation.solver.gear:
+        numbers = _coupling_numbers(misfit.evaluation.solver)
+        hypotheses += [_other_coupling(misfit, number) for number in numbers]
     # exact derivatives of forces are not available
     yield from hypotheses if misfit.needs_forces else _likely(misfit, hypotheses, MAX_SOLVED + 2)
 
 
+@dataclass(frozen=True)
+class CouplingNumber:
+    """A ratio or a phase of a coupling that no parameter determines.
+
+    Attributes:
+        name: of the coupling.
+        kind: "gear" of a ratio, "phase" of a phase.
+        label: the ratio in words.
+        ratio: ratio of the coupling.
+        changed: change of the number -> the mechanism with it.
+    """
+
+    name: str
+    kind: str
+    label: str
+    ratio: float
+    changed: Callable[[float], KinematicSolver]
+
+
+def _coupling_numbers(solver: KinematicSolver) -> Iterator[CouplingNumber]:
+    """Yield the ratios and phases of gears, then those of other couplings."""
+    mechanism = solver.mechanism
+
+    def gear(k: int, field: str, by: float) -> KinematicSolver:
+        gears = list(mechanism.gears)
+        gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
+        return solver.with_mechanism(replace(mechanism, gears=tuple(gears)))
+
+    def coefficient(k: int, i: int, by: float) -> KinematicSolver:
+        laws = list(mechanism.couplings)
+        terms = list(laws[k].coefficients)
+        terms[i] += by
+        laws[k] = replace(laws[k], coefficients=tuple(terms))
+        return solver.with_mechanism(replace(mechanism, couplings=tuple(laws)))
+
+    for k, own in enumerate(mechanism.gears):
+        for field, kind in (("ratio", "gear"), ("phase", "phase")):
+            label = f"the ratio of {own.name}"
+            yield CouplingNumber(own.name, kind, label, own.ratio, partial(gear, k, field))
+    for k, law in enumerate(mechanism.couplings):
+        for i, kind in ((1, "gear"), (0, "phase")):
+            if i < len(law.coefficients):
+                label = f"the ratio of {law.name}"
+                yield CouplingNumber(law.name, kind, label, law.ratio, partial(coefficient, k, i))
+
+
 def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a gear ratio with the opposite sign, or inverted."""
-    solver = misfit.evaluation.solver
-    geared: list[tuple[str, str, float, Callable[[float], KinematicSolver]]] = []
-    if not (own := solver.gear):
-        for k, gear in enumerate(solver.mechanism.gears):
-            label = f"the ratio of {gear.name}"
-            geared.append((gear.name, label, gear.ratio, partial(_gear_changed, solver, k, "ratio")))
-    else:
-        ratio = misfit.designs.dimensions[own].value
-        geared.append((own, own, ratio, lambda by: misfit.designs.make({own: ratio + by})))
-    for name, label, ratio, changed in geared:
-        for other in {-ratio, 1.0 / ratio} - {ratio}:
-            text = f"{label} is {other:.6g} instead of {ratio:.6g}"
-            predict = partial(_of_other_solver, misfit, changed, other - ratio)
-            yield discrete("gear", name, predict, text, (other - ratio) / abs(ratio))
+    solver, designs = misfit.evaluation.solver, misfit.designs
+    gears = {gear.name for gear in solver.mechanism.gears}
+    numbers = [x for x in _coupling_numbers(solver) if x.kind == "gear" and x.name in gears]
+    if own := solver.gear:
+        ratio = designs.dimensions[own].value
+        numbers = [CouplingNumber(own, "gear", own, ratio, lambda by: designs.make({own: ratio + by}))]
+    for number in numbers:
+        for other in {-number.ratio, 1.0 / number.ratio} - {number.ratio}:
+            text = f"{number.label} is {other:.6g} instead of {number.ratio:.6g}"
+            predict = partial(_with_number, misfit, number, other - number.ratio)
+            yield discrete("gear", number.name, predict, text, (other - number.ratio) / abs(number.ratio))
 
 
-def _of_other_solver(misfit: Misfit, changed: Callable[[float], KinematicSolver], by: float) -> Values:
-    return misfit.predicted(_solved_from_start(misfit.evaluation, changed(by)))
+def _with_number(misfit: Misfit, number: CouplingNumber, by: float) -> Values:
+    return misfit.predicted(_solved_from_start(misfit.evaluation, number.changed(by)))
 
 
 def positions(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -122,8 +164,11 @@ def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: flo
 
     def predict(change: float) -> Values:
         _require_small(change)
-        solver = designs.make({name: dimension.value + scale * change})
-        return misfit.predicted(_resolved(evaluation, _with_laws_of(evaluation.solver, solver)))
+        before, solver = evaluation.solver, designs.make({name: dimension.value + scale * change})
+        solver = solver.with_change_point(before.change_point)
+        if not before.motion_laws.crank:
+            solver = solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
+        return misfit.predicted(_resolved(evaluation, solver))
 
     def derivative() -> Values:
         motion = misfit.by_dimension(designs, name)
@@ -163,14 +208,6 @@ def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> Evaluati
 def _solved_from_start(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism too different to start from the nominal motion."""
     return replace(evaluation, solver=solver, dynamic_model=evaluation.dynamic_model_of(solver), solved=None)
-
-
-def _with_laws_of(before: KinematicSolver, solver: KinematicSolver) -> KinematicSolver:
-    """Return a solver with the motion laws of another one."""
-    solver = solver.with_change_point(before.change_point)
-    if before.motion_laws.crank:
-        return solver
-    return solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
 
 
 def _kind(designs: DesignFamily, dimension: Dimension, solver: KinematicSolver) -> str:
@@ -230,142 +267,51 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
     return sized("dimension", name, predict, text, STEP, tier=PLACED, derivative=derivative)
 
 
-def _other_couplings(misfit: Misfit) -> list[Hypothesis]:
-    """Return hypotheses of other coupling ratios and phases that no parameter determines."""
-    solver = misfit.evaluation.solver
-    if solver.gear:
-        return []
-    hypotheses: list[Hypothesis] = []
-    for k, gear in enumerate(solver.mechanism.gears):
-        for field, kind in (("ratio", "gear"), ("phase", "phase")):
-            changed = partial(_gear_changed, solver, k, field)
-            hypotheses.append(_other_coupling(misfit, gear.name, kind, changed, gear.ratio))
-    for k, law in enumerate(solver.mechanism.couplings):
-        for i, kind in ((1, "gear"), (0, "phase")):
-            if i < len(law.coefficients):
-                changed = partial(_coupling_changed, solver, k, i)
-                hypotheses.append(_other_coupling(misfit, law.name, kind, changed, law.ratio))
-    return hypotheses
-
-
-def _gear_changed(solver: KinematicSolver, k: int, field: str, by: float) -> KinematicSolver:
-    gears = list(solver.mechanism.gears)
-    gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
-    return solver.with_mechanism(replace(solver.mechanism, gears=tuple(gears)))
-
-
-def _coupling_changed(solver: KinematicSolver, k: int, i: int, by: float) -> KinematicSolver:
-    laws = list(solver.mechanism.couplings)
-    terms = list(laws[k].coefficients)
-    terms[i] += by
-    laws[k] = replace(laws[k], coefficients=tuple(terms))
-    return solver.with_mechanism(replace(solver.mechanism, couplings=tuple(laws)))
-
-
-def _other_coupling(
-    misfit: Misfit, name: str, kind: str, changed: Callable[[float], KinematicSolver], ratio: float
-) -> Hypothesis:
-    scale = (abs(ratio) or 1.0) if kind == "gear" else 1.0
+def _other_coupling(misfit: Misfit, number: CouplingNumber) -> Hypothesis:
+    geared, ratio = number.kind == "gear", number.ratio
+    scale = (abs(ratio) or 1.0) if geared else 1.0
 
     def predict(change: float) -> Values:
-        return misfit.predicted(_resolved(misfit.evaluation, changed(scale * change)))
+        return misfit.predicted(_resolved(misfit.evaluation, number.changed(scale * change)))
 
     def text(change: float) -> str:
-        if kind == "gear":
-            return f"the ratio of {name} is {ratio + scale * change:.6g} instead of {ratio:.6g}"
-        return f"the phase of {name} is larger by {change:.6g}"
+        if geared:
+            return f"{number.label} is {ratio + scale * change:.6g} instead of {ratio:.6g}"
+        return f"the phase of {number.name} is larger by {change:.6g}"
 
-    return sized(kind, name, predict, text, STEP)
-
-
-# number of random starts of the loop equations; smallest distance of two assemblies relative to the size
-STARTS, ASSEMBLY_DISTANCE, SEED = 16, 1e-4, 20
+    return sized(number.kind, number.name, predict, text, STEP)
 
 
 def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Yield the other assemblies of the mechanism."""
-    for what, solver in _other_assemblies(misfit.evaluation):
-        evaluation = partial(_solved_from_start, misfit.evaluation, solver)
+    """Yield the other assemblies of the mechanism, with the parameters that select each, or by its joints."""
+    evaluation = misfit.evaluation
+    solver, own = evaluation.solver, evaluation.solver.selectors
+    modes = solver.assemblies(float(evaluation.angle[len(evaluation) // 3]))
+    others = _searched_assemblies(solver) if modes is None else []
+    for assembly in modes or ():
+        if (chosen := assembly.selectors) != own:
+            others.append((", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), assembly))
+    for what, other in others:
+        elsewhere = _solved_from_start(misfit.evaluation, other)
         yield discrete(
-            "assembly", what, partial(_predicted, misfit, evaluation), f"another assembly mode: {what}"
+            "assembly", what, partial(misfit.predicted, elsewhere), f"another assembly mode: {what}"
         )
 
 
-def _predicted(misfit: Misfit, evaluation: Callable[[], EvaluationPoints]) -> Values:
-    return misfit.predicted(evaluation())
-
-
-def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, KinematicSolver]]:
-    """Return the other assemblies, each with a description of the difference."""
-    solver = evaluation.solver
-    modes = solver.assemblies(float(evaluation.angle[len(evaluation) // 3]))
-    return _assemblies_from_random_starts(solver) if modes is None else list(_selected(solver, modes))
-
-
-def _selected(
-    solver: KinematicSolver, modes: Iterable[KinematicSolver]
-) -> Iterator[tuple[str, KinematicSolver]]:
-    """Yield the other assemblies of a mechanism, each with the parameters that select it."""
-    for assembly in modes:
-        chosen = assembly.selectors
-        if chosen != solver.selectors:
-            yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != solver.selectors[k]), assembly
-
-
-def _assemblies_from_random_starts(solver: KinematicSolver) -> list[tuple[str, KinematicSolver]]:
-    """Return assemblies of a mechanism found from random starts."""
+def _searched_assemblies(solver: KinematicSolver) -> list[tuple[str, KinematicSolver]]:
+    """Return other assemblies at the start, by random starts, each with its joint that differs most."""
     mechanism = solver.mechanism
-    try:
-        loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
-        own = closed(loops, guess)
-    except MechsimError:
-        return []
-    tree, random = loops.tree, np.random.default_rng(SEED)
-    solutions, others = [_joint_positions(mechanism, tree, own)], list[tuple[str, KinematicSolver]]()
-    amplitude = np.where(np.asarray(tree.slides), 0.3 * mechanism.characteristic_length, 1.0)
-    for _ in range(STARTS):
-        values = own.values.copy()
-        change = random.uniform(-np.pi, np.pi, tree.count) * amplitude
-        values[loops.unknown, 0] += change[loops.unknown]
-        try:
-            q = closed(loops, Coordinates(values, own.turns.copy()))
-        except (MechsimError, np.linalg.LinAlgError):
-            continue
-        position = _joint_positions(mechanism, tree, q)
-        nearest = min(float(np.abs(position - other).max()) for other in solutions)
-        if nearest < ASSEMBLY_DISTANCE * mechanism.characteristic_length:
-            continue
-        solutions.append(position)
-        other = _with_guess(solver, tree, q)
-        if other is not None:
-            others.append((_description(mechanism, tree, own, q), other))
+    start = mechanism.start if solver.motion_laws.crank else 0.0
+    path = driven_path(mechanism, solver.motion_laws)
+    own = path.start
+    drivers = {name: x for name, x in mechanism.guess_coordinates.items() if name in mechanism.drivers}
+    others: list[tuple[str, KinematicSolver]] = []
+    for poses in other_assemblies(path, start, solver.ranges, [solver.whole_motion([start]).links]):
+        q = path.loops.read(poses)
+        with suppress(MechsimError):
+            other = solver.with_mechanism(replace(mechanism, guess=poses, guess_coordinates=drivers))
+            others.append((_description(mechanism, path.loops.tree, own, q), other))
     return others
-
-
-def _joint_positions(mechanism: Mechanism, tree: SpanningTree, q: Coordinates) -> Array:
-    """Return the positions of all joints on both of their links, (ends, 3)."""
-    poses = link_poses(tree, q)
-    ends = [end for joint in mechanism.joints for end in (joint.a, joint.b) if end.link != GROUND]
-    return np.array(
-        [
-            poses.position[tree.links[end.link], :, 0]
-            + poses.rotation[tree.links[end.link], :, :, 0] @ np.asarray(end.point)
-            for end in ends
-        ]
-    )
-
-
-def _with_guess(solver: KinematicSolver, tree: SpanningTree, q: Coordinates) -> KinematicSolver | None:
-    """Return a solver that starts at given coordinates; None if the mechanism rejects them."""
-    mechanism, poses = solver.mechanism, link_poses(tree, q).by_link(tree.links)
-    guess = {name: pose.select(0) for name, pose in poses.items()}
-    counted = {
-        name: value for name, value in mechanism.guess_coordinates.items() if name in mechanism.drivers
-    }
-    try:
-        return solver.with_mechanism(replace(mechanism, guess=guess, guess_coordinates=counted))
-    except MechsimError:
-        return None
 
 
 def _description(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, q: Coordinates) -> str:

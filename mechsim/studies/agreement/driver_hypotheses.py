@@ -8,7 +8,6 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array, rms
@@ -16,7 +15,6 @@ from mechsim.studies.agreement.evaluation_points import (
     NAMED,
     EvaluationPoints,
     Hypothesis,
-    Rows,
     Values,
     discrete,
     sized,
@@ -115,22 +113,15 @@ def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
 def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a constant offset of a driver."""
     for driver in misfit.evaluation.drivers():
-        yield _driver_offset(misfit, driver, _unit(misfit, driver))
+        angle = _unit(misfit, driver) == "rad"
 
+        def text(offset: float, driver: str = driver, angle: bool = angle) -> str:
+            size = f"{offset:.6g} rad ({np.rad2deg(offset):.4g} deg)" if angle else f"{offset:.6g} m"
+            return f"{driver} has a constant offset of {size}"
 
-def _driver_offset(misfit: Misfit, driver: str, unit: str) -> Hypothesis:
-    def text(offset: float) -> str:
-        also = f" ({np.rad2deg(offset):.4g} deg)" if unit == "rad" else ""
-        return f"{driver} has a constant offset of {offset:.6g} {unit}{also}"
-
-    return sized(
-        "offset",
-        driver,
-        lambda offset: _scaled_driver(misfit, driver, 1.0, offset),
-        text,
-        1e-5 * (misfit.length if unit == "m" else 1.0),
-        starts=(0.0, *(_best_roll(misfit) if unit == "rad" else ())),
-    )
+        predict = partial(_scaled_driver, misfit, driver, 1.0)
+        step, starts = (1e-5, (0.0, *_best_roll(misfit))) if angle else (1e-5 * misfit.length, (0.0,))
+        yield sized("offset", driver, predict, text, step, starts=starts)
 
 
 def _best_roll(misfit: Misfit) -> tuple[float, ...]:
@@ -141,18 +132,17 @@ def _best_roll(misfit: Misfit) -> tuple[float, ...]:
     angle, n = evaluation.angle, len(evaluation) - 1
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - REVOLUTION) > 1e-9:
         return ()
-    sizes = [rms(misfit.errors([_rolled(values, k) for values in misfit.exact])) for k in range(n)]
+
+    def rolled(values: Array, k: int) -> Array:
+        once = np.roll(values[:-1], -k, axis=0)
+        return np.concatenate([once, once[:1]])
+
+    sizes = [rms(misfit.errors([rolled(values, k) for values in misfit.exact])) for k in range(n)]
     best = int(np.argmin(sizes))
     if best in (0, 1, n - 1):
         return ()
     offset = (angle[1] - angle[0]) * best
     return (float(wrapped(offset)),)
-
-
-def _rolled(values: Array, k: int) -> Array:
-    """Return values of a full revolution, (n, ...), that start k samples later."""
-    once = np.roll(values[:-1], -k, axis=0)
-    return np.concatenate([once, once[:1]])
 
 
 def delays(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -192,24 +182,17 @@ def _starts_earlier(motion_laws: MotionLaws) -> bool:
 
 
 def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Yield the delay by whole samples that explains most."""
+    """Yield the delay by whole samples that explains most; rows without data at the ends do not count."""
     n = len(misfit.evaluation)
-    shifts = [k for k in range(-MAX_DELAY, MAX_DELAY + 1) if k and abs(k) <= n // 3]
-    if not shifts:
-        return
-    best = min(shifts, key=lambda k: rms(misfit.errors(_shifted(misfit, k), _rows_with_data(n, k))))
-    text = f"all is {abs(best)} samples {'late' if best > 0 else 'early'}"
-    predict = partial(_shifted, misfit, best)
-    yield discrete("delay", "samples", predict, text, float(best), tier=NAMED, rows=_rows_with_data(n, best))
-
-
-def _shifted(misfit: Misfit, k: int) -> Values:
-    return [np.roll(values, k, axis=0) for values in misfit.exact]
-
-
-def _rows_with_data(n: int, k: int) -> Rows:
     rows = np.arange(n)
-    return (rows >= k) & (rows < n + k)
+    data = {k: (rows >= k) & (rows < n + k) for k in range(-MAX_DELAY, MAX_DELAY + 1) if 0 < abs(k) <= n // 3}
+    if data:
+        shifted = {k: [np.roll(values, k, axis=0) for values in misfit.exact] for k in data}
+        best = min(data, key=lambda k: rms(misfit.errors(shifted[k], data[k])))
+        text = f"all is {abs(best)} samples {'late' if best > 0 else 'early'}"
+        yield discrete(
+            "delay", "samples", lambda: shifted[best], text, float(best), tier=NAMED, rows=data[best]
+        )
 
 
 def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
@@ -228,16 +211,11 @@ def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
     motion_laws = misfit.evaluation.solver.motion_laws
     for first, second in combinations(motion_laws.drivers, 2):
         if _unit(misfit, first) == _unit(misfit, second):
-            laws = {first: _replaced(motion_laws, second), second: _replaced(motion_laws, first)}
+            by_name = motion_laws.by_name
+            laws = {first: lambda _, s=by_name[second]: s, second: lambda _, s=by_name[first]: s}
             predict = partial(_under_other_laws, misfit, laws)
             what = f"{first}, {second}"
             yield discrete("swapped", what, predict, f"the drivers {what} are swapped")
-
-
-def _replaced(motion_laws: MotionLaws, driver: str) -> LawChange:
-    """Return the change of one motion law into that of another driver."""
-    state = motion_laws.by_name[driver]
-    return lambda _: state
 
 
 def _under_gravity(misfit: Misfit, vector: Array) -> Values:
@@ -292,31 +270,22 @@ def masses(misfit: Misfit) -> Iterator[Hypothesis]:
 
 def _other_mass(misfit: Misfit, what: str, names: set[str], moments: bool) -> Hypothesis:
     model = misfit.evaluation.loaded_model
-    links_text = f"link {what}" if what else "all links"
-    moments_text = " and its moments" if moments else ", not its moments,"
 
     def predict(change: float) -> Values:
-        links = tuple(
-            replace(link, inertia=_heavier(link.inertia, 1.0 + change, moments))
-            if link.name in names and link.inertia is not None
-            else link
-            for link in model.mechanism.links
-        )
-        heavier = replace(model, mechanism=replace(model.mechanism, links=links))
-        return misfit.predicted(replace(misfit.evaluation, dynamic_model=heavier))
+        factor, links = 1.0 + change, list(model.mechanism.links)
+        for i, link in enumerate(links):
+            if link.name in names and (own := link.inertia) is not None:
+                heavier = replace(own, mass=factor * own.mass)
+                if moments:
+                    rows = tuple(tuple(factor * value for value in row) for row in own.moments)
+                    heavier = replace(heavier, moments=rows)
+                links[i] = replace(link, inertia=heavier)
+        loaded = replace(model, mechanism=replace(model.mechanism, links=tuple(links)))
+        return misfit.predicted(replace(misfit.evaluation, dynamic_model=loaded))
 
-    return sized(
-        "mass",
-        what,
-        predict,
-        lambda change: f"the mass of {links_text}{moments_text} is {100 * change:+.4g} % different",
-        1e-3,
-        tier=NAMED + (0.0 if moments else 0.1),
-    )
+    def text(change: float) -> str:
+        of_links = f"link {what}" if what else "all links"
+        also = " and its moments" if moments else ", not its moments,"
+        return f"the mass of {of_links}{also} is {100 * change:+.4g} % different"
 
-
-def _heavier(inertia: Inertia, factor: float, moments: bool) -> Inertia:
-    result = replace(inertia, mass=factor * inertia.mass)
-    if not moments:
-        return result
-    return replace(result, moments=tuple(tuple(factor * value for value in row) for row in inertia.moments))
+    return sized("mass", what, predict, text, 1e-3, tier=NAMED + (0.0 if moments else 0.1))

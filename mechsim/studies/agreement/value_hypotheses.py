@@ -12,6 +12,7 @@ from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import (
     DISCRETE,
+    NAMED,
     SIX,
     THREE,
     TWO,
@@ -40,6 +41,8 @@ LINEAR = ("m", "m/s", "m/s2")
 ROTATIONS, ROTATION_STEP = (0.0, 2.0, -2.0), 1e-4
 # finite-difference step of a shifted frame, relative to the mechanism's size
 SHIFT_STEP = 1e-3
+# no rotation, or no shift
+NONE = np.zeros((0, 3))
 
 
 def _changed(misfit: Misfit, indices: Sequence[int], change: Callable[[Array, Quantity], Array]) -> Values:
@@ -53,9 +56,7 @@ def _changed(misfit: Misfit, indices: Sequence[int], change: Callable[[Array, Qu
 def _scaled(
     misfit: Misfit, kind: str, what: str, indices: Sequence[int], factor: float, text: str
 ) -> Hypothesis:
-    def predict() -> Values:
-        return _changed(misfit, indices, lambda values, _: factor * values)
-
+    predict = partial(_changed, misfit, indices, lambda values, _: factor * values)
     return discrete(kind, what, predict, text, factor)
 
 
@@ -111,15 +112,10 @@ def swapped(misfit: Misfit) -> Iterator[Hypothesis]:
             and named.axes == other.axes
         ]
         if pairs[0] == (i, j):
-            what = f"{first.subject}, {second.subject}"
-            yield discrete("swapped", what, partial(_exchanged, misfit, pairs), f"{what} are swapped")
-
-
-def _exchanged(misfit: Misfit, pairs: Sequence[tuple[int, int]]) -> Values:
-    predicted = list(misfit.exact)
-    for a, b in pairs:
-        predicted[a], predicted[b] = predicted[b], predicted[a]
-    return predicted
+            what, predicted = f"{first.subject}, {second.subject}", list(misfit.exact)
+            for a, b in pairs:
+                predicted[a], predicted[b] = predicted[b], predicted[a]
+            yield discrete("swapped", what, lambda exchanged=predicted: exchanged, f"{what} are swapped")
 
 
 def _vectors(misfit: Misfit) -> tuple[list[int], str]:
@@ -131,21 +127,19 @@ def _vectors(misfit: Misfit) -> tuple[list[int], str]:
     return (indices, axes) if indices and same else ([], "")
 
 
-def _moved_frame(
-    misfit: Misfit, indices: Sequence[int], rotation: Array, shift: Array | None = None
-) -> Values:
+def _in_frame(misfit: Misfit, rotation: Array, shift: Array | None = None) -> Values:
     """Return the exact values in a frame rotated by a matrix, (k, k), and shifted, (k,) in [m]."""
 
     def change(values: Array, quantity: Quantity) -> Array:
         moved = values @ rotation.T
         return moved if shift is None or quantity.kind != "position" else moved + shift
 
-    return _changed(misfit, indices, change)
+    return _changed(misfit, _vectors(misfit)[0], change)
 
 
 def mirrored(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of positions mirrored in a plane of one or two axes, or rotated by quarter turns."""
-    indices, axes = _vectors(misfit)
+    axes = _vectors(misfit)[1]
     count = len(axes)
     if count < 2:
         return
@@ -161,119 +155,83 @@ def mirrored(misfit: Misfit) -> Iterator[Hypothesis]:
             what = ", ".join(f"{'-' if signs[i] < 0 else ''}{axes[order[i]]}" for i in range(count))
             # the simplest are reported first
             tier = DISCRETE + 0.1 * (order != tuple(range(count))) + 0.1 * (sum(s < 0 for s in signs) > 1)
-            predict = partial(_moved_frame, misfit, indices, rotation)
+            predict = partial(_in_frame, misfit, rotation)
             yield discrete(kind, what, predict, f"positions are {word}: ({what}) for ({axes})", tier=tier)
 
 
 def frame(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a frame shifted along an axis, or rotated about one."""
     indices, axes = _vectors(misfit)
-    if _any_position(misfit, indices):
-        for i in range(len(axes)):
-            yield _shift_along(misfit, indices, axes, i)
-    if len(axes) == 2:
-        yield _rotated_about(misfit, indices, f"in {axes}", _planar_rotation)
-    if len(axes) == 3:
-        for i, axis in enumerate(AXES):
-            yield _rotated_about(misfit, indices, f"about {axis}", partial(_rotation_about, i))
-
-
-def _any_position(misfit: Misfit, indices: Sequence[int]) -> bool:
-    return any(misfit.quantities[i].kind == "position" for i in indices)
-
-
-def _shift_along(misfit: Misfit, indices: Sequence[int], axes: str, i: int) -> Hypothesis:
-    still, direction = np.eye(len(axes)), np.eye(len(axes))[i]
-    return sized(
-        "frame",
-        axes[i],
-        lambda shift: _moved_frame(misfit, indices, still, shift * direction),
-        lambda shift: f"the frame is shifted by {shift:.6g} m along {axes[i]}",
-        SHIFT_STEP * misfit.length,
-    )
-
-
-def _rotated_about(
-    misfit: Misfit, indices: Sequence[int], where: str, rotation: Callable[[float], Array]
-) -> Hypothesis:
-    return sized(
-        "frame",
-        f"turn {where}",
-        lambda angle: _moved_frame(misfit, indices, rotation(angle)),
-        lambda angle: f"the frame is rotated by {angle:.6g} rad ({np.rad2deg(angle):.4g} deg) {where}",
-        ROTATION_STEP,
-        starts=ROTATIONS,
-        by=lambda angle: float(wrapped(np.array(angle))),
-    )
-
-
-def _planar_rotation(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
-
-
-def _rotation_about(i: int, angle: float) -> Array:
-    return _rotation_matrix(angle * np.eye(3)[i])
-
-
-def _rotation_matrix(vector: Array) -> Array:
-    return turned_by(np.eye(3)[None], vector[None])[0]
+    along = _directions(axes)
+    if any(misfit.quantities[i].kind == "position" for i in indices):
+        for axis, direction in zip(axes, along, strict=True):
+            text = f"shifted by {{0:.6g}} m along {axis}"
+            yield _moved_frame(misfit, axis, NAMED, NONE, direction[None], text)
+    normals = {f"about {axis}": normal for axis, normal in zip(axes, along, strict=True)}
+    if len(axes) < 3:
+        normals = {f"in {axes}": np.cross(*along)} if len(axes) == 2 else {}
+    for where, normal in normals.items():
+        text = f"rotated by {{0:.6g}} rad ({{degrees:.4g}} deg) {where}"
+        yield _moved_frame(misfit, f"turn {where}", NAMED, normal[None], NONE, text)
 
 
 def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a frame shifted or rotated in any direction."""
     indices, axes = _vectors(misfit)
-    count, shift_step = len(axes), SHIFT_STEP * misfit.length
-    any_position = _any_position(misfit, indices)
-    if any_position and count > 1:
-        yield _whole(
-            "shift",
-            THREE if count == 3 else TWO,
-            lambda p: _moved_frame(misfit, indices, np.eye(count), p),
-            lambda p: f"the frame is shifted by {_listed(p)} m",
-            (shift_step,) * count,
-        )
-    if count < 3:
-        return
-    yield _whole(
-        "turn",
-        THREE,
-        lambda p: _moved_frame(misfit, indices, _rotation_matrix(p)),
-        lambda p: f"the frame is rotated by {_listed(p)} rad",
-        (ROTATION_STEP,) * 3,
-    )
-    if any_position:
-        yield _whole(
-            "shift and turn",
-            SIX,
-            lambda p: _moved_frame(misfit, indices, _rotation_matrix(p[:3]), p[3:]),
-            lambda p: f"the frame is rotated by {_listed(p[:3])} rad and shifted by {_listed(p[3:])} m",
-            (ROTATION_STEP,) * 3 + (shift_step,) * 3,
-        )
+    along, count = _directions(axes), len(axes)
+    placed = any(misfit.quantities[i].kind == "position" for i in indices)
+    if placed and count > 1:
+        tier, numbers = (THREE, "{0:.6g}, {1:.6g}, {2:.6g}") if count == 3 else (TWO, "{0:.6g}, {1:.6g}")
+        yield _moved_frame(misfit, "shift", tier, NONE, along, f"shifted by ({numbers}) m")
+    if count == 3:
+        turned = "rotated by ({0:.6g}, {1:.6g}, {2:.6g}) rad"
+        yield _moved_frame(misfit, "turn", THREE, along, NONE, turned)
+        if placed:
+            text = f"{turned} and shifted by ({{3:.6g}}, {{4:.6g}}, {{5:.6g}}) m"
+            yield _moved_frame(misfit, "shift and turn", SIX, along, along, text)
 
 
-def _whole(
-    what: str,
-    tier: float,
-    predict: Callable[[Array], Values],
-    text: Callable[[Array], str],
-    steps: tuple[float, ...],
+def _directions(axes: str) -> Array:
+    """Return the unit vectors of axes, (k, 3)."""
+    return np.eye(3)[[AXES.index(axis) for axis in axes]]
+
+
+def _moved_frame(
+    misfit: Misfit, what: str, tier: float, turns: Array, shifts: Array, text: str
 ) -> Hypothesis:
-    """Return the hypothesis of a frame moved by several sizes; the first three give the reported size."""
+    """Return the hypothesis of a frame that is rotated, then shifted.
+
+    Args:
+        misfit: the difference.
+        what: name of the hypothesis.
+        tier: its rank.
+        turns: rotation vectors, one for each of the first sizes in [rad], (a, 3).
+        shifts: directions, one for each of the other sizes in [m], (b, 3).
+        text: template of the message with the sizes, and with the first one in degrees.
+    """
+    own = [AXES.index(axis) for axis in _vectors(misfit)[1]]
+    split, count = len(turns), len(turns) + len(shifts)
+
+    def predict(p: Array) -> Values:
+        rotation = turned_by(np.eye(3)[None], (p[:split] @ turns)[None])[0]
+        return _in_frame(misfit, rotation[np.ix_(own, own)], (p[split:] @ shifts)[own])
+
+    def size(p: Array) -> float:
+        if count > 1:
+            return float(np.linalg.norm(p[:3]))
+        return float(wrapped(p[0]) if split else p[0])
+
+    starts = ROTATIONS if (split, count) == (1, 1) else (0.0,)
     return Hypothesis(
         "frame",
         what,
         tier,
         predict,
-        text,
-        by=lambda p: float(np.linalg.norm(p[:3])),
-        starts=((0.0,) * len(steps),),
-        steps=steps,
+        lambda p: "the frame is " + text.format(*p, degrees=np.rad2deg(p[0])),
+        by=size,
+        starts=tuple((start,) * count for start in starts),
+        steps=(ROTATION_STEP,) * split + (SHIFT_STEP * misfit.length,) * len(shifts),
     )
-
-
-def _listed(values: Array) -> str:
-    return f"({', '.join(f'{value:.6g}' for value in values)})"
 
 
 def directions(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -292,16 +250,13 @@ def directions(misfit: Misfit) -> Iterator[Hypothesis]:
 def zeros(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a joint coordinate with another zero."""
     for i, quantity in enumerate(misfit.quantities):
-        if quantity.kind == "joint":
-            yield _other_zero(misfit, i, quantity)
-
-
-def _other_zero(misfit: Misfit, i: int, quantity: Quantity) -> Hypothesis:
-    return sized(
-        "offset",
-        quantity.subject,
-        lambda offset: _changed(misfit, [i], lambda values, _: values + offset),
-        lambda offset: f"joint {quantity.subject} has its zero {offset:.6g} {quantity.unit} away",
-        ROTATION_STEP,
-        starts=(float(np.median(misfit.candidates[i].values - misfit.exact[i])),),
-    )
+        if quantity.kind != "joint":
+            continue
+        yield sized(
+            "offset",
+            quantity.subject,
+            lambda offset, i=i: _changed(misfit, [i], lambda values, _: values + offset),
+            lambda offset, own=quantity: f"joint {own.subject} has its zero {offset:.6g} {own.unit} away",
+            ROTATION_STEP,
+            starts=(float(np.median(misfit.candidates[i].values - misfit.exact[i])),),
+        )
