@@ -8,7 +8,7 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import complete_models, load_model, require_motion
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.studies.extremes.results import StabilityMap
+from mechsim.studies.extremes.trial import StabilityMap
 from mechsim.units import option
 
 

@@ -22,7 +22,6 @@ from mechsim.model.limits import require_count
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.measures import RELEASED
-from mechsim.studies.sweep.subject import SweptSubject
 from mechsim.studies.sweep.sweeping import (
     CheckedDesigns,
     built,
@@ -32,7 +31,7 @@ from mechsim.studies.sweep.sweeping import (
     swept_task,
 )
 from mechsim.studies.sweep.table import design_columns, require_libraries, suffix_of
-from mechsim.studies.sweep.task import BUILT, SweepTask
+from mechsim.studies.sweep.task import BUILT, SweepTask, SweptSubject
 from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from strategies import CASES, CLOSED, angles_of, longest
 
 from mechsim import catalog
 from mechsim.errors import AssemblyError
-from mechsim.studies.extremes.axes import resized
+from mechsim.studies.extremes.stability_map import resized
 
 # mechanism -> point and its function in fifty digits
 EXACT_POINTS = {

@@ -7,11 +7,12 @@ the distance between its ends.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.loops.constraints import CoupledRow, Cut, coupled_rows, cuts_of
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint, spanning_tree
@@ -22,7 +23,6 @@ from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
-from mechsim.studies.certify.exact_numbers import exact_unit_vector, rational, unknown_numbers
 
 # a ball, a ball with derivatives, or an array of exact numbers
 Number = Any
@@ -478,3 +478,59 @@ def _rod(name: str, first: Joint, second: Joint, index: Mapping[str, int]) -> Ro
         (first.name + own[0], second.name + own[1]),
         (index[ends[0].link], index[ends[1].link]),
     )
+
+
+# exact numbers: rational constants and unknown values. A product with an exact zero is an exact zero for any
+# other factor, so that the equations of a planar linkage normal to its plane evaluate to zero exactly
+ExactArray = NDArray[np.object_]
+
+
+class Unknown:
+    """A number with an unknown value."""
+
+    def _combined(self, _: object) -> "Unknown":
+        return self
+
+    __add__ = __radd__ = __sub__ = __rsub__ = _combined
+
+    def __neg__(self) -> "Unknown":
+        return self
+
+    def __mul__(self, other: object) -> object:
+        return 0 if other == 0 else self
+
+    __rmul__ = __mul__
+
+
+UNKNOWN = Unknown()
+
+
+def rational(values: ArrayLike, radius: ArrayLike = 0.0) -> ExactArray:
+    """Return floating-point numbers as fractions; numbers with a radius above zero are unknown."""
+    numbers, radii = np.broadcast_arrays(np.asarray(values, dtype=np.float64), radius)
+    entries: list[Any] = [
+        UNKNOWN if rad > 0.0 else Fraction(float(number))
+        for number, rad in zip(numbers.ravel(), radii.ravel(), strict=True)
+    ]
+    out = np.empty(len(entries), dtype=object)
+    out[:] = entries
+    return out.reshape(numbers.shape)
+
+
+def unknown_numbers(*shape: int) -> ExactArray:
+    """Return an array of unknown numbers."""
+    out = np.empty(shape, dtype=object)
+    out.fill(UNKNOWN)
+    return out
+
+
+def exact_unit_vector(vector: ExactArray) -> ExactArray:
+    """Return a column (3, 1) divided by its length; it is exact along a coordinate axis."""
+    nonzero = [value for value in vector.ravel() if value != 0]
+    alone = len(nonzero) == 1 and nonzero[0] is not UNKNOWN
+    entries = [
+        0 if value == 0 else (1 if value > 0 else -1) if alone else UNKNOWN for value in vector.ravel()
+    ]
+    out = np.empty(3, dtype=object)
+    out[:] = entries
+    return out.reshape(3, 1)

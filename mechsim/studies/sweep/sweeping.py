@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,9 +21,9 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import no_crank_range_error, within_range
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.run import simulate
 from mechsim.studies.release import DURATION, Release
-from mechsim.studies.sweep.chunks import chunk_bounds, run_chunks
 from mechsim.studies.sweep.designs import (
     SEED,
     Designs,
@@ -32,11 +35,23 @@ from mechsim.studies.sweep.designs import (
     sampled_designs,
 )
 from mechsim.studies.sweep.measures import RELEASED, measures
-from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
+from mechsim.studies.sweep.methods import (
+    by_one_formula,
+    facts_alone,
+    measured_alone,
+    measured_designs,
+    require_measurable,
+)
 from mechsim.studies.sweep.released_runs import released_alone
-from mechsim.studies.sweep.subject import SweptSubject, swept_subject
 from mechsim.studies.sweep.table import column_name, dataset, require_libraries, suffix_of, write_sweep
-from mechsim.studies.sweep.task import BUILT, Measured, SweepTask, nothing_measured
+from mechsim.studies.sweep.task import (
+    BUILT,
+    Measured,
+    SweepTask,
+    SweptSubject,
+    nothing_measured,
+    swept_subject,
+)
 from mechsim.verdict.crosscheck import crosscheck
 
 if TYPE_CHECKING:
@@ -179,6 +194,47 @@ def _designs(
         if sample is None
         else sampled_designs(sample, vary, name, parameters)
     )
+
+
+# designs in a chunk: by one formula, by loop equations together, and one at a time
+BY_FORMULA, BY_LOOPS, SINGLE = 8192, 256, 64
+# largest number of chunks in a sweep: more designs make longer chunks
+MAX_CHUNKS = 20_000
+
+Keep = Callable[[tuple[int, int], Measured], None]
+
+
+def chunk_bounds(task: SweepTask) -> list[tuple[int, int]]:
+    """Return the first design of each chunk, and the one after its last."""
+    count = task.designs.count
+    usual = BY_FORMULA if by_one_formula(task) else SINGLE if task.loops is None else BY_LOOPS
+    length = max(usual, -(-count // MAX_CHUNKS))
+    return [(low, min(low + length, count)) for low in range(0, count, length)]
+
+
+def run_chunks(task: SweepTask, chunks: Sequence[tuple[int, int]], keep: Keep) -> None:
+    """Measure chunks of a sweep by threads.
+
+    Args:
+        task: the sweep.
+        chunks: first design, and the one after the last, of each.
+        keep: called with each chunk and its result when it ends, by one thread at a time.
+    """
+    lock = threading.Lock()
+
+    def run(chunk: tuple[int, int]) -> None:
+        measured_values = measured_designs(task, *chunk)
+        with lock:
+            keep(chunk, measured_values)
+
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        # before threads start: each thread would restore the state that it finds
+        with quiet():
+            for _ in pool.map(run, chunks):
+                pass
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def run_sweep(

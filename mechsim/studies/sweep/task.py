@@ -4,13 +4,16 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.analytic.designs import DesignFamily
+from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.many_designs import allowed, can_be_started, closed_form_starts
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.design_arrays import StartedDesigns, similar_designs
 from mechsim.model.mechanism import Mechanism
@@ -20,7 +23,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.studies.release import Release
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
-from mechsim.studies.sweep.subject import SweptSubject
+from mechsim.subjects.python_object import PythonObject
+from mechsim.subjects.readers import open_model, parametric_model
 
 # outcomes of designs, stored by index
 OUTCOMES = (
@@ -46,6 +50,47 @@ class CrankRows:
     angle: Array
     speed: Array
     acceleration: Array
+
+
+@dataclass(frozen=True)
+class SweptSubject:
+    """A subject and its designs.
+
+    Attributes:
+        name: as requested.
+        solver: the nominal design.
+        design_family: its parameters, and the function that makes its designs.
+        closed: the formulas whose own parameters vary; None for other subjects.
+        unitless: whether its parameters state no units, as arguments of a function in a Python file.
+    """
+
+    name: str
+    solver: KinematicSolver
+    design_family: DesignFamily
+    closed: ClosedForm | None
+    unitless: bool
+
+
+def swept_subject(
+    model: str | KinematicSolver | Mechanism, set: Mapping[str, str | float] | None = None, **options: Any
+) -> SweptSubject:
+    """Return the subject of a sweep.
+
+    Args:
+        model: as for `load`, or a solver.
+        set: parameter -> its value, as for `load`.
+        options: further arguments of `load`.
+
+    Raises:
+        InputError: as for `load`.
+    """
+    source = open_model(model)
+    designs = parametric_model(source, set, **options)
+    solver = designs.make({})
+    unitless = isinstance(source, PythonObject) and bool(source.parameters({}).dimensions)
+    name = model if isinstance(model, str) else solver.name
+    closed = None if unitless else solver.closed_form
+    return SweptSubject(name, solver, designs, closed, unitless)
 
 
 @dataclass(frozen=True)
