@@ -1,7 +1,6 @@
 """Command `mechsim tradeoff`: measured speed and accuracy of MuJoCo's settings."""
 
 import textwrap
-from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict, cast
 
 import typer
@@ -20,7 +19,7 @@ from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
 from mechsim.studies.budget import Budget
 from mechsim.studies.tradeoff.methods import DEFAULTS
-from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
+from mechsim.studies.tradeoff.subject import COMPARED, subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, advice, write_csv
 from mechsim.units import crank_speed, option
@@ -65,7 +64,6 @@ class TradeoffJson(TypedDict):
 
     mechanism: str
     reference: str
-    reference_error: dict[str, float]
     quantity: str
     stroke: float
     trials: int
@@ -109,7 +107,7 @@ def tradeoff(
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
     timer = Budget(seconds, exit_codes.typed_at)
     with progress("tradeoff", None) as report:
-        subject = _subject(model, sets, crank_speed(speed))
+        subject = subject_of(load_model(model, sets), crank_speed(speed))
         result = measure_tradeoff(subject, budget=timer, seed=seed, progress=report)
     if output is not None:
         write_csv(output, result, by)
@@ -128,15 +126,6 @@ def tradeoff(
     return Result(cast("TradeoffJson", data), text, files=[output, plot])
 
 
-def _subject(model: str, sets: list[str] | None, speed: float) -> Subject:
-    path = Path(model)
-    if path.suffix.lower() != ".xml":
-        return subject_of(load_model(model, sets), speed)
-    if sets:
-        raise InputError(f"--set changes a mechanism of the catalogue; {model!r} is an MJCF file")
-    return subject_of_model(path, path.stem, speed)
-
-
 def _print(result: Tradeoff, by: str) -> None:
     """Print the cheapest setting for each limit, MuJoCo's defaults, and the errors of both."""
     subject = result.subject
@@ -153,16 +142,13 @@ def _print(result: Tradeoff, by: str) -> None:
         steps = str(point.settings.steps_per_turn)
         rows.append((name, point.method.name, steps, number(1e3 * point.cost, 3)))
         errors.append((name, *(f"{error:.1e}" for error in point.errors.values())))
-    title = f"{subject.name} against {subject.reference.what}: cheapest settings by {by} error"
+    title = f"{subject.name} against {subject.solver.method}: cheapest settings by {by} error"
     print_table(title, ("error within", "use", "steps/turn", "ms/turn"), rows)
     print_table("Errors of these settings", ("error within", *result.points[0].errors), errors)
     print_text(
         "position and loop in strokes, velocity and acceleration in strokes and crank speed, "
         f"angle and drive in rad; stroke {number(subject.stroke)} m"
     )
-    if subject.reference.own_error:
-        bars = ", ".join(f"{kind} {bar:.1e}" for kind, bar in subject.reference.own_error.items())
-        print_text(f"error of the reference itself: {bars}")
     for name, curve in result.best_curves(by).items():
         order = result.order(curve, by)
         if order is not None:

@@ -41,9 +41,6 @@ def work_precision(result: Tradeoff, quantity: str = "position") -> "Figure":
         ax.plot(*_costs_and_errors(curve, quantity), marker=marker, ms=4, color=COLOURS[i % 6], label=label)
     cost, error = _costs_and_errors(result.front(quantity), quantity)
     ax.step(cost, error, where="post", lw=0.9, color=FRONT, label="Pareto front")
-    bar = result.subject.reference.own_error.get(quantity)
-    if bar:
-        ax.axhline(bar, color="#b00020", lw=1.0, ls="--", label="error of the reference")
     decades(ax.yaxis)
     round_numbers(ax.xaxis)
     low, high = ax.get_ylim()
@@ -51,7 +48,7 @@ def work_precision(result: Tradeoff, quantity: str = "position") -> "Figure":
     ax.set_xlabel("processor time of one turn [ms]")
     row = QUANTITIES[quantity]
     ax.set_ylabel(f"worst {row.title} [{row.scale}]")
-    ax.set_title(f"{result.subject.name} against {result.subject.reference.what}")
+    ax.set_title(f"{result.subject.name} against {result.subject.solver.method}")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 

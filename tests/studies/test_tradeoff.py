@@ -5,17 +5,12 @@ import json
 from dataclasses import replace
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pytest
 
 from mechsim import catalog
 from mechsim.cli import main
-from mechsim.errors import InputError
-from mechsim.model.scene import Scene
 from mechsim.studies.budget import Budget
-from mechsim.studies.tradeoff import subject as subjects
-from mechsim.studies.tradeoff import trials
 from mechsim.studies.tradeoff.methods import (
     DEFAULTS,
     LOW_COMPLIANCE,
@@ -23,7 +18,7 @@ from mechsim.studies.tradeoff.methods import (
     BuiltModel,
     stepping_methods,
 )
-from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
+from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff
 
@@ -86,47 +81,6 @@ def test_a_diverged_motion_satisfies_no_bound(tradeoff):
     assert all(error < np.inf for error in tradeoff.subject.errors(motion).values())
     diverged = tradeoff.subject.errors(replace(motion, speed=1e9 * motion.speed))
     assert all(error == np.inf for error in diverged.values())
-
-
-def test_a_fine_reference_run_agrees_with_the_closed_form():
-    linkage = catalog.make("four_bar")
-    from mechsim.simulation.source import assembled
-
-    own = subject_of_model(assembled(linkage.mechanism, Scene()), "own", SPEED)
-    closed_form = subject_of(linkage, SPEED)
-    assert own.stroke == pytest.approx(closed_form.stroke, rel=1e-3)
-    assert own.reference.own_error["position"] < 1e-10
-    settings = stepping_methods()[1].settings(144, SPEED)
-    motion, _ = closed_form.built.motion(settings)
-    for kind in COMPARED[:3]:
-        gap = abs(
-            own.errors(motion)[kind] * own.stroke / closed_form.stroke - closed_form.errors(motion)[kind]
-        )
-        assert gap <= own.reference.own_error[kind] + 1e-12 + 1e-3 * closed_form.errors(motion)[kind]
-
-
-@pytest.mark.parametrize(
-    ("actuated", "rejection"),
-    [
-        (["input"], None),
-        ([], "names? joints by --drive"),
-        (["input", "rocker"], "remove the other actuators"),
-    ],
-)
-def test_the_hinge_of_the_only_actuator_is_the_driver(actuated, rejection):
-    from mechsim.simulation.source import assembled
-
-    spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    spec.joint("crank").name = "input"
-    for joint in actuated:
-        spec.add_actuator(name=f"on {joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    if rejection:
-        with pytest.raises(InputError, match=rejection):
-            subject_of_model(spec, "own", SPEED)
-        return
-    own = subject_of_model(spec, "own", SPEED)
-    motion, _ = own.built.motion(stepping_methods()[1].settings(144, SPEED))
-    assert own.errors(motion)["loop"] < 1e-5
 
 
 def test_the_seed_determines_the_trials_of_a_short_budget():
@@ -195,34 +149,3 @@ def test_no_trial_begins_after_the_budget(monkeypatch):
 
 class Spent(NamedTuple):
     processor: float
-
-
-def test_trials_are_coarser_than_the_reference(monkeypatch):
-    from mechsim.simulation.source import assembled
-
-    spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(subjects, "FINE_STEPS", (720, 1440, 2880))
-    own = subject_of_model(spec, "own", SPEED)
-    assert own.reference.what == "a run of 2880 steps a turn"
-    monkeypatch.setattr(trials, "stepping_methods", lambda: stepping_methods()[:4])
-    tradeoff = measure_tradeoff(own, budget=90.0, steps=(72, 1440, 2880))
-    assert {point.settings.steps_per_turn for point in tradeoff.points} == {72, 1440}
-    assert tradeoff.left_out == 4
-
-
-def four_bar_with_stiff_leaf():
-    """Return a four-bar next to a leaf on a hinge too stiff for explicit steps."""
-    from mechsim.simulation.source import assembled
-
-    spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    leaf = spec.worldbody.add_body(name="leaf", pos=[1.0, 0.0, 0.0])
-    leaf.add_joint(name="leaf", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0], stiffness=[1e7, 0, 0])
-    leaf.add_geom(size=[0.01, 0.0, 0.0], pos=[0.03, 0.0, 0.0])
-    leaf.joints[0].springref = 1.0
-    return spec
-
-
-def test_a_diverging_reference_is_rejected_with_a_remedy():
-    reported = r"own diverges at 3,600 steps a turn with RK4, so .*; reduce the stiffness"
-    with pytest.raises(InputError, match=reported):
-        subject_of_model(four_bar_with_stiff_leaf(), "own", SPEED)

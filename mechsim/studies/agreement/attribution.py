@@ -3,13 +3,13 @@
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.quantity import Quantity
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
@@ -40,40 +40,29 @@ class RunAtInstants:
     values: tuple[Array, ...]
 
 
-@dataclass(frozen=True)
-class TwoRuns:
-    """A run, and another one with a finer step and the same constraint compliance.
-
-    Attributes:
-        plain: the run.
-        fine: the run with the finer step.
-        requested: the exact motion at the motion laws of the drivers.
-        how: description of the run.
-    """
-
-    plain: RunAtInstants
-    fine: RunAtInstants
-    requested: EvaluationPoints
-    how: str
-
-
-def runs_of(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
-    """Return two runs of a mechanism at evaluation points.
+def runs_of(evaluation: EvaluationPoints, quantities: Sequence[Quantity]) -> tuple[list[RunAtInstants], str]:
+    """Return a run at evaluation points, another one with a finer step and the same compliance, and how.
 
     Raises:
         MechsimError: for a mechanism that cannot be run.
     """
     if evaluation.time is None:
         raise InputError("the table has no times, so no run in time is possible")
-    if evaluation.solver.source is not None:
-        return _scene_runs(evaluation, quantity)
-    return _own_runs(evaluation, quantity)
+    run = _own_runs if evaluation.solver.source is None else _scene_runs
+    return run(evaluation, quantities)
 
 
-def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
+def _own_runs(
+    evaluation: EvaluationPoints, quantities: Sequence[Quantity]
+) -> tuple[list[RunAtInstants], str]:
     """Return runs of the generated model of a mechanism, with a virtual drive inertia."""
     solver, samples = evaluation.solver, len(evaluation) - 1
-    profile = _profile(evaluation)
+    fastest = float(np.abs(evaluation.speed).max()) * float(np.sign(evaluation.speed[0] or 1.0))
+    profile = (
+        profile_of(solver, fastest, solver.period / REVOLUTION)
+        if solver.motion_laws.crank
+        else profile_of(solver, 1.0, 1.0)
+    )
     runs: list[RunAtInstants] = []
     for steps in (STEPS, STEP_RATIO * STEPS):
         run = simulated(solver, profile, settings=Settings(steps_per_turn=steps), samples=samples)
@@ -85,22 +74,14 @@ def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns
         )
         if motion.drivers:
             exact = replace(exact, solved=solver.solve_as(motion))
-        values = replace(exact, solved=motion)
-        runs.append(RunAtInstants(exact, tuple(values.exact(compared) for compared in quantity)))
-    return TwoRuns(runs[0], runs[1], evaluation, f"the model of {solver.name}, {STEPS} steps a turn")
+        runs.append(RunAtInstants(exact, tuple(replace(exact, solved=motion).all(quantities))))
+    return runs, f"the model of {solver.name}, {STEPS} steps a turn"
 
 
-def _profile(evaluation: EvaluationPoints) -> CrankProfile:
-    """Return the crank motion of the evaluation points."""
-    solver, speed = evaluation.solver, float(evaluation.speed[0])
-    if not solver.motion_laws.crank:
-        return profile_of(solver, 1.0, 1.0)
-    assert evaluation.time is not None
-    fastest = float(np.abs(evaluation.speed).max()) * float(np.sign(speed or 1.0))
-    return profile_of(solver, fastest, solver.period / REVOLUTION)
-
-
-def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
+def _scene_runs(
+    evaluation: EvaluationPoints, quantities: Sequence[Quantity]
+) -> tuple[list[RunAtInstants], str]:
+    """Return runs of a file with its own settings."""
     solver = evaluation.solver
     if solver.motion_laws.crank:
         raise InputError(f"{solver.name}: its drivers have no motion law")
@@ -114,15 +95,12 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
         fine.eq_solref[soft, 0] = np.maximum(fine.eq_solref[soft, 0], 2.0 * step)
     fine.opt.timestep = step / STEP_RATIO
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"
-    runs = [
-        _at_instants(scene, run_scene(scene, model, records=None), evaluation, quantity)
-        for model in (None, fine)
-    ]
-    return TwoRuns(runs[0], runs[1], evaluation, f"{how}, {controls}")
+    runs = [run_scene(scene, model, records=None) for model in (None, fine)]
+    return [_at_instants(scene, run, evaluation, quantities) for run in runs], f"{how}, {controls}"
 
 
 def _at_instants(
-    scene: UserScene, run: SceneRun, evaluation: EvaluationPoints, quantity: list[Quantity]
+    scene: UserScene, run: SceneRun, evaluation: EvaluationPoints, quantities: Sequence[Quantity]
 ) -> RunAtInstants:
     """Return the values of a run of a scene at evaluation points, and the exact motion there."""
     solver, time = evaluation.solver, evaluation.time
@@ -140,19 +118,17 @@ def _at_instants(
         for i, name in enumerate(names)
         if int(run.model.jnt_type[i]) in single
     }
-    drivers = {
-        name: replace(
-            motion,
-            value=_nearest_revolution(joints[name], motion.value) if motion.unit == "rad" else joints[name],
-        )
-        for name, motion in evaluation.motion.joints.items()
-        if name in solver.mechanism.drivers
-    }
-    record = replace(evaluation.motion, joints={**evaluation.motion.joints, **drivers})
+    moved = dict(evaluation.motion.joints)
+    for name in moved.keys() & {*solver.mechanism.drivers}:
+        off = joints[name] - moved[name].value
+        # in the revolution of the motion law
+        value = moved[name].value + (wrapped(off) if moved[name].unit == "rad" else off)
+        moved[name] = replace(moved[name], value=value)
+    record = replace(evaluation.motion, joints=moved)
     exact = replace(evaluation, solved=solver.solve_as(record))
     positions = dict(zip(scene.tracked, np.moveaxis(recorded.points, 1, 0), strict=True))
     values: list[Array] = []
-    for compared in quantity:
+    for compared in quantities:
         if compared.kind == "position":
             values.append(compared.select(positions[compared.subject]))
         elif compared.subject in joints:
@@ -160,10 +136,6 @@ def _at_instants(
         else:
             raise InputError(f"a run of {solver.name} does not contain {compared.subject}")
     return RunAtInstants(exact, tuple(values))
-
-
-def _nearest_revolution(value: Array, reference: Array) -> Array:
-    return reference + wrapped(value - reference)
 
 
 COMPONENTS = ("formula", "compliance", "time step", "drive", "rest")
@@ -210,13 +182,10 @@ class Attribution:
         return f"run against {self.name}: {self.whole:.2g} {self.unit} = {components}"
 
 
-def attributions(
-    evaluation: EvaluationPoints,
-    candidates: Sequence[Candidate],
-    scales: Scales,
-    ask: AskFunction | None = None,
-) -> list[Attribution]:
-    """Split the differences between a run and candidates into components, the largest difference first.
+def attribution_data(
+    evaluation: EvaluationPoints, candidates: Sequence[Candidate], scales: Scales, ask: AskFunction | None
+) -> dict[str, Any]:
+    """Return the differences between a run and candidates as plain data, the largest on top.
 
     Args:
         evaluation: the mechanism and the instants.
@@ -224,77 +193,64 @@ def attributions(
         scales: scales of the differences of different kinds.
         ask: evaluates the function at the drivers of the run; None for a table.
 
-    Raises:
-        MechsimError: for a mechanism that cannot be run.
+    Returns:
+        The components; a note if there is no run, nothing without such candidates.
     """
     positions = [candidate for candidate in candidates if candidate.quantity.kind in KINDS]
     if not positions:
-        return []
-    runs = runs_of(evaluation, [candidate.quantity for candidate in positions])
-    at_run = None
-    if ask is not None:
-        at_run = {candidate.quantity.name: candidate for candidate in ask(runs.plain.exact)}
-    results = [
-        _attribution(runs, i, candidate, None if at_run is None else at_run[candidate.quantity.name])
-        for i, candidate in enumerate(positions)
-    ]
-    return sorted(
-        results,
-        key=lambda result: (
-            -result.whole
-            / scales.scale(next(c.quantity for c in positions if c.quantity.name == result.name))
-        ),
-    )
-
-
-def _attribution(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | None) -> Attribution:
-    quantity = candidate.quantity
-
-    def gap(first: Array, other: Array) -> Array:
-        return candidate_errors(quantity, first, other)
-
-    requested = runs.requested.exact(quantity)
-    plain, fine = (run.exact.exact(quantity) for run in (runs.plain, runs.fine))
-    run, finer = runs.plain.values[i], runs.fine.values[i]
-    whole = gap(run, candidate.values)
-    soft = gap(finer, fine)
-    components = {
-        "formula": gap(requested, candidate.values) if at_run is None else gap(plain, at_run.values),
-        "compliance": soft,
-        "time step": gap(gap(run, plain), soft),
-        "drive": gap(plain, requested),
-    }
-    components["rest"] = gap(whole, np.sum([*components.values()], axis=0))
-    lengths = np.linalg.norm(whole, axis=1)
-    index = int(np.argmax(lengths))
-    along = whole[index] / lengths[index] if lengths[index] > 0.0 else np.zeros(whole.shape[1])
-    instants = runs.requested.instants
-    return Attribution(
-        name=quantity.name,
-        unit=quantity.unit,
-        instant=float(instants.value[index]),
-        at_unit=instants.unit,
-        whole=float(lengths[index]),
-        components={name: float(difference[index] @ along) for name, difference in components.items()},
-        largest={
-            name: float(np.linalg.norm(difference, axis=1).max()) for name, difference in components.items()
-        },
-        how=runs.how,
-    )
-
-
-def attribution_data(
-    evaluation: EvaluationPoints, candidates: Sequence[Candidate], scales: Scales, ask: AskFunction | None
-) -> dict[str, Any]:
-    """Return the attributions as plain data, the largest difference on top; a note if there is no run."""
+        return {}
     try:
-        results = attributions(evaluation, candidates, scales, ask)
+        runs, how = runs_of(evaluation, [candidate.quantity for candidate in positions])
+        asked = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0].exact)}
+        results = [
+            _attribution(evaluation, runs, i, candidate, asked.get(candidate.quantity.name), how)
+            for i, candidate in enumerate(positions)
+        ]
     except MechsimError as error:
         return {"note": str(error)}
-    if not results:
-        return {}
+    scale = {candidate.quantity.name: scales.scale(candidate.quantity) for candidate in positions}
+    results.sort(key=lambda result: -result.whole / scale[result.name])
     return {
         **results[0].as_dict(),
         "says": results[0].text,
         "quantities": {result.name: result.as_dict() for result in results},
     }
+
+
+def _attribution(
+    requested: EvaluationPoints,
+    runs: Sequence[RunAtInstants],
+    i: int,
+    candidate: Candidate,
+    at_run: Candidate | None,
+    how: str,
+) -> Attribution:
+    """Return the components of the difference of the i-th candidate; `at_run` has its values at the run."""
+    quantity = candidate.quantity
+    law = requested.exact(quantity)
+    plain, fine = (run.exact.exact(quantity) for run in runs)
+    run, finer = (run.values[i] for run in runs)
+    gap = partial(candidate_errors, quantity)
+    whole, soft = gap(run, candidate.values), gap(finer, fine)
+    components = {
+        "formula": gap(law, candidate.values) if at_run is None else gap(plain, at_run.values),
+        "compliance": soft,
+        "time step": gap(gap(run, plain), soft),
+        "drive": gap(plain, law),
+    }
+    components["rest"] = gap(whole, np.sum([*components.values()], axis=0))
+    lengths = np.linalg.norm(whole, axis=1)
+    index = int(np.argmax(lengths))
+    along = whole[index] / lengths[index] if lengths[index] > 0.0 else np.zeros(whole.shape[1])
+    return Attribution(
+        name=quantity.name,
+        unit=quantity.unit,
+        instant=float(requested.instants.value[index]),
+        at_unit=requested.instants.unit,
+        whole=float(lengths[index]),
+        components={name: float(difference[index] @ along) for name, difference in components.items()},
+        largest={
+            name: float(np.linalg.norm(difference, axis=1).max()) for name, difference in components.items()
+        },
+        how=how,
+    )

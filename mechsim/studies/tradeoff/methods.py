@@ -8,23 +8,18 @@ import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import mujoco
-
-from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import CrankProfile, constant
+from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.driven_run import first_state
-from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf_reader.coordinates import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.settings import LEAST_CONSTANT, Settings
-from mechsim.simulation.source import CRANK, Model, from_spec, specification, tracked_points
+from mechsim.simulation.source import CRANK, from_spec, specification, tracked_points
 from mechsim.simulation.stepping import Steps, step
 
 # numbers of steps per revolution; each divides 72 instants per revolution, or is a multiple of 72
@@ -138,41 +133,12 @@ class BuiltModel:
         return motion, steps.processor
 
 
-def build_model(
-    source: Model,
-    profile: CrankProfile | None,
-    speed: float,
-) -> BuiltModel:
-    """Generate or load a model and close its loops.
-
-    Args:
-        source: a mechanism, or a custom model.
-        profile: motion of the crank; None makes one revolution at the speed.
-        speed: crank speed, in [rad/s].
+def build_model(mechanism: Mechanism, profile: CrankProfile) -> BuiltModel:
+    """Generate the model of a mechanism and close its loops at the start of a crank motion.
 
     Raises:
         AssemblyError: if the crank cannot make its whole motion.
     """
-    spec = specification(source, Scene(level="motion"))
-    closed = from_spec(spec, tracked_points(source, spec), _crank(source, spec))
-    profile = profile or constant(speed, 1.0, closed.angle)
+    spec = specification(mechanism, Scene(level="motion"))
+    closed = from_spec(spec, tracked_points(mechanism, spec), CRANK)
     return BuiltModel(closed, profile, first_state(closed, profile))
-
-
-def _crank(source: Model, spec: mujoco.MjSpec) -> str:
-    """Return the driven hinge of a model.
-
-    Raises:
-        InputError: for a custom model with several driven joints.
-    """
-    if isinstance(source, Mechanism) or any(joint.name == CRANK for joint in spec.joints):
-        return CRANK
-    names = driven(compiled(spec.copy()), (), (), describe_only=False)
-    if len(names) > 1:
-        raise InputError(
-            f"{', '.join(names)} are driven by the file's actuators, but a trade-off needs a single "
-            "crank; remove the other actuators"
-        )
-    if not names:
-        raise InputError(f"{spec.modelname}: no hinge or slide can be its crank; add one")
-    return names[0]

@@ -41,7 +41,7 @@ def measure_tradeoff(
     """
     random, time = np.random.default_rng(seed), budget if isinstance(budget, Budget) else Budget(budget)
     turns, methods = subject.built.profile.turns, stepping_methods()
-    settings = [(method, n) for method in methods for n in steps if n <= subject.reference.max_steps]
+    settings = [(method, n) for method in methods for n in steps]
     order = [settings[i] for i in random.permutation(len(settings))]
     order.sort(key=lambda pair: (pair[0].name != LOW_COMPLIANCE or pair[1] > min(steps), pair[0].rank))
     points = list[Point]()

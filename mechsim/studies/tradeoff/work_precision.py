@@ -89,9 +89,8 @@ class Tradeoff:
         return [self.points[i] for i in pareto(self.costs, self.errors(quantity))]
 
     def choice(self, max_error: float, quantity: str = "position") -> Point | None:
-        """Return the cheapest point whose error plus that of the reference is within the limit; or None."""
-        bar = self.subject.reference.own_error.get(quantity, 0.0)
-        best = cheapest(self.costs, self.errors(quantity) + bar, max_error)
+        """Return the cheapest point whose error is within the limit; or None."""
+        best = cheapest(self.costs, self.errors(quantity), max_error)
         return None if best is None else self.points[best]
 
     def curves(self) -> dict[str, list[Point]]:
@@ -103,10 +102,9 @@ class Tradeoff:
 
     def order(self, curve: Sequence[Point], quantity: str = "position") -> Order | None:
         """Return the observed order of a curve."""
-        floor = max(MIN_ERROR, 3.0 * self.subject.reference.own_error.get(quantity, 0.0))
         steps = [point.settings.steps_per_turn for point in curve]
         errors = [point.errors[quantity] for point in curve]
-        return observed_order(steps, errors, floor=floor, ceiling=MAX_ERROR)
+        return observed_order(steps, errors, floor=MIN_ERROR, ceiling=MAX_ERROR)
 
     def best_curves(self, quantity: str = "position") -> dict[str, list[Point]]:
         """Return each integrator's curve with most points on its own front, and that of MuJoCo's defaults."""
@@ -128,8 +126,7 @@ class Tradeoff:
         orders = {name: self.order(curve, quantity) for name, curve in self.best_curves(quantity).items()}
         return {
             "mechanism": self.subject.name,
-            "reference": self.subject.reference.what,
-            "reference_error": dict(self.subject.reference.own_error),
+            "reference": self.subject.solver.method,
             "quantity": quantity,
             "stroke": self.subject.stroke,
             "trials": len(self.points),

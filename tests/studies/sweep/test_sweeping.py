@@ -5,7 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.errors import InputError, install_command
-from mechsim.studies.sweep import chunks
+from mechsim.studies.sweep import sweeping
 from mechsim.studies.sweep.table import read_sweep
 
 VARY = {"crank": np.linspace(0.02, 0.06, 5), "coupler": np.linspace(0.03, 0.1, 4)}
@@ -34,7 +34,7 @@ def test_an_interrupted_sweep_leaves_no_file(tmp_path, monkeypatch):
         if fraction > 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(chunks, "BY_FORMULA", 4)
+    monkeypatch.setattr(sweeping, "BY_FORMULA", 4)
     with pytest.raises(KeyboardInterrupt):
         ms.sweep("four_bar", VARY, MEASURES, output=tmp_path / "out.nc", progress=interrupt)
     assert list(tmp_path.iterdir()) == []
@@ -42,7 +42,7 @@ def test_an_interrupted_sweep_leaves_no_file(tmp_path, monkeypatch):
 
 def test_short_chunks_give_the_table_of_one_chunk(monkeypatch):
     whole = ms.sweep("four_bar", VARY, MEASURES)
-    monkeypatch.setattr(chunks, "BY_FORMULA", 3)
+    monkeypatch.setattr(sweeping, "BY_FORMULA", 3)
     for name in ("range:rocker", "crank_range", "outcome"):
         np.testing.assert_array_equal(ms.sweep("four_bar", VARY, MEASURES)[name], whole[name])
 
