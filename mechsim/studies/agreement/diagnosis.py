@@ -127,21 +127,18 @@ def _equal_causes(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
         return sorted(among, key=lambda cause: (cause.worst > 1.0, cause.hypothesis.tier, cause.remaining))
     least = min(cause.hypothesis.tier for cause in among)
     simplest = [cause for cause in among if cause.hypothesis.tier == least]
-    return sorted(simplest, key=lambda cause: (cause.worst > 1.0, _largest_size(cause)))
-
-
-def _largest_size(cause: Fitted) -> float:
-    """Return the largest size of a cause: of equal explanations the smaller change comes first."""
-    return float(np.abs(cause.sizes).max(initial=0.0))
+    # of equal explanations the smaller change comes first
+    return sorted(
+        simplest, key=lambda cause: (cause.worst > 1.0, float(np.abs(cause.sizes).max(initial=0.0)))
+    )
 
 
 def _finding(cause: Fitted, alike: int, confirmed: bool, noisy: bool) -> Finding:
     hypothesis = cause.hypothesis
     also = f", as {'does another' if alike == 2 else f'do {alike - 1} others'}" if alike > 1 else ""
     beyond = " beyond the noise" if noisy else ""
-    text = (
-        f"{hypothesis.text(cause.sizes)}: explains {_percent(cause.explains)} of the difference{beyond}{also}"
-    )
+    share = f"{100.0 * cause.explains:.3g} %" if cause.explains < 0.9995 else "all"
+    text = f"{hypothesis.text(cause.sizes)}: explains {share} of the difference{beyond}{also}"
     return Finding(
         kind=hypothesis.kind,
         what=hypothesis.what,
@@ -150,10 +147,6 @@ def _finding(cause: Fitted, alike: int, confirmed: bool, noisy: bool) -> Finding
         message=text,
         certain=confirmed,
     )
-
-
-def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.3g} %" if fraction < 0.9995 else "all"
 
 
 def _none(text: str) -> Finding:

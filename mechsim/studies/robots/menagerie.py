@@ -7,7 +7,7 @@ from mechsim.errors import InputError
 from mechsim.model.forces import Forces, JointSpring
 from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.mechanism import Mechanism
-from mechsim.simulation.closed_configurations import StraightPath, scalar_dof, straight_path
+from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import inertia_and_holding
 from mechsim.simulation.mjcf.force_elements import limit_joints
 from mechsim.simulation.mjcf.joints import CRANK
@@ -38,7 +38,9 @@ def with_servos(
     spec = spec.copy()
     for key in list(spec.keys):
         spec.delete(key)
-    names = _driver_joints(mechanism)
+    if not mechanism.drivers:
+        raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
+    names = list(mechanism.drivers)
     if mechanism.has_crank:
         # a servo needs no virtual drive inertia
         spec.joint(CRANK).armature = forces.flywheel
@@ -53,7 +55,8 @@ def with_servos(
     limit_joints(spec, ranges)
     for spring in forces.joint_springs:
         _use_joint_spring(spec, spring)
-    path = _path(spec.compile(), names)
+    model = spec.compile()
+    path = straight_path(model, [scalar_dof(model, name) for name in names])
     matrices, weights = inertia_and_holding(path, path.reference[None])
     inertias = np.diagonal(matrices[0])
     stiffness = np.maximum(
@@ -71,19 +74,9 @@ def with_servos(
     return spec
 
 
-def _driver_joints(mechanism: Mechanism) -> list[str]:
-    if not mechanism.drivers:
-        raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
-    return list(mechanism.drivers)
-
-
 def _use_joint_spring(spec: mujoco.MjSpec, spring: JointSpring) -> None:
     """Replace the actuator of a spring, which would add a control, by the spring of its joint."""
     joint, actuator = spec.joint(spring.joint), spec.actuator(f"spring in {spring.joint}")
     if joint is not None and actuator is not None:
         spec.delete(actuator)
         joint.stiffness[0], joint.springref = spring.stiffness, spring.rest
-
-
-def _path(model: mujoco.MjModel, names: list[str]) -> StraightPath:
-    return straight_path(model, [scalar_dof(model, name) for name in names])

@@ -183,7 +183,11 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
         run_object(text)
         return TurnMeasure(text, "function", "", subject=text)
     if colon and word == "range":
-        return _range(text, rest, mechanism)
+        joints = coordinate_units(mechanism)
+        if rest not in joints and "." not in rest and ":" not in rest:
+            raise InputError(f"{mechanism.name} has no joint {rest!r}{suggestion(rest, joints)}")
+        quantity = numeric_quantity(rest, mechanism)
+        return TurnMeasure(text, "range", quantity.unit, quantity)
     if colon and word == "stroke":
         if rest not in mechanism.points:
             raise InputError(f"{mechanism.name} has no point {rest!r}{suggestion(rest, mechanism.points)}")
@@ -224,14 +228,6 @@ def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
             "within them, or a longer duration"
         )
     return motion_laws.rate * time
-
-
-def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
-    joints = coordinate_units(mechanism)
-    if rest not in joints and "." not in rest and ":" not in rest:
-        raise InputError(f"{mechanism.name} has no joint {rest!r}{suggestion(rest, joints)}")
-    quantity = numeric_quantity(rest, mechanism)
-    return TurnMeasure(text, "range", quantity.unit, quantity)
 
 
 class MeasureError(InputError):

@@ -9,8 +9,7 @@ from mechsim.analytic.dynamics import dynamic_model, nearest_equilibrium
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
-from mechsim.studies.release import SHOWN, Release
-from mechsim.studies.sweep.measures import TurnMeasure
+from mechsim.studies.release import SHOWN
 from mechsim.studies.sweep.task import SweepTask
 
 # instants of a run after the first
@@ -30,38 +29,29 @@ def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]
         return {}
     assert task.release is not None
     release = replace(task.release, model=dynamic_model(solver))
-    vibrations = [measure for measure in measures if measure.number]
-    timed = [measure for measure in measures if not measure.number]
-    return _of_modes(release, vibrations) | _of_run(release, timed)
-
-
-def _of_modes(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
-    if not measures:
-        return {}
-    modes = nearest_equilibrium(release.model, initial=release.initial).modes
     result: dict[str, float] = {}
-    for measure in measures:
+    vibrations = [measure for measure in measures if measure.number]
+    modes = nearest_equilibrium(release.model, initial=release.initial).modes if vibrations else ()
+    for measure in vibrations:
         if measure.number > len(modes):
             raise AssemblyError(f"there is no mode {measure.number}; the highest is {len(modes)}")
         mode = modes[measure.number - 1]
         result[measure.name] = mode.frequency if measure.kind == "frequency" else mode.damping_ratio
-    return result
-
-
-def _of_run(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
-    if not measures:
-        return {}
+    timed = [measure for measure in measures if not measure.number]
+    if not timed:
+        return result
     run = release.run(SAMPLES)
     if run.outcome not in SHOWN:
         raise AssemblyError(f"the run ended early ({run.outcome}): {run.reason}")
-    values = release.values(run, [measure.subject for measure in measures])
+    values = release.values(run, [measure.subject for measure in timed])
     columns: Mapping[str, Array] = {quantity.name: column for quantity, column in values.items()}
-    return {
-        measure.name: _settling(measure.subject, run.time, columns[measure.subject])
-        if measure.kind == "settling"
-        else float(np.abs(columns[measure.subject]).max())
-        for measure in measures
-    }
+    for measure in timed:
+        column = columns[measure.subject]
+        settling = measure.kind == "settling"
+        result[measure.name] = (
+            _settling(measure.subject, run.time, column) if settling else float(np.abs(column).max())
+        )
+    return result
 
 
 def _settling(name: str, time: Array, values: Array) -> float:

@@ -196,17 +196,13 @@ def _speed_text(speed: float) -> str:
     )
 
 
-def _solref(settings: Settings, speed: float) -> tuple[float, float]:
-    return settings.solref or (settings.constant * settings.timestep(speed), 1.0)
-
-
 def fragment(point: Point, speed: float) -> str | None:
     """Return the MJCF fragment of a point's settings; None if compliance is scaled after compilation."""
     settings = point.settings
     if settings.compliance_used != 1.0:
         return None
     timestep = settings.timestep(speed)
-    solref = _solref(settings, speed)
+    solref = settings.solref or (settings.constant * timestep, 1.0)
     safe = "enable" if settings.refsafe else "disable"
     exact = ' diagexact="enable"' if settings.diagexact else ""
     return (
