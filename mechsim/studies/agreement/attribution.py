@@ -40,18 +40,6 @@ class RunAtInstants:
     values: tuple[Array, ...]
 
 
-def runs_of(evaluation: EvaluationPoints, quantities: Sequence[Quantity]) -> tuple[list[RunAtInstants], str]:
-    """Return a run at evaluation points, another one with a finer step and the same compliance, and how.
-
-    Raises:
-        MechsimError: for a mechanism that cannot be run.
-    """
-    if evaluation.time is None:
-        raise InputError("the table has no times, so no run in time is possible")
-    run = _own_runs if evaluation.solver.source is None else _scene_runs
-    return run(evaluation, quantities)
-
-
 def _own_runs(
     evaluation: EvaluationPoints, quantities: Sequence[Quantity]
 ) -> tuple[list[RunAtInstants], str]:
@@ -200,6 +188,10 @@ def attribution_data(
     if not positions:
         return {}
     try:
+        if evaluation.time is None:
+            raise InputError("the table has no times, so no run in time is possible")
+        runs_of = _own_runs if evaluation.solver.source is None else _scene_runs
+        # a run, and another one with a finer step and the same compliance
         runs, how = runs_of(evaluation, [candidate.quantity for candidate in positions])
         asked = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0].exact)}
         results = [

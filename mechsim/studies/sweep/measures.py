@@ -322,20 +322,6 @@ class MeasureSet:
         """The joint coordinates that are measured."""
         return [*dict.fromkeys(name for quantity in self.quantities for name in quantity.subjects("joint"))]
 
-    @property
-    def force_columns(self) -> set[str]:
-        """The columns of forces that the measures need."""
-        loaded = [quantity for quantity in self.quantities if quantity.loaded]
-        return {column.name for quantity in loaded for column in quantity.columns}
-
-    @property
-    def accelerated(self) -> bool:
-        """Whether rates of points, or accelerations, are measured."""
-        return any(
-            quantity.order == 2 or (quantity.order == 1 and quantity.uses("point"))
-            for quantity in self.quantities
-        )
-
     def uses(self, *sources: Source) -> bool:
         """Whether a measured quantity needs columns of these sources."""
         return any(quantity.uses(*sources) for quantity in self.quantities)
