@@ -193,9 +193,9 @@ def attribution_data(
         runs_of = _own_runs if evaluation.solver.source is None else _scene_runs
         # a run, and another one with a finer step and the same compliance
         runs, how = runs_of(evaluation, [candidate.quantity for candidate in positions])
-        asked = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0].exact)}
+        claims = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0].exact)}
         results = [
-            _attribution(evaluation, runs, i, candidate, asked.get(candidate.quantity.name), how)
+            _attribution(evaluation, runs, i, candidate, claims.get(candidate.quantity.name), how)
             for i, candidate in enumerate(positions)
         ]
     except MechsimError as error:

@@ -116,8 +116,8 @@ def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
         angle = _unit(misfit, driver) == "rad"
 
         def text(offset: float, driver: str = driver, angle: bool = angle) -> str:
-            size = f"{offset:.6g} rad ({np.rad2deg(offset):.4g} deg)" if angle else f"{offset:.6g} m"
-            return f"{driver} has a constant offset of {size}"
+            amount = f"{offset:.6g} rad ({np.rad2deg(offset):.4g} deg)" if angle else f"{offset:.6g} m"
+            return f"{driver} has a constant offset of {amount}"
 
         predict = partial(_scaled_driver, misfit, driver, 1.0)
         step, starts = (1e-5, (0.0, *_best_roll(misfit))) if angle else (1e-5 * misfit.length, (0.0,))

@@ -184,10 +184,10 @@ def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
         tier, numbers = (THREE, "{0:.6g}, {1:.6g}, {2:.6g}") if count == 3 else (TWO, "{0:.6g}, {1:.6g}")
         yield _moved_frame(misfit, "shift", tier, NONE, along, f"shifted by ({numbers}) m")
     if count == 3:
-        turned = "rotated by ({0:.6g}, {1:.6g}, {2:.6g}) rad"
-        yield _moved_frame(misfit, "turn", THREE, along, NONE, turned)
+        rotated = "rotated by ({0:.6g}, {1:.6g}, {2:.6g}) rad"
+        yield _moved_frame(misfit, "turn", THREE, along, NONE, rotated)
         if placed:
-            text = f"{turned} and shifted by ({{3:.6g}}, {{4:.6g}}, {{5:.6g}}) m"
+            text = f"{rotated} and shifted by ({{3:.6g}}, {{4:.6g}}, {{5:.6g}}) m"
             yield _moved_frame(misfit, "shift and turn", SIX, along, along, text)
 
 
@@ -216,7 +216,7 @@ def _moved_frame(
         rotation = turned_by(np.eye(3)[None], (p[:split] @ turns)[None])[0]
         return _in_frame(misfit, rotation[np.ix_(own, own)], (p[split:] @ shifts)[own])
 
-    def size(p: Array) -> float:
+    def largest(p: Array) -> float:
         if count > 1:
             return float(np.linalg.norm(p[:3]))
         return float(wrapped(p[0]) if split else p[0])
@@ -228,7 +228,7 @@ def _moved_frame(
         tier,
         predict,
         lambda p: "the frame is " + text.format(*p, degrees=np.rad2deg(p[0])),
-        by=size,
+        by=largest,
         starts=tuple((start,) * count for start in starts),
         steps=(ROTATION_STEP,) * split + (SHIFT_STEP * misfit.length,) * len(shifts),
     )
