@@ -302,7 +302,7 @@ def _searched_assemblies(solver: KinematicSolver) -> list[tuple[str, KinematicSo
     """Return other assemblies at the start, by random starts, each with its joint that differs most."""
     mechanism = solver.mechanism
     start = mechanism.start if solver.motion_laws.crank else 0.0
-    path = driven_path(mechanism, solver.motion_laws)
+    path = driven_path(mechanism, solver.motion_laws, solver.change_point)
     own = path.start
     drivers = {name: x for name, x in mechanism.guess_coordinates.items() if name in mechanism.drivers}
     others: list[tuple[str, KinematicSolver]] = []
