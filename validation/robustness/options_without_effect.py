@@ -24,8 +24,8 @@ MUTATED = Path(__file__).parent / "mutated"
 WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 # [s] of processor time of a run: longer ones count as changed
 LIMIT = 90
-# lines of progress, which depend on the load of the computer
-PROGRESS = re.compile(r"^[a-z ]+: .*( s so far|left.*|segments.*|designs.*|of \d+ .*)\n", re.MULTILINE)
+# lines of progress, which begin with the command and depend on the load of the computer
+PROGRESS = re.compile(rf"^({'|'.join(COMMANDS)}): .*\n", re.MULTILINE)
 
 
 def outcome(words: list[str]) -> tuple[int, list[str]]:
