@@ -12,7 +12,7 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.rounded_geometry import MAX_ANGLE, Corrected, corrected
-from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses
+from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses, with_requested_start
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.finding import HARMLESS, Finding
@@ -210,12 +210,9 @@ def _started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
     inside = {
         name: float(np.clip(value, *model.limits.get(name, unlimited))) for name, value in values.items()
     }
-    has_loops = len(mechanism.joints) > len(mechanism.links)
-    # poses of balls and free joints follow from no coordinate
-    if inside != values and has_loops and len(values) == len(model.qpos):
-        crank = inside[mechanism.drivers[0]] if mechanism.has_crank else 0.0
-        moved = closed_start(replace(started, guess={}, guess_coordinates=inside, start=crank)).mechanism
+    if inside != values:
         with suppress(AssemblyError):
+            moved = with_requested_start(started, inside)
             reached = start_poses(moved)[1]
             outside = [name for name in values if inside[name] != values[name]]
             listed = ", ".join(f"{name} = {reached[name]:.4g} {mechanism.unit(name)}" for name in outside)

@@ -114,3 +114,13 @@ def test_each_motion_without_restoring_force_is_one_mode():
     assert rigid.frequency == 0.0
     assert abs(rigid.shape["B"]) < 1e-12
     assert elastic.frequency > 0.1
+
+
+def test_each_dwell_of_a_cam_is_one_family_of_equilibria():
+    cam = ms.load("cam_follower")
+    dwells = ms.dynamics.equilibria(cam, WEIGHT)
+    lowest = np.sqrt(0.038**2 - 0.005**2)
+    assert [each.dimension for each in dwells] == [1, 1]
+    assert [each.q["guide"] for each in dwells] == pytest.approx([lowest + 0.03, lowest + 0.042], abs=1e-12)
+    # dwells of the law: -60 to 0 and 120 to 180 degrees
+    assert all(-60.0 <= np.rad2deg(each.q["cam"]) % -180.0 <= 0.0 for each in dwells)

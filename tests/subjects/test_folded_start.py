@@ -37,3 +37,17 @@ def test_mobility_at_a_folded_start_is_that_of_the_motion(leg):
     # two drivers of one degree of freedom stay redundant
     third = replace(mechanism, driver=("yaw", "length", "knee"))
     assert driver_determinacy(third).redundant_drivers == ("knee",)
+
+
+ARM = """<mujoco><worldbody><body name="arm"><joint name="elbow" range="{low} -4" axis="0 1 0"/>
+<geom type="capsule" size=".01" fromto="0 0 0 .2 0 0"/></body></worldbody></mujoco>"""
+
+
+def test_an_open_chain_starts_within_its_ranges_too(tmp_path):
+    (path := tmp_path / "arm.xml").write_text(ARM.format(low=-176))
+    solver = ms.load(str(path), still=True)
+    assert any("start outside their ranges" in fact for fact in solver.facts)
+    run = ms.dynamics.run(solver, duration=0.05)
+    # it weighs on the stop at which it starts
+    assert run.outcome == "stopped"
+    assert run.motion.joints["elbow"].value[0] == pytest.approx(np.deg2rad(-4.0), abs=1e-12)

@@ -6,7 +6,7 @@ from catalog_faults import COLLINEAR, SWINGING
 from grids import grid
 from model_files import model_mechanism
 
-from mechsim import catalog, loops
+from mechsim import catalog, load, loops
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
@@ -353,3 +353,13 @@ def test_rates_along_a_curve_agree_with_the_closed_form():
         for rate in ("position", "velocity", "acceleration"):
             result, expected = getattr(motion.points[name], rate), getattr(point, rate)
             assert np.abs(result - expected).max() <= 1e-7 * max(1e-2, np.abs(expected).max())
+
+
+def test_a_dwell_is_one_turning_point_at_its_middle():
+    curve = trace(load("cam_follower"), starts=0).curves[0]
+    turns = [point for point in curve.turning_points if point.coordinate == "guide.q"]
+    lowest = np.sqrt(0.038**2 - 0.005**2) + 0.03
+    assert [point.which for point in turns] == ["highest", "lowest"]
+    assert [point.value for point in turns] == pytest.approx([lowest + 0.012, lowest], abs=1e-12)
+    # the law dwells from 120 to 180 and from 300 to 360 degrees
+    assert np.rad2deg([point.angle for point in turns]) % 360.0 == pytest.approx([150.0, 330.0], abs=1.0)

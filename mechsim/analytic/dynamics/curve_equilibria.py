@@ -137,12 +137,13 @@ def tangents_next_to(equations: EquationsOfMotion, q: Coordinates, reference: Ar
 
 
 def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
-    """Return the configurations of a curve without generalised force; None without any."""
+    """Return the configurations of a curve without generalised force, one of a stretch; None without any."""
     interval, ends = np.arange(len(curve.lengths)), np.stack([np.zeros_like(curve.lengths), curve.lengths])
     force, derivative, _ = (
         np.stack(pair) for pair in zip(*(curve.forces(interval, u) for u in ends), strict=True)
     )
     located: list[tuple[NDArray[np.intp], Array]] = []
+    without_force: list[tuple[NDArray[np.intp], Array]] = []
     for _ in range(HALVINGS):
         if not len(interval):
             break
@@ -151,7 +152,7 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
         empty, monotonic = _resolved(ends[1] - ends[0], force, derivative, middle_force, middle_derivative)
         still = (np.abs(np.stack([*force, middle_force])) <= rounding).all(0)
         crossed = monotonic & (force[0] * force[1] <= 0.0) & ~still
-        located.append((interval[still], middle[still]))
+        without_force.append((interval[still], ends[:, still]))
         located.append(
             (interval[crossed], _roots(curve, interval[crossed], ends[:, crossed], force[0, crossed]))
         )
@@ -169,8 +170,32 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
         )
     defined = np.isfinite(force).all(0)
     located.append((interval[defined], ends.mean(0)[defined]))
+    pieces, limits = (np.concatenate(values, -1) for values in zip(*without_force, strict=True))
+    located.append(_one_of_each_stretch(curve, pieces, limits))
     intervals, u = (np.concatenate(values) for values in zip(*located, strict=True))
     return curve.configurations(intervals, u) if len(u) else None
+
+
+def _one_of_each_stretch(
+    curve: EquilibriumCurve, interval: NDArray[np.intp], ends: Array
+) -> tuple[NDArray[np.intp], Array]:
+    """Return the middle of the middle one of each row of adjacent parts of a curve, such as a cam's dwell.
+
+    Args:
+        curve: the curve.
+        interval: the interval of each part, (n,).
+        ends: displacements of its ends, (2, n).
+    """
+    if not len(interval):
+        return interval, ends[0]
+    low, high = np.sort([curve.positions(interval, u) for u in ends], axis=0)
+    order = np.argsort(low)
+    starts = np.flatnonzero(low[order][1:] - high[order][:-1] > SHORTEST_STEP) + 1
+    middle = low + high
+    chosen = [
+        row[np.argmin(np.abs(middle[row] - low[row[0]] - high[row[-1]]))] for row in np.split(order, starts)
+    ]
+    return interval[chosen], ends.mean(0)[chosen]
 
 
 def _resolved(

@@ -239,8 +239,8 @@ def _reached(
         ends = newton_equilibria(
             equations, joined_configurations(steps), np.zeros(len(steps), dtype=np.bool_)
         )
-        for k, end in [*zip(active, ends, strict=True)]:
-            if end is None:
+        for k, moved, end in [*zip(active, steps, ends, strict=True)]:
+            if end is None or _returned(equations, reached[k], moved, end):
                 active.remove(k)
             else:
                 reached[k] = end
@@ -261,13 +261,19 @@ def _family_curve(equations: EquationsOfMotion, start: Coordinates) -> list[Coor
             step = MAX_STEP * forward * right[None]
             moved, closed = displaced_states(equations, q, basis[None], step, 0.0 * step)
             (end,) = newton_equilibria(equations, moved.q, still) if closed.all() else (None,)
-            if end is None:
+            if end is None or _returned(equations, q, moved.q, end):
                 break
             if count and np.linalg.norm(difference(equations, end, start)) < MAX_STEP:
                 return nodes
             q, along = end, forward * tangent
             nodes.append(end)
     return nodes
+
+
+def _returned(equations: EquationsOfMotion, q: Coordinates, moved: Coordinates, end: Coordinates) -> bool:
+    """Return whether a step beyond the end of a family, such as a cam's dwell, led back to its start."""
+    step, progress = (float(np.linalg.norm(difference(equations, q, other))) for other in (moved, end))
+    return progress < PROGRESS * step
 
 
 def _step_along(

@@ -279,7 +279,9 @@ def reduced_forces(equations: EquationsOfMotion, q: Coordinates, basis: Array) -
     sizes = np.abs(along) @ np.swapaxes(sizes.reshape(n, dof, free), 1, 2)
     # coordinates have the rounding of the links' distances from the origin
     distance = max(1.0, np.abs(at_rest.poses.position).max(initial=0.0) / equations.loops.tree.length)
-    magnitudes = (np.abs(along) @ magnitude[..., None]).max((1, 2), initial=0.0)
+    # directions that satisfy loops have the rounding of a unit vector, also where they have no component
+    reach = np.ones_like(along) if at_rest.jacobian.size else np.abs(along)
+    magnitudes = (reach @ magnitude[..., None]).max((1, 2), initial=0.0)
     rounding = ROUNDING * (magnitudes + distance * sizes.max((1, 2), initial=0.0))
     return ReducedForces((along @ force[..., None])[..., 0], stiffness, ROUNDING * sizes, rounding)
 

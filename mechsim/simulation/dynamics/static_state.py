@@ -11,7 +11,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.differences import extrapolated_derivative
+from mechsim.numerics.differences import FIRST, extrapolated_derivative
 from mechsim.numerics.rank import null_spaces
 from mechsim.numerics.rounding import EPS
 from mechsim.simulation import loop_jacobian
@@ -105,10 +105,12 @@ def static_state(
     at_rest = accelerations.along_basis(qpos, rest)
     mass = directions @ mass_matrix(accelerations.data) @ directions.T
     rounding = (LOOPS_ROUNDING if len(jacobian) else 0.0) + EPS * (np.linalg.cond(mass) if dof else 0.0)
-    eigenvalues, errors = _eigenvalues(derivatives, error + rounding * np.abs(derivatives).max(initial=0.0))
-    stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
     without_loops = accelerations.data.qacc_smooth / loops.units if len(jacobian) else rest
     unconstrained = float(np.abs(without_loops).max(initial=0.0))
+    # loops cancel accelerations, also where no force remains along a family of equilibria
+    error = error + rounding * np.abs(derivatives).max(initial=0.0) + EPS * unconstrained / FIRST
+    eigenvalues, errors = _eigenvalues(derivatives, error)
+    stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
     return StaticState(at_rest, stiffness, unconstrained, eigenvalues, errors)
 
 

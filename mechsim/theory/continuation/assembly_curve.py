@@ -1,6 +1,6 @@
 """A closed curve of assemblies: poses anywhere along it, and turning points of its coordinates."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -16,7 +16,7 @@ from mechsim.model.joints import joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, short_repr
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import Interpolant, Piecewise
 from mechsim.numerics.inputs import numbers
@@ -28,6 +28,8 @@ from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT,
 Extremum = Literal["highest", "lowest"]
 # arcs in a segment at which rates are checked for a change of sign
 SAMPLES = 4 * NODES
+# change of a coordinate between two turns, in [rad] or characteristic lengths, below which it dwells
+DWELL = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,25 +260,44 @@ class AssemblyCurve:
 
     @cached_property
     def turning_points(self) -> tuple[TurningPoint, ...]:
-        """Turning points of the joints' coordinates, in the order of arc.
+        """Turning points of the joints' coordinates, in the order of arc; of a dwell its middle.
 
-        Accuracy: values to rounding, arcs to about 1e-9.
+        Accuracy: values to rounding, arcs to about 1e-9, in a dwell to the spacing of the samples.
         """
+        found = [(i, self._turning_points(i, turns)) for i, turns in self._turns_by_column()]
+        points = [point for i, row in found for point in self._one_per_dwell(i, row)]
+        return tuple(sorted(points, key=lambda point: point.arc))
+
+    def _turns_by_column(self) -> Iterator[tuple[int, list[tuple[Extremum, float]]]]:
+        """Yield each column that turns, and the kinds and arcs of its turns."""
         turns = self.joints.turns()
-        if not turns:
-            return ()
-        poses = self.poses_at([arc for _, _, arc in turns])
-        names = [self.joints.columns[i].name for i, _, _ in turns]
-        return tuple(
-            TurningPoint(
-                name,
-                which,
-                float(poses.joints[name][k]),
-                arc,
-                float(poses.angle[k]),
-            )
-            for k, (name, (_, which, arc)) in enumerate(zip(names, turns, strict=True))
-        )
+        for i in sorted({column for column, _, _ in turns}):
+            yield i, [(which, arc) for column, which, arc in turns if column == i]
+
+    def _turning_points(self, column: int, turns: Sequence[tuple[Extremum, float]]) -> list[TurningPoint]:
+        """Return the turning points of a column at arcs."""
+        name, poses = self.joints.columns[column].name, self.poses_at([arc for _, arc in turns])
+        return [
+            TurningPoint(name, which, float(poses.joints[name][k]), arc, float(poses.angle[k]))
+            for k, (which, arc) in enumerate(turns)
+        ]
+
+    def _one_per_dwell(self, column: int, points: Sequence[TurningPoint]) -> Iterator[TurningPoint]:
+        """Yield the turning points of a column without those at which rounding turns it in a dwell."""
+        values = np.array([point.value for point in points])
+        angle = self.joints.columns[column].unit == "rad"
+        size = 1.0 if angle else self.mechanism.characteristic_length
+        change = values - np.roll(values, 1)
+        starts = np.flatnonzero(np.abs(wrapped(change) if angle else change) > DWELL * size)
+        order = np.roll(np.arange(len(points)), -starts[0] if len(starts) else 0)
+        for row in np.split(order, starts[1:] - starts[0]) if len(starts) else [order]:
+            first, last = points[row[0]], points[row[-1]]
+            if len(row) == 1:
+                yield first
+            # after an even number of turns the coordinate goes on as before
+            elif len(row) % 2:
+                middle = (first.arc + 0.5 * ((last.arc - first.arc) % self.length)) % self.length
+                yield from self._turning_points(column, [(first.which, middle)])
 
     @property
     def crank_turns(self) -> tuple[TurningPoint, ...]:
