@@ -20,6 +20,7 @@ class Contact:
         frame: link in whose frame the normal is given: of the curve, or the guide of a cam.
         shape: the curve, as the point or the roller's centre follows it, or the cam.
         one_sided: whether it can only push.
+        restitution: coefficient of restitution where it closes; None for that of the run.
     """
 
     carrier: str
@@ -28,6 +29,7 @@ class Contact:
     frame: str
     shape: GuideCurve | Cam
     one_sided: bool
+    restitution: float | None = None
 
     def normals(self, values: Array) -> Array:
         """Return unit normals towards link b at values of the coordinate, (n, 3); of a curve to the left."""

@@ -147,7 +147,11 @@ def cam_joints(
         force_joint = f"{name}.point"
         joints[force_joint] = {"kind": "spherical", **ends}
     coupling = Coupling(f"{name}.law", lifted, name, (), function=cam.law, repeats=True)
-    one_sided = entries[cam.name].get("closure", "force") == "force"
-    return GuidedJoint(
-        (guide, lifted), joints, (coupling,), Contact(side["link"], force_joint, name, guide, cam, one_sided)
-    )
+    entry = entries[cam.name]
+    one_sided, restitution = entry.get("closure", "force") == "force", entry.get("restitution")
+    if restitution is not None and not (one_sided and 0.0 <= restitution <= 1.0):
+        raise InputError(
+            f"cam {cam.name!r} has the restitution {restitution:g}; give 0 to 1, to a cam with closure force"
+        )
+    contact_made = Contact(side["link"], force_joint, name, guide, cam, one_sided, restitution)
+    return GuidedJoint((guide, lifted), joints, (coupling,), contact_made)

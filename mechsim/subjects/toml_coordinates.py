@@ -189,7 +189,7 @@ class FileLimits:
 
     Attributes:
         ranges: coordinate -> lower and upper limit that no motion exceeds.
-        restitution: coordinate -> coefficient of restitution there, if the file states it.
+        restitution: coordinate, or gap of a coupling -> coefficient of restitution there, if stated.
         stops: soft stops, which yield.
     """
 
@@ -213,7 +213,22 @@ def limits_of(coordinates: FileCoordinates) -> FileLimits:
             name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
             coordinates.require(name, path)
             _add_limits(coordinates, limits_read, name, entry, path)
+    for name, table in coordinates.read.get("couplings", {}).items():
+        if "restitution" in table:
+            path = ("couplings", name)
+            limits_read.restitution[f"{name}.gap"] = restitution_of(coordinates.values, table, path)
+            if not {"rope", "backlash"} & {*table}:
+                reason = "has no effect in a coupling that never opens; give it to a rope or with backlash"
+                raise coordinates.error((*path, "restitution"), reason)
     return limits_read
+
+
+def restitution_of(values: Values, entry: Mapping[str, Any], path: KeyPath) -> float:
+    """Return the coefficient of restitution of an entry that has one."""
+    value = values.quantity(entry["restitution"], "1", (*path, "restitution"))
+    if not 0.0 <= value <= 1.0:
+        raise values.source.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
+    return value
 
 
 def _add_limits(
@@ -236,10 +251,7 @@ def _add_limits(
     if not soft:
         limits_read.ranges[name] = low, high
         if "restitution" in entry:
-            value = values.quantity(entry["restitution"], "1", (*path, "restitution"))
-            if not 0.0 <= value <= 1.0:
-                raise coordinates.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
-            limits_read.restitution[name] = value
+            limits_read.restitution[name] = restitution_of(values, entry, path)
         return
     if KINDS[coordinates.kinds[name]].rod:
         raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
@@ -350,7 +362,8 @@ def _coupling(
         )
         raise coordinates.error(path, reason)
     (kind,) = kind_keys
-    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *(() if kind == "rope" else ("backlash",)))
+    opening = ("restitution",) if kind == "rope" else ("restitution", "backlash")
+    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *opening)
     if extra := [key for key in table if key not in allowed]:
         raise coordinates.error((*path, extra[0]), f"does not go with {kind!r}; leave it out")
     for side in ("driver", "driven"):

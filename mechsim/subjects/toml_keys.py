@@ -303,6 +303,7 @@ _LINK = Table(
     "a moving link",
 )
 _SIDES = ("left", "right", "outside", "inside")
+_RESTITUTION = Number("1", "coefficient of restitution of the contact, 0 to 1; default that of the run")
 _JOINT = Table(
     {
         "kind": Text("kind of the joint, its free motions", (*KINDS, "curve", "cam")),
@@ -366,6 +367,7 @@ _COUPLING = Table(
             JointNumber("a coordinate"), "zero positions of driven and driver of a polynomial", 2
         ),
         "backlash": JointNumber("of a gear, rack or belt: play of the driven coordinate; default 0"),
+        "restitution": _RESTITUTION,
         "turns": Boolean("whether both sides of a polynomial may differ by whole revolutions"),
         "pressure_angle": Number(
             "rad", "pressure angle of a gear or rack, 0 to 90 deg; default 0: the tooth force is tangential"
@@ -424,6 +426,7 @@ _CAM = Table(
             ("kind",),
         ),
         "closure": Text("what keeps the contact; default force, as of a spring", ("force", "form")),
+        "restitution": _RESTITUTION,
         "base_radius": Number("m", "least radius of the profile at zero lift"),
         "law": AnyOf(
             (

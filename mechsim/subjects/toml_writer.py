@@ -87,8 +87,11 @@ def to_toml(source: Mechanism | KinematicSolver) -> str:
     names = [coupling.name for coupling in mechanism.couplings]
     for i, gear in enumerate(mechanism.gears):
         lines += _table(_gear(gear), "couplings", _gear_name(mechanism, i, names))
+    bouncing = {} if solver is None else solver.restitution
     for coupling in mechanism.couplings:
-        lines += _table(_coupling(coupling), "couplings", coupling.name)
+        restitution = bouncing.get(f"{coupling.name}.gap")
+        table = _coupling(coupling) | ({} if restitution is None else {"restitution": restitution})
+        lines += _table(table, "couplings", coupling.name)
     points = {name: {"link": link, "at": position} for name, (link, position) in mechanism.points.items()}
     guess = {
         link: {"at": np.asarray(pose.position).tolist(), "rotation": np.asarray(pose.rotation).tolist()}

@@ -15,6 +15,7 @@ from mechsim.analytic.dynamics.gaps import with_gaps
 from mechsim.errors import InputError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.readers import load
+from mechsim.subjects.toml_writer import to_toml
 
 G = 9.81
 LIFT, SPEED, MASS, STIFFNESS, RESTITUTION = 0.005, 20 * np.pi, 0.3, 100.0, 0.4
@@ -152,3 +153,41 @@ def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
     assert link_shapes(mechanism)["ball"]
     # a ball has no crank whose angle a picture could state
     assert frame_poses(mechanism, run.motion).instant(2) == "0.050 s"
+
+
+def test_each_contact_has_its_own_restitution(tmp_path):
+    ball = written(tmp_path, BALL.replace("rope = {", "restitution = 0.5\nrope = {"))
+    for path in (ball, written(tmp_path, to_toml(ms.load(ball, still=True)))):
+        run = ms.dynamics.run(ms.load(path, still=True), initial={"ball.v": 2.0}, duration=2.0)
+        falls = 2 * 2 / G * np.cumsum(0.5 ** np.arange(6))
+        assert np.abs(np.array(run.events[:6]) - falls).max() < 1e-12
+    cam = model_text("open_contacts_cam.toml", closure="force")
+    own = cam.replace("base_radius", "restitution = 0.4\nbase_radius")
+    runs = [
+        ms.dynamics.run(
+            ms.load(written(tmp_path, text), drive={"crank": "20*pi*t"}),
+            prescribed=["crank"],
+            duration=0.11,
+            restitution=restitution,
+            samples=11,
+        )
+        for text, restitution in ((cam, 0.4), (own, 0.0), (cam, 0.0))
+    ]
+    stated, own_one, none = (run.motion.joints["guide"].rate[-1] for run in runs)
+    assert own_one == stated
+    assert abs(none - stated) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        (BALL.replace("rope = {", "restitution = 1.5\nrope = {"), "give 0 to 1"),
+        (
+            model_text("open_contacts_cam.toml", closure="form").replace("base", "restitution = 0.4\nbase"),
+            "to a cam with closure force",
+        ),
+    ],
+)
+def test_a_restitution_without_effect_is_rejected(changed, reason, tmp_path):
+    with pytest.raises(InputError, match=reason):
+        ms.load(written(tmp_path, changed), still=True)

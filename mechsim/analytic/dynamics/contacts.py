@@ -457,10 +457,10 @@ def gap_indices(equations: EquationsOfMotion) -> dict[int, str]:
 def gap_stops(equations: EquationsOfMotion) -> list[Stop]:
     """Return the stops at which gaps are closed."""
     tree, units = equations.loops.tree, equations.loops.units
-    ends = [(tree.index_of[name], limits) for name, limits in gap_limits(equations.model.mechanism).items()]
+    own = equations.model.solver.restitution
     return [
-        Stop(index, limit / units[index], side)
-        for index, limits in ends
+        Stop(index := tree.index_of[name], limit / units[index], side, own.get(name))
+        for name, limits in gap_limits(equations.model.mechanism).items()
         for limit, side in zip(limits, (-1.0, 1.0), strict=True)
         if abs(limit) < np.inf
     ]
