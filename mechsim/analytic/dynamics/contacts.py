@@ -355,8 +355,8 @@ class Contacts:
         times, mass = np.array([time]), self.equations.mass(state)
         apart = self.accelerate(state, times, mode)
         # friction that holds a mechanism balances its forces to rounding
-        held = np.abs(apart.holding).max(initial=0.0) / float(np.trace(mass[0]))
-        rounding = BALANCED * float(np.abs(apart.acceleration).max(initial=held))
+        friction = np.abs(apart.holding).max(initial=0.0) / float(np.trace(mass[0]))
+        rounding = BALANCED * float(np.abs(apart.acceleration).max(initial=friction))
         opening = self.gap_rates(apart.acceleration)[resting, 0]
         touching = replace(mode, contacts=self._pressed(mass, apart.rows, resting, opening, 0.5 * rounding))
         forces = self._pressing(self.accelerate(state, times, touching), touching)[:, 0]

@@ -264,8 +264,8 @@ class AssemblyCurve:
 
         Accuracy: values to rounding, arcs to about 1e-9, in a dwell to the spacing of the samples.
         """
-        found = [(i, self._turning_points(i, turns)) for i, turns in self._turns_by_column()]
-        points = [point for i, row in found for point in self._one_per_dwell(i, row)]
+        by_column = [(i, self._turning_points(i, turns)) for i, turns in self._turns_by_column()]
+        points = [point for i, row in by_column for point in self._one_per_dwell(i, row)]
         return tuple(sorted(points, key=lambda point: point.arc))
 
     def _turns_by_column(self) -> Iterator[tuple[int, list[tuple[Extremum, float]]]]:
@@ -286,9 +286,9 @@ class AssemblyCurve:
         """Yield the turning points of a column without those at which rounding turns it in a dwell."""
         values = np.array([point.value for point in points])
         angle = self.joints.columns[column].unit == "rad"
-        size = 1.0 if angle else self.mechanism.characteristic_length
+        unit = 1.0 if angle else self.mechanism.characteristic_length
         change = values - np.roll(values, 1)
-        starts = np.flatnonzero(np.abs(wrapped(change) if angle else change) > DWELL * size)
+        starts = np.flatnonzero(np.abs(wrapped(change) if angle else change) > DWELL * unit)
         order = np.roll(np.arange(len(points)), -starts[0] if len(starts) else 0)
         for row in np.split(order, starts[1:] - starts[0]) if len(starts) else [order]:
             first, last = points[row[0]], points[row[-1]]
