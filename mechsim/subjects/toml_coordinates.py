@@ -215,11 +215,8 @@ def limits_of(coordinates: FileCoordinates) -> FileLimits:
             _add_limits(coordinates, limits_read, name, entry, path)
     for name, table in coordinates.read.get("couplings", {}).items():
         if "restitution" in table:
-            path = ("couplings", name)
-            limits_read.restitution[f"{name}.gap"] = restitution_of(coordinates.values, table, path)
-            if not {"rope", "backlash"} & {*table}:
-                reason = "has no effect in a coupling that never opens; give it to a rope or with backlash"
-                raise coordinates.error((*path, "restitution"), reason)
+            value = restitution_of(coordinates.values, table, ("couplings", name))
+            limits_read.restitution[f"{name}.gap"] = value
     return limits_read
 
 
@@ -362,8 +359,9 @@ def _coupling(
         )
         raise coordinates.error(path, reason)
     (kind,) = kind_keys
-    opening = ("restitution",) if kind == "rope" else ("restitution", "backlash")
-    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *opening)
+    opens = ("restitution",) if {"rope", "backlash"} & {*table} else ()
+    play = () if kind == "rope" else ("backlash",)
+    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *play, *opens)
     if extra := [key for key in table if key not in allowed]:
         raise coordinates.error((*path, extra[0]), f"does not go with {kind!r}; leave it out")
     for side in ("driver", "driven"):

@@ -87,11 +87,7 @@ class TomlModel(ModelSource):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
             mechanism = replace(mechanism_of(coordinates, drivers, added), contacts=contacts)
         limits = limits_of(coordinates)
-        bouncing = {
-            f"{name}.gap": contact.restitution
-            for name, contact in contacts.items()
-            if contact.restitution is not None
-        }
+        bouncing = {f"{name}.gap": contact.restitution for name, contact in contacts.items()}
         forces, facts = None, ()
         if limits.stops or has_forces(read):
             from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
@@ -106,7 +102,7 @@ class TomlModel(ModelSource):
             forces=forces,
             initial=initial_of(coordinates),
             ranges=limits.ranges,
-            restitution=limits.restitution | bouncing,
+            restitution=limits.restitution | {gap: e for gap, e in bouncing.items() if e is not None},
             written=WrittenUnits(values.length, values.angle),
             facts=facts,
         )
