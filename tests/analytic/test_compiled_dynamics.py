@@ -105,6 +105,16 @@ def test_every_motor_is_the_same_in_c_and_in_numpy(motor):
     assert np.abs(result - without).max() > 1e-3
 
 
+@pytest.mark.parametrize("model", ["four_bar", "rssr"])
+def test_friction_by_the_curve_of_stribeck_is_the_same_in_c_and_in_numpy(model):
+    joints = [joint.name for joint in ms.load(model).mechanism.joints if KINDS[joint.kind].single]
+    falling = tuple(Friction(name, coulomb=0.2, static=0.5, stribeck=0.8) for name in joints)
+    expected, result = both(model, 2, Forces(friction=falling))
+    np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+    constant_friction, _ = both(model, 2, Forces(friction=tuple(Friction(j, coulomb=0.2) for j in joints)))
+    assert np.abs(result - constant_friction).max() > 1e-2 * np.abs(expected).max()
+
+
 EVERY_FUNCTION = (
     "-crank.q*A.v**2/(3+sin(crank.q)) + atan2(crank.q, 2-t) - min(A.q, B.v, 0.1)*tan(0.1*t) + abs(A.v)**0.5"
     " + exp(-t)*acos(0.2*sin(A.q)) + asin(0.1)*log(2+t) - sqrt(3+crank.q**2) + max(crank.q, -1)*atan(B.q)"

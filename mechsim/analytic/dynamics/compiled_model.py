@@ -56,7 +56,7 @@ SUPPORTED: dict[type, set[str]] = {
         *("name", "gear", "control", "gain", "bias", "direct", "inflow", "start", "inertia", "text"),
         *("control_range", "state_range", "force_range"),
     },
-    Friction: {"joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn"},
+    Friction: {"joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn", "static", "stribeck"},
     Spring: {"a", "b", "stiffness", "rest", "damping"},
     JointSpring: {"joint", "stiffness", "rest"},
     Load: {"location", "force"},
@@ -147,7 +147,7 @@ RESISTANCE = np.dtype(
         ("a", SIDE),
         ("b", SIDE),
         *((name, _INT) for name in ("motion", "column", "friction", "hinge")),
-        *((name, _REAL) for name in ("stiffness", "rest", "viscous", "coulomb")),
+        *((name, _REAL) for name in ("stiffness", "rest", "viscous", "coulomb", "at_rest", "stribeck")),
     ],
     align=True,
 )
@@ -488,6 +488,8 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
                 "friction": numbers[joint.name, i] if coulomb else -1,
                 "viscous": viscous,
                 "coulomb": coulomb,
+                "at_rest": friction.ratio_at_rest,
+                "stribeck": friction.stribeck,
             }
             rows.append(row)
     for spring in forces.joint_springs:

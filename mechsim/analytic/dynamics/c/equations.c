@@ -52,11 +52,12 @@ typedef struct {
     double a[3], b[3], stiffness, rest, damping;
 } Spring;
 
-/* spring, viscous and Coulomb friction along one coordinate of a joint in tree or loop */
+/* spring, viscous and Coulomb friction along one coordinate of a joint in tree or loop; at rest Coulomb friction
+   is `at_rest` times as large, and it falls with the rate as Stribeck's curve if `stribeck` is above zero */
 typedef struct {
     Side a, b;
     int motion, column, friction, hinge;
-    double stiffness, rest, viscous, coulomb;
+    double stiffness, rest, viscous, coulomb, at_rest, stribeck;
 } Resistance;
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
 
@@ -467,7 +468,9 @@ static void add_resistance(const Resistance *r, const double *sliding, Work *w) 
     }
     double stretch = r->stiffness != 0.0 ? value - r->rest : 0.0;
     if (r->hinge) stretch -= REVOLUTION * rint(stretch / (REVOLUTION));
-    double lost = r->viscous * rate + r->coulomb * direction, effort = -lost - r->stiffness * stretch;
+    double relative = r->stribeck > 0.0 ? rate / r->stribeck : INFINITY;
+    double coulomb = r->coulomb * (1.0 + (r->at_rest - 1.0) * exp(-relative * relative));
+    double lost = r->viscous * rate + coulomb * direction, effort = -lost - r->stiffness * stretch;
     w->potential += 0.5 * r->stiffness * stretch * stretch;
     w->power_lost += lost * rate;
     if (r->motion != SLIDE) {
