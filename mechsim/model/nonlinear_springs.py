@@ -12,7 +12,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.coupling_functions import TabledFunction
-from mechsim.model.expressions import Expression, compiled
+from mechsim.model.expressions import Expression, Instruction, compiled
 from mechsim.model.links import Vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE, at_least_zero, number
@@ -134,6 +134,11 @@ class SpringLaw:
         if self.text:
             # rejects text that is no expression
             _ = self._expression
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """The evaluation of its expression of l and v; empty for none."""
+        return self._expression.instructions if self.text else ()
 
     @cached_property
     def _expression(self) -> Expression:

@@ -21,6 +21,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.load_profile import constant, harmonics, table
 from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
+from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
 from mechsim.numerics import c_library
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
 
@@ -78,7 +79,9 @@ def both(model, seed, forces=None, time=0.0):
     state = layout.pack(q, rates, 0.0, 0.0)
     state[-2 - len(layout.start) : -2] += 0.3
     sliding = np.sign(random.normal(size=len(equations.frictions)))
-    right = RightHandSide(equations, Contacts(equations), layout, ContactMode(sliding))
+    contacts = Contacts(equations)
+    phases = contacts.phases(equations.kinematics(q, rates))
+    right = RightHandSide(equations, contacts, layout, ContactMode(sliding, phases=phases))
     result = evaluated(in_c.compiled_model(equations), state[None], np.array([time]), sliding)
     assert result.rank == equations.rank
     energies = equations.energy(equations.kinematics(q, rates))
@@ -113,6 +116,20 @@ def test_friction_by_the_curve_of_stribeck_is_the_same_in_c_and_in_numpy(model):
     np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
     constant_friction, _ = both(model, 2, Forces(friction=tuple(Friction(j, coulomb=0.2) for j in joints)))
     assert np.abs(result - constant_friction).max() > 1e-2 * np.abs(expected).max()
+
+
+WRITTEN = SpringLaw(30.0, 0.01, 0.2, 0.5, "k*(l**2 + sin(l)) + 0.1*v*abs(v)", ("k",), (4.0,))
+
+
+@pytest.mark.parametrize(("model", "joint", "point"), [("four_bar", "B", "B"), ("rssr", "crank", "P3")])
+def test_springs_by_expression_are_the_same_in_c_and_in_numpy(model, joint, point):
+    springs = (
+        NonlinearSpring(joint, WRITTEN, "in a joint"),
+        NonlinearSpring((point, ("ground", (0.3, -0.2, 0.1))), WRITTEN, "between points"),
+    )
+    for seed in range(3):
+        expected, result = both(model, seed, Forces(nonlinear_springs=springs))
+        np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
 
 
 EVERY_FUNCTION = (

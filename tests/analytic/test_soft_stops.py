@@ -92,7 +92,7 @@ def test_a_ball_on_a_damped_stop_against_the_closed_form(tmp_path):
     assert abs(run.lost[-1] - 0.5 * m * (speed**2 - (v - G * free) ** 2)) < 1e-9
     assert run.energy_error < 1e-10
     assert run.executed == "numpy"
-    assert "nonlinear springs" in run.note
+    assert "soft stops" in run.note
 
 
 @pytest.mark.long

@@ -18,6 +18,7 @@ from mechsim.analytic.dynamics.compiled_expressions import (
     INSTRUCTION,
     Instructions,
     NotCompiledError,
+    Variable,
     actuators,
     controllers,
     load_expressions,
@@ -32,6 +33,7 @@ from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import GROUND, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
+from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 
@@ -50,7 +52,9 @@ SUPPORTED: dict[type, set[str]] = {
         "controllers",
         "actuators",
         "armature",
+        "nonlinear_springs",
     },
+    NonlinearSpring: {"ends", "law", "name"},
     Controller: {"coordinate", "text", "inputs", "_expression"},
     Actuator: {
         *("name", "gear", "control", "gain", "bias", "direct", "inflow", "start", "inertia", "text"),
@@ -152,6 +156,16 @@ RESISTANCE = np.dtype(
     align=True,
 )
 SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
+NONLINEAR_SPRING = np.dtype(
+    [
+        *((name, _INT) for name in ("link_a", "link_b", "coordinate")),
+        ("a", _REAL, 3),
+        ("b", _REAL, 3),
+        *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload")),
+        ("expression", EXPRESSION),
+    ],
+    align=True,
+)
 LOAD = np.dtype(
     [
         ("link", _INT),
@@ -165,12 +179,12 @@ LOAD = np.dtype(
 COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
     *("rows", "springs", "resistances", "loads", "crank"),
-    *("controllers", "actuators", "states", "rotating"),
+    *("controllers", "actuators", "states", "rotating", "nonlinear_springs"),
 )
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
     *("inertias", "spring", "resistance", "load"),
-    *("instruction", "controller", "actuator", "gear", "rotors"),
+    *("instruction", "controller", "actuator", "gear", "rotors", "nonlinear_spring"),
 )
 
 
@@ -252,6 +266,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "resistance": _resistances(equations),
         "load": _loads(equations, added),
         "controller": controllers(equations, added),
+        "nonlinear_spring": _nonlinear_springs(equations, added),
         "instruction": np.array(added.rows, INSTRUCTION),
         "actuator": actuated,
         "gear": gears,
@@ -270,6 +285,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         *(len(tables[name]) for name in ("controller", "actuator")),
         int(actuated["has_state"].sum()),
         int(tables["rotors"].any()),
+        len(tables["nonlinear_spring"]),
     )
     data = ModelData(
         **dict(zip(COUNTS, numbers, strict=True)),
@@ -306,7 +322,7 @@ def _require_supported_fields(element: Any) -> None:
             raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
         # expressions are checked where they become instructions; the law of a belt is its coefficients
         for inner in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(inner) and field.name not in ("control", "value", "_expression", "belt"):
+            if is_dataclass(inner) and field.name not in ("control", "value", "_expression", "belt", "law"):
                 _require_supported_fields(inner)
 
 
@@ -462,6 +478,28 @@ def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
         constants = {name: getattr(spring, name) for name in ("stiffness", "rest", "damping")}
         rows.append({"link_a": link_a, "link_b": link_b, "a": a, "b": b, **constants})
     return _filled(SPRING, rows)
+
+
+def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    rows: list[dict[str, Any]] = []
+    for spring in equations.model.forces.nonlinear_springs:
+        law, row = spring.law, dict[str, Any](coordinate=-1)
+        if not isinstance(law, SpringLaw) or law.table is not None:
+            raise NotCompiledError("soft stops, and springs by a table")
+        if not isinstance(spring.ends, str):
+            (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
+                _point(equations, end) for end in spring.ends
+            )
+        elif spring.ends in equations.sprung:
+            row["coordinate"] = equations.sprung[spring.ends]
+        else:
+            raise NotCompiledError(f"a spring in {spring.ends}, which is no coordinate of the tree")
+        variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
+        variables |= {name: ("number", 0, value) for name, value in zip(law.names, law.values, strict=True)}
+        row |= {name: getattr(law, name) for name in ("stiffness", "damping", "rest", "preload")}
+        row["expression"] = added.add(law.instructions, variables, f"spring {spring.name}")
+        rows.append(row)
+    return _filled(NONLINEAR_SPRING, rows)
 
 
 def _sides_of(equations: EquationsOfMotion, joint: Joint) -> dict[str, Any]:

@@ -209,7 +209,8 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time:
     frictionless = np.zeros(len(equations.frictions))
     result = evaluated(model, sample[None], times, frictionless)
     kinematics = equations.kinematics(q, moving, layout.activation(sample[None]))
-    dynamics = Contacts(equations).accelerate(kinematics, times, ContactMode(frictionless))
+    mode = ContactMode(frictionless, phases=right.contacts.phases(kinematics))
+    dynamics = Contacts(equations).accelerate(kinematics, times, mode)
     expected = layout.derivatives(sample[None], kinematics, dynamics)[0]
     with np.errstate(invalid="ignore"):  # forces that are not finite are reported by the run
         agreed = np.abs(result.derivatives[0] - expected).max() <= AGREED * np.abs(expected).max()

@@ -61,6 +61,14 @@ typedef struct {
 } Resistance;
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
 
+/* nonlinear spring between two points, or in a coordinate if that is 0 or more; its expression has the length as
+   coordinate 0 and the rate as rate 0 */
+typedef struct {
+    int link_a, link_b, coordinate;
+    double a[3], b[3], rest, stiffness, damping, preload;
+    Expression expression;
+} NonlinearSpring;
+
 /* constant force on a point of a link, and constant moment on the link; expressions take their place */
 typedef struct {
     int link, varying;
@@ -83,7 +91,7 @@ typedef struct {
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
-    int controllers, actuators, states, rotating;
+    int controllers, actuators, states, rotating, nonlinear_springs;
     const Branch *branches;
     const Coordinate *coordinates;
     const Cut *cut;
@@ -98,6 +106,7 @@ typedef struct {
     const Controller *controller;
     const Actuator *actuator;
     const double *gear, *rotors;
+    const NonlinearSpring *nonlinear_spring;
     double gravity[3], torque, torque_slope;
 } Model;
 
@@ -531,6 +540,31 @@ static void set_applied(const Model *m, Work *w, const double *rates) {
     w->power_in += inner(m->count, w->applied, rates);
 }
 
+/* a nonlinear spring, as mechsim.model.nonlinear_springs states its law */
+static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, const double *rates, Work *w) {
+    double a[3], b[3], va[3], vb[3], line[3], length, rate = 0.0, unstored = 0.0;
+    if (s->coordinate >= 0) {
+        length = w->q[s->coordinate], rate = rates[s->coordinate] * m->coordinates[s->coordinate].unit;
+    } else {
+        locate(w, s->link_a, s->a, a, va);
+        locate(w, s->link_b, s->b, b, vb);
+        for (int i = 0; i < 3; i++) line[i] = b[i] - a[i];
+        length = sqrt(dot(line, line));
+        for (int i = 0; i < 3; i++) line[i] /= length > 0.0 ? length : 1.0, rate += line[i] * (vb[i] - va[i]);
+    }
+    double stretch = length - s->rest;
+    double elastic = s->stiffness * stretch + s->preload, tension = elastic + s->damping * rate;
+    if (s->expression.length) {
+        double still = 0.0;
+        unstored = evaluated(m->instruction, s->expression, w->time, &length, &still).value;
+        tension += evaluated(m->instruction, s->expression, w->time, &length, &rate).value;
+    }
+    w->potential += (0.5 * s->stiffness * stretch + s->preload) * stretch;
+    w->power_in -= unstored * rate, w->power_lost += (tension - elastic - unstored) * rate;
+    if (s->coordinate >= 0) w->applied[s->coordinate] -= tension * m->coordinates[s->coordinate].unit;
+    else add_force(w, s->link_a, a, tension, line), add_force(w, s->link_b, b, -tension, line);
+}
+
 /* all forces; energies and powers */
 static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding) {
     w->power_in = w->power_lost = 0.0;
@@ -539,6 +573,8 @@ static void set_forces(const Model *m, Work *w, const double *rates, const doubl
     for (int i = 0; i < m->resistances; i++) add_resistance(m->resistance + i, sliding, w);
     for (int i = 0; i < m->loads; i++) add_load(m, m->load + i, rates, w);
     set_applied(m, w, rates);
+    for (int i = 0; i < m->nonlinear_springs; i++)
+        add_nonlinear_spring(m, m->nonlinear_spring + i, rates, w);
     for (int i = 0; m->rotating && i < m->count; i++) {
         int row = m->coordinates[i].column;
         for (int j = 0; row >= 0 && j < m->count; j++) {
