@@ -31,7 +31,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.python_object import PythonObject, run_object, run_user_code
 from mechsim.subjects.toml_coordinates import coordinates_of, drivers_of
-from mechsim.subjects.toml_keys import PARAMETER_UNITS, PARAMETERS, ROOT
+from mechsim.subjects.toml_keys import root
 from mechsim.subjects.toml_reader import MAX_BYTES, TomlModel, formula_path, mechanism_of
 from mechsim.subjects.toml_values import TomlSource, Values, head_comment, parsed_source, suggestion
 
@@ -39,6 +39,8 @@ from mechsim.subjects.toml_values import TomlSource, Values, head_comment, parse
 TABLES = ("name", "parameters", "links", "joints", "couplings", "points", "when", "formula")
 # of these, the ones that are no description
 OWN_TABLES = ("parameters", "when", "formula")
+# kind of a parameter -> its unit
+PARAMETER_UNITS: dict[str, units.Unit] = {"length": "m", "position": "m", "angle": "rad", "number": "1"}
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class FormulaDescription(ModelSource):
         """Return the description for values of the parameters, without a guess."""
         numbers = _numbers(values)
         reader = Values(self.source, "m", "rad", numbers)
-        coordinates = coordinates_of(reader, reader.checked(ROOT, self._document(numbers), ()))
+        coordinates = coordinates_of(reader, reader.checked(root(), self._document(numbers), ()))
         with self.source.error_context(()):
             return mechanism_of(coordinates, drivers_of(coordinates, (), still=False))
 
@@ -272,7 +274,11 @@ def description_in(source: TomlSource, formulas: type[ClosedForm]) -> FormulaDes
     """
     for key in source.document.keys() - TABLES:
         raise source.error((key,), f"is not read in a file with formulas; it has {', '.join(TABLES)}")
-    rows = Values(source, "m", "rad", {}).checked(PARAMETERS, source.document["parameters"], ("parameters",))
+    # a number, or the table of a parameter of formulas
+    row = root()["properties"]["parameters"]["additionalProperties"]
+    tables_of_parameters = {"type": "object", "additionalProperties": row["anyOf"][1]}
+    stated = source.document["parameters"]
+    rows = Values(source, "m", "rad", {}).checked(tables_of_parameters, stated, ("parameters",))
     for choice, tables in _tables(source, ("when",)).items():
         if choice not in rows:
             raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")

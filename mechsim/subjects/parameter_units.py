@@ -6,7 +6,7 @@ from typing import Any
 
 from mechsim.errors import InputError
 from mechsim.model.expressions import parse_expression
-from mechsim.subjects.toml_keys import ROOT, AnyOf, KeyType, ListOf, Number, Profile, Table, TableOf
+from mechsim.subjects.toml_keys import Key, root
 from mechsim.subjects.toml_values import TomlSource, is_profile, is_quantity, shown
 from mechsim.units import Unit, of_any_kind
 
@@ -23,7 +23,7 @@ def parameter_units(document: Mapping[str, Any]) -> dict[str, Unit]:
     parameters = document.get("parameters")
     entries: dict[str, Any] = parameters if isinstance(parameters, dict) else {}
     units: dict[str, Unit] = {}
-    for tree, unit in _uses(ROOT, {key: value for key, value in document.items() if key != "parameters"}):
+    for tree, unit in _uses(root(), {key: value for key, value in document.items() if key != "parameters"}):
         units |= dict(_terms(tree, unit))
     # an expression uses parameters before it
     for name, text in reversed(entries.items()):
@@ -58,7 +58,7 @@ def require_dimensions(source: TomlSource, parameters: Mapping[str, Any]) -> Non
     remaining = {key: value for key, value in source.document.items() if key != "parameters"}
     dimension_of = {
         tree.id: unit
-        for tree, unit in _uses(ROOT, remaining)
+        for tree, unit in _uses(root(), remaining)
         if isinstance(tree, ast.Name) and unit in _DIMENSIONS
     }
     for name in dimension_of.keys() & parameters.keys():
@@ -75,23 +75,21 @@ def require_dimensions(source: TomlSource, parameters: Mapping[str, Any]) -> Non
             raise source.error(path, reason)
 
 
-def _uses(key: KeyType, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
+def _uses(key: Key, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
     """Yield the expressions of a file and their units."""
-    inner: list[tuple[KeyType, Any]] = []
+    inner: list[tuple[Key, Any]] = []
     match key:
-        case Profile() if is_profile(value):
-            pass
-        case Number(unit=unit) | Profile(unit=unit):
+        case {"unit": unit} if unit != "joint" and not ("over" in key and is_profile(value)):
             tree = _parsed(value)
             if tree is not None:
                 yield tree, unit if unit in _DIMENSIONS else "1"
-        case ListOf(item=item) if isinstance(value, list):
+        case {"items": item} if isinstance(value, list):
             inner = [(item, entry) for entry in value]
-        case TableOf(value_type=item) if isinstance(value, dict):
-            inner = [(item, entry) for entry in value.values()]
-        case Table(keys=keys) if isinstance(value, dict):
+        case {"properties": keys} if isinstance(value, dict):
             inner = [(keys[name], entry) for name, entry in value.items() if name in keys]
-        case AnyOf(alternatives=alternatives):
+        case {"additionalProperties": item} if isinstance(value, dict):
+            inner = [(item, entry) for entry in value.values()]
+        case {"anyOf": alternatives}:
             inner = [(alternative, value) for alternative in alternatives]
         case _:
             pass

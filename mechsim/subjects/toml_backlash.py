@@ -10,7 +10,7 @@ from typing import Any
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.links import VIRTUAL_PREFIX
-from mechsim.subjects.toml_keys import MASSLESS
+from mechsim.subjects.toml_links import MASSLESS
 
 
 def with_backlash(document: Mapping[str, Any]) -> dict[str, Any]:

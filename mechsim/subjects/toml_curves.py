@@ -21,7 +21,7 @@ from mechsim.model.joints import Coupling
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.toml_cams import GuidedJoint, cam_joints, cam_of
-from mechsim.subjects.toml_keys import MASSLESS
+from mechsim.subjects.toml_links import MASSLESS
 from mechsim.subjects.toml_values import Values, written_function
 
 # side of a roller -> sign of its offset to the left; of closed curves relative to their outside

@@ -22,7 +22,6 @@ from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Mo
 from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.subjects.law_text import LoadComponent, combine_components, parse_component
 from mechsim.subjects.toml_coordinates import leaves
-from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
 from mechsim.subjects.toml_motors import actuators_of, expression_controllers
 from mechsim.subjects.toml_springs import nonlinear_springs_of, point_of, springs_of
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
@@ -38,6 +37,12 @@ FRICTION_NUMBERS = (
     *("viscous_turn", "coulomb_turn", "coefficient", "pin_radius", "collar_radius", "bearing_length"),
 )
 _STIFFNESS: dict[str, Unit] = {"m": "N/m", "rad": "N m/rad"}
+# kind of motor on the crank -> its class, and the keys of its parameters
+_MOTORS = {
+    "constant": (ConstantTorque, ("torque",)),
+    "line": (TorqueSpeedLine, ("stall", "no_load")),
+    "dc": (DCMotor, ("voltage", "resistance", "constant")),
+}
 
 
 def forces_of(
@@ -183,7 +188,7 @@ def _unit(values: Values, mechanism: Mechanism, joint: str, path: KeyPath) -> Un
 
 def _motor(values: Values, table: Mapping[str, Any]) -> Motor:
     path, kind = ("forces", "motor"), table["kind"]
-    required = MOTOR_PARAMETERS[kind]
+    make, required = _MOTORS[kind]
     for key in required:
         if key not in table:
             raise values.source.error(
@@ -192,8 +197,7 @@ def _motor(values: Values, table: Mapping[str, Any]) -> Motor:
     for key in table:
         if key not in ("kind", "gear", *required):
             raise values.source.error((*path, key), f"does not go with kind {kind!r}; leave it out")
-    numbers = [table[key] for key in required]
-    motor = {"constant": ConstantTorque, "line": TorqueSpeedLine, "dc": DCMotor}[kind](*numbers)
+    motor = make(*(table[key] for key in required))
     return Geared(motor, table["gear"]) if "gear" in table else motor
 
 

@@ -11,6 +11,9 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Inertia, Link, Pose
 from mechsim.subjects.toml_values import TomlSource, suggestion
 
+# inertia of a link that only connects joints
+MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
+
 
 def links_of(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
     """Yield the links with tables, then those that at least two joints name."""

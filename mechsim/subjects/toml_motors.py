@@ -9,12 +9,21 @@ from mechsim.model.actuators import NO_LIMIT, Actuator
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Controller
 from mechsim.subjects.law_text import control_law, parse_motion_law
-from mechsim.subjects.toml_keys import JOINT_MOTORS
 from mechsim.subjects.toml_values import KeyPath, Values, suggestion
 from mechsim.units import Unit
 
 # a number followed by the unit of a voltage, which is 1 in SI
 _VOLTS = re.compile(r"(?<=[\d.])\s*V\b")
+# kind of motor on a joint -> its required keys, and those that it may have
+JOINT_MOTORS: dict[str, tuple[str, str]] = {
+    "constant": ("torque", ""),
+    "line": ("stall no_load", ""),
+    "dc": ("voltage resistance constant", "inductance gear"),
+    "pd": ("target proportional", "derivative"),
+    "pid": ("target proportional integral", "derivative"),
+    "expression": ("torque", ""),
+    "general": ("", "joint gear control gain bias direct inflow start control_range state_range"),
+}
 
 
 def expression_controllers(values: Values, table: Mapping[str, Any]) -> Iterator[Controller]:
@@ -55,9 +64,9 @@ def actuators_of(values: Values, mechanism: Mechanism, table: Mapping[str, Any])
 def _require_keys(values: Values, entry: Mapping[str, Any], path: KeyPath) -> None:
     """Raise InputError for keys of another kind of motor, and for missing ones."""
     kind = entry["kind"]
-    required, optional = JOINT_MOTORS[kind]
+    required, optional = (keys.split() for keys in JOINT_MOTORS[kind])
     if kind != "general":
-        required = ("joint", *required)
+        required = ["joint", *required]
     for key in required:
         if key not in entry:
             reason = f"is of kind {kind!r} and has no {key!r}; give {', '.join(required)}"

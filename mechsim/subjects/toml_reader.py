@@ -28,7 +28,7 @@ from mechsim.subjects.toml_coordinates import (
     motion_laws_of,
     start_of,
 )
-from mechsim.subjects.toml_keys import ROOT
+from mechsim.subjects.toml_keys import root
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
 from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, shown, values_of
 from mechsim.units import WrittenUnits
@@ -71,7 +71,7 @@ class TomlModel(ModelSource):
         if any("backlash" in joint for joint in _tables(document, "joints")):
             from mechsim.subjects.toml_backlash import with_backlash
 
-            values.checked(ROOT, document, ())
+            values.checked(root(), document, ())
             with source.error_context(("joints",)):
                 document = with_backlash(document)
         added: Sequence[Coupling] = ()
@@ -79,8 +79,8 @@ class TomlModel(ModelSource):
         if has_curves(document):
             from mechsim.subjects.toml_curves import with_curves
 
-            document, added, contacts = with_curves(values, document, values.checked(ROOT, document, ()))
-        read = values.checked(ROOT, document, ())
+            document, added, contacts = with_curves(values, document, values.checked(root(), document, ()))
+        read = values.checked(root(), document, ())
         require_dimensions(source, {**parameters, **changed})
         coordinates = coordinates_of(values, read)
         with source.error_context(()):

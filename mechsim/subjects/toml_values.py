@@ -17,19 +17,7 @@ from mechsim.files import is_table
 from mechsim.model.coupling_functions import WrittenFunction
 from mechsim.model.expressions import FUNCTIONS, evaluate_number, variables
 from mechsim.numerics.inputs import HUGE, number
-from mechsim.subjects.toml_keys import (
-    ROOT,
-    AnyOf,
-    Boolean,
-    JointNumber,
-    KeyType,
-    ListOf,
-    Number,
-    Profile,
-    Table,
-    TableOf,
-    Text,
-)
+from mechsim.subjects.toml_keys import Key, root
 from mechsim.units import Unit
 
 # largest number of digits of an integer that Python reads by default (sys.set_int_max_str_digits)
@@ -176,40 +164,49 @@ class Values:
     angle: str
     parameters: Mapping[str, float]
 
-    def checked(self, key: KeyType, value: Any, path: KeyPath) -> Any:
+    def checked(self, key: Key, value: Any, path: KeyPath) -> Any:
         """Return a value checked and converted by its key.
 
         Raises:
             InputError: for an invalid value; names file, line, key, value and remedy.
         """
         match key:
-            case Number(unit=unit) | Profile(unit=unit):
-                unchanged = isinstance(key, Profile) and is_profile(value)
-                return value if unchanged else self.quantity(value, unit, path)
-            case JointNumber():
-                # a number, a quantity or an expression unchanged, if the key gives it a unit later
+            case {"unit": "joint"}:
+                # a number, a quantity or an expression unchanged: its reader gives it a unit
                 if not isinstance(value, str):
                     self.plain_number(value, path)
                 return value
-            case Boolean():
-                self._require(isinstance(value, bool), value, "true or false", path)
-                return value
-            case Text(options=options):
-                return self._text(value, options, path)
-            case ListOf(item=item, count=count):
+            case {"unit": unit}:
+                return value if "over" in key and is_profile(value) else self.quantity(value, unit, path)
+            case {"anyOf": alternatives}:
+                fitting = [entry for entry in alternatives if _fits(entry, value)]
+                self._require(bool(fitting), value, key["description"], path)
+                return self.checked(fitting[0], value, path)
+            case {"type": "array", "items": item}:
+                count: int | None = key.get("minItems")
                 expected = "a list" if count is None else f"a list of {count}"
                 fits = isinstance(value, list) and count in (None, len(value))
-                self._require(fits, value, f"{expected}, each {item.about}", path)
+                self._require(fits, value, f"{expected}, each {item['description']}", path)
                 return tuple(self.checked(item, entry, (*path, i)) for i, entry in enumerate(value))
-            case TableOf(value_type=item):
-                entries = self._table(value, path).items()
-                return {name: self.checked(item, entry, (*path, name)) for name, entry in entries}
-            case Table():
-                return self._known_keys(value, key, path)
-            case AnyOf(alternatives=item, about=about):
-                fitting = [entry for entry in item if _fits(entry, value)]
-                self._require(bool(fitting), value, about, path)
-                return self.checked(fitting[0], value, path)
+            case {"type": "object"}:
+                return self._table(key, value, path)
+            case _:
+                expected = "text" if key["type"] == "string" else "true or false"
+                self._require(_fits(key, value), value, expected, path)
+                if "enum" in key and value not in key["enum"]:
+                    raise self.source.error(path, f"is {shown(value)}; it can be {', '.join(key['enum'])}")
+                return value
+
+    def _table(self, key: Key, value: Any, path: KeyPath) -> dict[str, Any]:
+        self._require(isinstance(value, dict), value, "a table", path)
+        keys: Key = key.get("properties") or dict.fromkeys(value, key["additionalProperties"])
+        for name in value:
+            if name not in keys:
+                raise self.source.error((*path, name), f"is no known key{suggestion(name, keys)}")
+        for name in key.get("required", ()):
+            if name not in value:
+                raise self.source.error(path, f"has no {name!r}; give it: {keys[name]['description']}")
+        return {name: self.checked(keys[name], entry, (*path, name)) for name, entry in value.items()}
 
     def quantity(self, value: Any, unit: Unit, path: KeyPath) -> float:
         """Return a number, a quantity or an expression in SI; numbers without a unit are in the file's."""
@@ -261,12 +258,12 @@ class Values:
             changed: name -> text, or number in SI, that replaces the value in the file.
             units_of: parameter -> "m" or "rad", if its use determines it.
         """
-        table = self._table(entries, ("parameters",))
+        self._require(isinstance(entries, dict), entries, "a table", ("parameters",))
         for name in changed:
-            if name not in table:
-                raise InputError(f"{self.source.path} has no parameter {name!r}{suggestion(name, table)}")
+            if name not in entries:
+                raise InputError(f"{self.source.path} has no parameter {name!r}{suggestion(name, entries)}")
         result = replace(self, parameters={})
-        for name, value in table.items():
+        for name, value in entries.items():
             path = ("parameters", name)
             if not name.isidentifier() or name in (*FUNCTIONS, "pi"):
                 raise self.source.error(path, "is no valid parameter name; use letters, digits and _")
@@ -332,26 +329,6 @@ class Values:
             number, unit = units.of_any_kind(value, f"parameter {path[-1]}")
             return number / self.in_si(1.0, unit)
 
-    def _text(self, value: Any, options: tuple[str, ...], path: KeyPath) -> str:
-        self._require(isinstance(value, str), value, "text", path)
-        if options and value not in options:
-            raise self.source.error(path, f"is {shown(value)}; it can be {', '.join(options)}")
-        return value
-
-    def _known_keys(self, value: Any, keys: Table, path: KeyPath) -> dict[str, Any]:
-        table = self._table(value, path)
-        for name in table:
-            if name not in keys.keys:
-                raise self.source.error((*path, name), f"is no known key{suggestion(name, keys.keys)}")
-        for name in keys.required:
-            if name not in table:
-                raise self.source.error(path, f"has no {name!r}; give it: {keys.keys[name].about}")
-        return {name: self.checked(keys.keys[name], entry, (*path, name)) for name, entry in table.items()}
-
-    def _table(self, value: Any, path: KeyPath) -> dict[str, Any]:
-        self._require(isinstance(value, dict), value, "a table", path)
-        return value
-
     def _require(self, fits: bool, value: Any, expected: str, path: KeyPath) -> None:
         """Raise InputError for a value that is not the expected one."""
         if not fits:
@@ -368,10 +345,8 @@ def written_function(values: Values, text: str, path: KeyPath, variable: str = "
 
 def values_of(source: TomlSource) -> Values:
     """Return the reader of values, with the file's units and without parameters."""
-    bare = Values(source, "m", "rad", {})
-    units_table = Table({"units": ROOT.keys["units"]}, "")
-    stated = {name: entry for name, entry in source.document.items() if name == "units"}
-    units = bare.checked(units_table, stated, ()).get("units", {})
+    stated = source.document.get("units", {})
+    units = Values(source, "m", "rad", {}).checked(root()["properties"]["units"], stated, ("units",))
     values = Values(source, units.get("length", "m"), units.get("angle", "rad"), {})
     with source.error_context(("units",)):
         values.in_si(1.0, "m")
@@ -384,20 +359,14 @@ def is_quantity(value: object) -> TypeGuard[str]:
     return isinstance(value, str) and _QUANTITY.match(value) is not None
 
 
-def _fits(key: KeyType, value: Any) -> bool:
-    match key:
-        case Number() | JointNumber() | Profile():
-            return isinstance(value, str | int | float)
-        case Text():
-            return isinstance(value, str)
-        case Boolean():
-            return isinstance(value, bool)
-        case ListOf():
-            return isinstance(value, list)
-        case AnyOf(alternatives=alternatives):
-            return any(_fits(alternative, value) for alternative in alternatives)
-        case _:
-            return isinstance(value, dict)
+# type of a key -> that of its values in Python
+_TYPES = {"string": str, "boolean": bool, "array": list, "object": dict}
+
+
+def _fits(key: Key, value: Any) -> bool:
+    if "anyOf" in key:
+        return any(_fits(alternative, value) for alternative in key["anyOf"])
+    return isinstance(value, str | int | float if "unit" in key else _TYPES[key["type"]])
 
 
 def is_profile(value: object) -> TypeGuard[str]:

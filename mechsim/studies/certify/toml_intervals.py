@@ -25,7 +25,6 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, ROUNDOFF, Ball, ball
 from mechsim.numerics.jets import Jet
 from mechsim.subjects.toml_coordinates import leaves
-from mechsim.subjects.toml_keys import Number
 from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import Values, is_quantity
 from mechsim.units import Unit
@@ -161,7 +160,7 @@ class ParameterIntervals:
 
     def _component(self, written: Any, unit: Unit) -> FileNumber:
         if not self.depends(written):
-            return FileNumber.fixed(self.values.checked(Number(unit, "a component"), written, ("joints",)))
+            return FileNumber.fixed(self.values.quantity(written, unit, ("joints",)))
         jet = self.evaluated(written)
         if jet is None:
             raise InputError(
