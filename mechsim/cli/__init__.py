@@ -26,10 +26,9 @@ FIRST_STEPS = {
 }
 # panel -> long names of its options; a command's own options come first, without a panel
 PANELS = {
-    "Model": "set lock fix-base key start loops track gravity load motor gear friction spring "
-    "damper flywheel density diameter scene cut",
+    "Model": "set lock fix-base key start loops track gravity load motor friction spring scene cut",
     "Initial state": "initial until restitution budget controller",
-    "Motion": "drive ctrl speed turns angles angle profile at samples duration change-point",
+    "Motion": "drive ctrl speed turns angles angle at samples duration change-point",
     "Solver": "method tolerance timestep setting compliance drive-inertia budget seed",
     "Output": "output units json verbose plot report csv help",
 }
@@ -42,19 +41,16 @@ TYPES = {
     "tilt": "ANGLE",
     "tolerance": "LENGTH",
     "length": "LENGTH",
-    "diameter": "LENGTH",
     "timestep": "TIME",
     "duration": "TIME",
     "budget": "TIME",
     "offset": "ANGLE",
     "through": "X,Y",
     "gravity": "X,Y,Z",
-    "cut": "JOINT,...",
     "size": "WIDTHxHEIGHT",
     "scene": "LEVEL",
     "kind": "KIND",
     "by": "ERROR",
-    "points": "P,...",
     "of": "X,Y[,Z]",
 }
 BY_CLASS = {"int": "N", "float": "NUMBER", "str": "NAME"}

@@ -10,7 +10,6 @@ from mechsim.analytic.dynamics.contact_forces import ContactForce
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import OutputUnits, Value, number, print_table, print_text, without_noise
-from mechsim.cli.schema import Settings
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.finding import Outcome
@@ -18,9 +17,7 @@ from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion_laws import MIN_TURNS
-from mechsim.numerics.rounding import EPS
 from mechsim.report.facts import study_facts
-from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict
 
 # limits of rows and turns
@@ -96,33 +93,12 @@ class FreeJson(TypedDict):
     energy_error: float
 
 
-class ToleranceJson(TypedDict):
-    """Result of a run with a tolerance."""
-
-    quantity: str
-    by: NotRequired[str]
-    reason: str
-    tolerance: float
-    satisfied: bool
-    estimate: float
-    safety_factor: float
-    steps: NotRequired[int]
-    order: NotRequired[float]
-    trials: NotRequired[int]
-    settings: NotRequired[Settings | None]
-    torque: NotRequired[float]
-    reactions: NotRequired[float]
-    halving: NotRequired[float]
-    balance: NotRequired[float]
-
-
 class DynamicsJson(TypedDict):
     """Peaks of a prescribed motion, and the comparison with MuJoCo."""
 
     mechanism: str
     masses: list[LinkMass]
     gravity: list[float]
-    tolerance_report: ToleranceJson | None
     passed: bool | None
     outcome: Outcome | None
     method: str
@@ -143,15 +119,12 @@ class DynamicsJson(TypedDict):
     power_balance: NotRequired[float]
     note: NotRequired[str]
     fluctuation: NotRequired[Fluctuation | None]
-    with_flywheel: NotRequired[Fluctuation | None]
 
 
-def require_method(method: str | None, *methods: str, tolerance: float | None = None) -> None:
-    """Raise InputError for an unknown method of MuJoCo, or a tolerance of a run that it omits."""
+def require_method(method: str | None, *methods: str) -> None:
+    """Raise InputError for an unknown method of MuJoCo."""
     if method not in (None, *methods):
         raise InputError(f"there is no --method {method!r}; choose from {', '.join(methods)}")
-    if tolerance is not None and method == "none":
-        raise InputError("--tolerance applies to MuJoCo's runs, which --method none omits; drop one of them")
 
 
 def require_samples(samples: int) -> None:
@@ -166,49 +139,6 @@ def require_turns(turns: float) -> None:
         raise InputError(f"--turns is {turns:g}; give {MIN_TURNS:g} to {MAX_TURNS:g} either way")
 
 
-def driven_tolerance(run: Driven | None) -> dict[str, Any] | None:
-    """Return the result of a prescribed run with a tolerance as plain data; None without a tolerance."""
-    if run is None or run.tolerance_report is None:
-        return None
-    report = run.tolerance_report
-    errors = {name: report.estimates.get(name, 0.0) for name in ("torque", "reactions", "halving", "balance")}
-    names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
-    by_name = ", ".join(f"{words} {errors[name]:.1e}" for name, words in names.items())
-    return _tolerance_data(run, report) | {
-        "quantity": "of torque and reactions",
-        "by": f"by solved poses {by_name}" if run.method == "step" else f"balance {errors['balance']:.1e}",
-        **errors,
-    }
-
-
-def free_tolerance(verdict: Verdict | None, tolerance: float | None) -> dict[str, Any] | None:
-    """Return the largest error of joint angles in a free run as plain data; None if none is compared."""
-    if verdict is None or tolerance is None or not verdict.checks:
-        return None
-    coordinates = (check for check in verdict.checks if check.kind.startswith("coordinate"))
-    error = max(check.worst for check in coordinates if check.unit == "rad")
-    return {
-        "tolerance": tolerance,
-        "satisfied": verdict.passed,
-        "estimate": error,
-        "safety_factor": tolerance / max(error, EPS),
-        "reason": verdict.reason,
-        "quantity": "rad of joint angles",
-    }
-
-
-def _tolerance_data(run: Any, report: Any) -> dict[str, Any]:
-    names = ("tolerance", "satisfied", "estimate", "order", "trials", "reason")
-    settings = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
-    data = {"safety_factor": report.safety_factor, "steps": run.steps, "settings": settings}
-    return {name: getattr(report, name) for name in names} | data
-
-
-def passed(verdict: Verdict | None, tolerance: dict[str, Any] | None) -> bool:
-    """Return whether a comparison and its tolerance hold, or there are none."""
-    return (verdict is None or verdict.passed) and (tolerance is None or tolerance["satisfied"])
-
-
 def verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
     """Return the entries of a comparison by a method of MuJoCo in a JSON object."""
     if verdict is None:
@@ -220,7 +150,7 @@ def without_solution(error: FrictionError) -> Result[Any]:
     """Return the result of a motion whose friction has no unique solution."""
     data = verdict_data(None, "none") | {"passed": False, "outcome": error.outcome, "reason": str(error)}
     text = f"{error.outcome.upper()}: {error}"
-    return Result(data | {"tolerance_report": None}, lambda: print_text(text), passed=False)
+    return Result(data, lambda: print_text(text), passed=False)
 
 
 def with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None = None) -> Result[Any]:
@@ -236,30 +166,13 @@ def with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None =
     return Result(data, text, result.passed)
 
 
-def print_comparison(
-    verdict: Verdict | None, tolerance: dict[str, Any] | None, note: str = "", *, verbose: bool
-) -> None:
-    """Print the comparison with MuJoCo, and the result with a tolerance."""
+def print_comparison(verdict: Verdict | None, note: str = "", *, verbose: bool) -> None:
+    """Print the comparison with MuJoCo."""
     if verdict is None:
         typer.echo("not compared with MuJoCo")
     else:
         print_verdicts({"against MuJoCo": verdict}, verbose=verbose)
     print_text(note)
-    if tolerance is None:
-        return
-    reason = f": {tolerance['reason']}" if tolerance["reason"] else ""
-    print_text(
-        f"tolerance {number(tolerance['tolerance'], 3)} {tolerance['quantity']} "
-        f"{'satisfied' if tolerance['satisfied'] else 'FAILED'}: error {number(tolerance['estimate'], 2)}, "
-        f"a safety factor of {number(tolerance['safety_factor'], 3)}{reason}"
-    )
-    settings = tolerance.get("settings")
-    if settings:
-        print_text(
-            f"{settings['integrator']}, {settings['steps_per_turn']} steps a turn of "
-            f"{number(settings['timestep'])} s, compliance {settings['compliance']:.0e}: "
-            f"{tolerance['steps']} steps, {tolerance['trials']} more on trials; {tolerance['by']}"
-        )
 
 
 def print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import typer
 
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import (
     DriveOptions,
     Sets,
@@ -44,7 +44,6 @@ class ExportOptions:
     cam: str | None = option(
         None, "Write the profile of this joint of kind cam instead: .csv, .dxf or .svg.", metavar="JOINT"
     )
-    cut: str | None = option(None, "Joints at which the loops are cut.")
     file_format: str = option(
         "xml",
         "A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose passive "
@@ -70,11 +69,6 @@ class ExportOptions:
     )
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        """Joints at which the loops are cut."""
-        return tuple(self.cut.split(",")) if self.cut else ()
-
-    @property
     def is_twin(self) -> bool:
         """Whether the serial twin is written."""
         return self.file_format in SERIAL_FORMATS
@@ -82,7 +76,7 @@ class ExportOptions:
     def require_compatible(self, settings: Mapping[str, Any]) -> None:
         """Raise InputError for options that exclude each other, before the mechanism is loaded."""
         if not self.is_twin:
-            require_compatible(self.file_format, self.scene, self.joints, settings, self.timestep, self.speed)
+            require_compatible(self.file_format, self.scene, settings, self.timestep, self.speed)
 
 
 @command
@@ -98,8 +92,7 @@ def export(
     *,
     options: ExportOptions,
     setting: SettingOptions,
-    driven: DriveOptions,
-    stated: Stated,
+    driven: Annotated[DriveOptions, Without("duration")],
     sets: Sets = None,
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
@@ -119,7 +112,6 @@ def export(
     options.require_compatible(settings)
     if options.file_format != "toml":  # which contains the motion laws
         require_other_drivers(model, sets, driven)
-        stated.exclude(["duration"], "without --format toml")
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     result = export_model(
@@ -130,7 +122,6 @@ def export(
         format=options.file_format,
         style=options.style,
         scene=options.scene,
-        cut=options.joints,
         timestep=options.timestep,
         settings=settings,
         speed=options.speed,

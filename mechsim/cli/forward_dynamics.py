@@ -15,10 +15,7 @@ from mechsim.analytic.dynamics.gaps import gaps_of, released
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.dynamics_report import (
     FreeJson,
-    ToleranceJson,
     Verbose,
-    free_tolerance,
-    passed,
     print_comparison,
     require_method,
     require_samples,
@@ -82,7 +79,6 @@ class ForwardRunJson(TypedDict):
     quantities: dict[str, QuantityJson]
     passed: bool | None
     checks: list[Check]
-    tolerance_report: ToleranceJson | None
     free: NotRequired[FreeJson]
 
 
@@ -106,9 +102,6 @@ class ForwardOptions(InitialOptions):
         name="--of",
         metavar="Q,...",
     )
-    tolerance: float | None = option(
-        None, "Largest error of joint angles in MuJoCo, in rad. The steps are chosen to satisfy it."
-    )
     ctrl: tuple[tuple[str, str], ...] = option(
         (),
         "Control or target of an actuator or motor: a number, an expression of t, or FILE.csv.",
@@ -125,7 +118,7 @@ class ForwardOptions(InitialOptions):
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
         require_distinct("--ctrl", self.ctrl)
-        require_method(self.method, "step", "none", tolerance=self.tolerance)
+        require_method(self.method, "step", "none")
         require_samples(self.samples)
         if self.turns is not None:
             require_turns(self.turns)
@@ -198,8 +191,7 @@ def forward(
         quantity.name: QuantityJson(**_extent(column), unit=quantity.unit)
         for quantity, column in values.items()
     }
-    tolerance = free_tolerance(verdict, options.tolerance)
-    return with_masses(model, _result(model, result, extents, verdict, tolerance, verbose), verbose)
+    return with_masses(model, _result(model, result, extents, verdict, verbose), verbose)
 
 
 def _verdict(
@@ -210,9 +202,9 @@ def _verdict(
     if options.method == "none" or not ended:
         return None
     if isinstance(result, FreeRun):
-        return crosscheck_free(result, release.model, tolerance=options.tolerance, progress=report)
+        return crosscheck_free(result, release.model, progress=report)
     values = initial_values(release.model, release.initial)
-    return crosscheck_forward(result, release.model, values, tolerance=options.tolerance, progress=report)
+    return crosscheck_forward(result, release.model, values, progress=report)
 
 
 def _result(
@@ -220,12 +212,11 @@ def _result(
     result: DynamicRun,
     quantities: Mapping[str, QuantityJson],
     verdict: Verdict | None,
-    tolerance: dict[str, Any] | None,
     verbose: bool,
 ) -> Result[Any]:
     """Return data and text of a run from an initial state."""
     name = model.mechanism.name
-    data = {
+    data: dict[str, Any] = {
         "outcome": result.outcome,
         "reason": result.reason,
         "duration": float(result.time[-1]),
@@ -242,7 +233,6 @@ def _result(
         "quantities": dict(quantities),
         "passed": None if verdict is None else verdict.passed,
         "checks": () if verdict is None else verdict.checks,
-        "tolerance_report": tolerance,
     }
     turns = ""
     if isinstance(result, FreeRun):
@@ -264,13 +254,13 @@ def _result(
         print_text(_openings(result))
         print_text(_passages(result))
         _print_extents(model, result, quantities)
-        print_comparison(verdict, tolerance, verbose=verbose)
+        print_comparison(verdict, verbose=verbose)
         if result.events or result.segments[0].sticking:
             print_text(_comparison(result, verdict is not None))
 
     # a run without a number of turns may come to rest
     expected = ("done",) if turns else ("done", "stopped")
-    return Result(data, text, result.outcome in expected and passed(verdict, tolerance))
+    return Result(data, text, result.outcome in expected and (verdict is None or verdict.passed))
 
 
 def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[str, QuantityJson]) -> None:

@@ -7,15 +7,13 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, actuated, fluctuation, flywheel_for
+from mechsim.analytic.dynamics import DynamicModel, actuated, fluctuation
 from mechsim.analytic.dynamics.contact_forces import contact_forces
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
     DynamicsJson,
     Verbose,
-    driven_tolerance,
-    passed,
     print_comparison,
     print_peaks,
     require_method,
@@ -43,14 +41,11 @@ from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import CrankProfile
-from mechsim.model.progress import Progress
 from mechsim.model.quantities import quantity
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import study_facts
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.studies.motions import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
@@ -62,7 +57,7 @@ TURN_INTERVALS = 360
 # columns of the table for the instant and the motion of the crank -> unit
 INSTANT_UNITS = {"t": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"}
 # options of the motion of a crank, which motion laws replace
-CRANK_ONLY = ("speed", "turns", "coefficient")
+CRANK_ONLY = ("speed", "turns")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,23 +67,13 @@ class InverseOptions:
     speed: float = option(
         20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=crank_speed, text="600rpm"
     )
-    coefficient: float | None = option(
-        None, "Compute the flywheel that reaches this coefficient of speed fluctuation."
-    )
     turns: float = option(1.0, "Turns of the crank.")
     samples: int | None = option(
         None, f"Rows, both ends included. Default: {TURN_INTERVALS} intervals in a turn."
     )
-    tolerance: float | None = option(
-        None,
-        "Largest error of MuJoCo's torque and reactions relative to their root mean square. The steps are "
-        "chosen to satisfy it.",
-        metavar="NUMBER",
-    )
-    method: str | None = option(
-        None,
-        "How MuJoCo checks the result: pose solves each configuration, step integrates in time, none omits "
-        "it. Default: pose; step with --tolerance.",
+    method: str = option(
+        "pose",
+        "How MuJoCo checks the result: pose solves each configuration, step integrates, none omits it.",
         metavar="pose|step|none",
     )
     actuators: str | None = option(
@@ -102,7 +87,7 @@ class InverseOptions:
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
-        require_method(self.method, "pose", "step", "none", tolerance=self.tolerance)
+        require_method(self.method, "pose", "step", "none")
         if self.samples is not None:
             require_samples(self.samples)
         require_turns(self.turns)
@@ -114,11 +99,6 @@ class InverseOptions:
             name: parse(weight, "1", f"the weight of {name}") if sign else 1.0 for name, sign, weight in named
         }
 
-    @property
-    def mujoco_method(self) -> Any:
-        """MuJoCo's method: "pose", "step" or "none"."""
-        return self.method or ("pose" if self.tolerance is None else "step")
-
     def rows(self, turns: float) -> int:
         """Return the number of recorded instants."""
         return self.samples or max(1, round(TURN_INTERVALS * abs(turns))) + 1
@@ -127,7 +107,7 @@ class InverseOptions:
 @command
 def inverse(
     source: ModelOptions,
-    loads: Annotated[LoadOptions, Without("motor", "gear", "controller")],
+    loads: Annotated[LoadOptions, Without("motor", "controller")],
     options: InverseOptions,
     stated: Stated,
     verbose: Verbose = False,
@@ -159,7 +139,7 @@ def _prescribed(
     model: DynamicModel, options: InverseOptions, shown: OutputUnits, labelled: bool, verbose: bool
 ) -> Result[Any]:
     """Return the result of a prescribed motion."""
-    method = options.mujoco_method
+    method: Any = options.method
     profile = profile_of(model.solver, options.speed, options.turns)
     model, rows = model.starting_at(profile.angles), options.rows(options.turns)
     if method != "none":
@@ -171,74 +151,58 @@ def _prescribed(
         steps = iter(sections(report, dict.fromkeys(names, 1.0)))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
         study = actuated(study, weights) if (weights := options.actuator_weights()) else study
-        steady, even = _steady_turns(model, options)
+        steady = _steady_turn(model, options.speed)
         run, verdict = None, None
         if method != "none":
-            run = _driven(model, options, profile, rows, next(steps))
+            run = driven(
+                model.mechanism,
+                model.forces,
+                **driven_as(model.solver, profile),
+                method=method,
+                samples=rows - 1,
+                progress=next(steps),
+            )
             verdict = crosscheck_driven(run, model, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
-    _write(options.output, study, model.mechanism, shown if labelled else None)
+    if options.output is not None:
+        units = {name: _column_unit(name, model.mechanism) for name, _ in study.columns()} if labelled else {}
+        files.write_table(options.output, in_units(study.columns(), units, shown if labelled else None))
     if options.plot is not None:
-        plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.forces))
+        plots.write(options.plot, plots.dynamics_sheet(study, steady, None, run and run.forces))
     alone = "MuJoCo is compared under the drivers alone, without actuators" if weights and run else ""
-    note, tolerance = "; ".join(filter(None, (alone, run and run.note))), driven_tolerance(run)
+    note = "; ".join(filter(None, (alone, run and run.note)))
 
     def text() -> None:
         print_peaks(model.mechanism.name, study, shown)
-        for name, cycle in (("speed fluctuation", steady), ("with the flywheel", even)):
-            if cycle is not None:
-                print_text(
-                    f"{name}: coefficient {number(cycle.coefficient)} under a constant torque of "
-                    f"{number(_noise_free(cycle.torque, study))} N m and a flywheel of "
-                    f"{number(cycle.flywheel)} kg m2"
-                )
+        if steady is not None:
+            # 0 if the mean torque is rounding noise
+            mean = without_noise([steady.torque, float(np.abs(study.forces.torque).max())])[0]
+            print_text(
+                f"speed fluctuation: coefficient {number(steady.coefficient)} under a constant torque of "
+                f"{number(mean)} N m and a flywheel of {number(steady.flywheel)} kg m2"
+            )
         for name, contact in contacts.items():
             print_text(contact.sentence(name))
-        print_comparison(verdict, tolerance, note, verbose=verbose)
+        print_comparison(verdict, note, verbose=verbose)
 
     data = {
         "contacts": contacts,
         **study_facts(study),
         "fluctuation": steady,
-        "with_flywheel": even,
+        "note": note,
+        **verdict_data(verdict, method),
     }
-    data |= {"tolerance_report": tolerance, "note": note, **verdict_data(verdict, method)}
-    return Result(data, text, passed(verdict, tolerance))
+    return Result(data, text, verdict is None or verdict.passed)
 
 
-def _driven(
-    model: DynamicModel, options: InverseOptions, profile: CrankProfile, rows: int, report: Progress
-) -> Driven:
-    """Return the same motion in MuJoCo."""
-    return driven(
-        model.mechanism,
-        model.forces,
-        **driven_as(model.solver, profile),
-        method=options.mujoco_method,
-        tolerance=options.tolerance,
-        # with a tolerance, the smallest sufficient number of steps determines the instants
-        samples=rows - 1 if options.tolerance is None else None,
-        progress=report,
-    )
-
-
-def _noise_free(torque: float, study: InverseDynamics) -> float:
-    """Return the mean torque; 0 if the mean is rounding noise of the torque."""
-    return without_noise([torque, float(np.abs(study.forces.torque).max())])[0]
-
-
-def _steady_turns(
-    model: DynamicModel, options: InverseOptions
-) -> tuple[Fluctuation | None, Fluctuation | None]:
-    """Return a revolution under a constant torque, and one with the flywheel; None for a missing one."""
+def _steady_turn(model: DynamicModel, speed: float) -> Fluctuation | None:
+    """Return a revolution under a constant torque; None without one."""
     if not model.solver.motion_laws.crank or not model.solver.crank_range().full:
-        return None, None
-    steady = None
+        return None
     # a crank too slow for its springs or weight has no steady revolution under a constant torque
     with suppress(InputError):
-        steady = fluctuation(model, options.speed)
-    target = options.coefficient
-    return steady, None if target is None else flywheel_for(model, options.speed, target)
+        return fluctuation(model, speed)
+    return None
 
 
 def _require_memory(model: DynamicModel, instants: int) -> None:
@@ -250,15 +214,9 @@ def _require_memory(model: DynamicModel, instants: int) -> None:
     require_memory(name, instants, NUMBER_BYTES * numbers, "take {most} at the most, or --method none")
 
 
-def _write(
-    path: str | None, columns: InverseDynamics, mechanism: Mechanism, shown: OutputUnits | None
-) -> None:
-    if path is not None:
-        names = [] if shown is None else [name for name, _ in columns.columns()]
-        units = {name: INSTANT_UNITS.get(name) or _column_unit(name, mechanism) for name in names}
-        files.write_table(path, in_units(columns.columns(), units, shown))
-
-
 def _column_unit(name: str, mechanism: Mechanism) -> str:
+    """Return the SI unit of a column of the table."""
     word, _, coordinate = name.partition(" ")
-    return mechanism.effort_unit(coordinate) if word == "actuator" else quantity(name, mechanism).unit
+    if word == "actuator":
+        return mechanism.effort_unit(coordinate)
+    return INSTANT_UNITS.get(name) or quantity(name, mechanism).unit

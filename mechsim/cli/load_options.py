@@ -1,8 +1,8 @@
 """Options for loads, motors, springs, friction, link masses, controls and initial states."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +18,11 @@ from mechsim.errors import InputError
 from mechsim.model import motors
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, forces_of
 from mechsim.model.load_profile import Over, table
-from mechsim.model.masses import STEEL, LinkMass, summary
-from mechsim.model.motors import Controller, Geared, PlainMotor
+from mechsim.model.masses import LinkMass, summary
+from mechsim.model.motors import Controller, Geared, Motor, PlainMotor
 from mechsim.studies.release import DURATION, Release
 from mechsim.units import option
 
-Element = TypeVar("Element")
 # kind -> its form, class, and the units of its numbers
 MOTORS: dict[str, tuple[str, type[PlainMotor], tuple[units.Unit, ...]]] = {
     "constant": ("constant:TORQUE in N m", motors.ConstantTorque, ("N m",)),
@@ -47,14 +46,19 @@ def gravity_of(text: str) -> tuple[float, float, float]:
     return values[0], values[1], values[2]
 
 
-def motor_of(text: str) -> PlainMotor:
-    """Return a motor written as KIND:NUMBERS."""
+def motor_of(text: str) -> Motor:
+    """Return a motor written as KIND:NUMBERS; one number more is its gear ratio."""
     kind, _, rest = text.partition(":")
     numbers = rest.split(",") if rest else []
     _, motor, kinds = MOTORS.get(kind, ("", None, ()))
-    if motor is None or len(numbers) != len(kinds):
-        raise InputError(f"--motor is {text!r}; write {', '.join(row[0] for row in MOTORS.values())}")
-    return motor(*(units.parse(number, unit, "--motor") for number, unit in zip(numbers, kinds, strict=True)))
+    if motor is None or len(numbers) not in (len(kinds), len(kinds) + 1):
+        forms = ", ".join(row[0] for row in MOTORS.values())
+        raise InputError(f"--motor is {text!r}; write {forms}, each with a gear ratio if there is one")
+    values = [
+        units.parse(number, unit, "--motor") for number, unit in zip(numbers, (*kinds, "1"), strict=False)
+    ]
+    made = motor(*values[: len(kinds)])
+    return made if len(values) == len(kinds) else Geared(made, values[-1])
 
 
 def friction_of(text: str) -> Friction:
@@ -64,9 +68,10 @@ def friction_of(text: str) -> Friction:
 
 
 def spring_of(text: str) -> Spring | JointSpring:
-    """Return a spring written as A:B=STIFFNESS,REST between points, or JOINT=STIFFNESS,REST in a joint."""
-    syntax = "A:B=STIFFNESS,REST or JOINT=STIFFNESS,REST"
-    name, values = _named(text, "--spring", (1, 2), syntax, "P3:ground@0,0.1,0=500,0.05")
+    """Return a spring between points, A:B=STIFFNESS,REST,DAMPING, or in a joint, JOINT=STIFFNESS,REST."""
+    syntax = "A:B=STIFFNESS,REST,DAMPING or JOINT=STIFFNESS,REST"
+    counts = (1, 2, 3) if ":" in text else (1, 2)
+    name, values = _named(text, "--spring", counts, syntax, "P3:ground@0,0.1,0=500,0.05")
     if ":" in name:
         return Spring(*_positions(name, "--spring"), *values)
     return JointSpring(name, *values)
@@ -78,15 +83,6 @@ def controller_of(text: str) -> Controller:
     if not equals or not name.strip():
         raise InputError(f"--controller is {text!r}; write J=EXPRESSION, as in crank=-20*crank.q-2*crank.v")
     return Controller(name.strip(), expression)
-
-
-def damper_of(text: str) -> Spring | Friction:
-    """Return a damper written as A:B=DAMPING between points, or JOINT=DAMPING in a joint."""
-    syntax = "A:B=DAMPING or JOINT=DAMPING"
-    name, values = _named(text, "--damper", (1,), syntax, "P3:ground@0,0.1,0=2")
-    if ":" in name:
-        return Spring(*_positions(name, "--damper"), 0.0, 0.0, values[0])
-    return Friction(name, values[0])
 
 
 def _named(
@@ -167,13 +163,13 @@ class LoadOptions:
         "Table of loads: columns angle [rad] or t [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
         metavar="FILE",
     )
-    motor: PlainMotor | None = option(
+    motor: Motor | None = option(
         None,
-        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A.",
+        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A; a further "
+        "number is its gear ratio, turns of the motor per turn of the crank.",
         read=motor_of,
         metavar="KIND:NUMBERS",
     )
-    gear: float | None = option(None, "Gear ratio: turns of the motor per turn of the crank.")
     friction: tuple[Friction, ...] = option(
         (),
         "Viscous and Coulomb friction in a joint, in SI.",
@@ -183,17 +179,11 @@ class LoadOptions:
     )
     spring: tuple[Spring | JointSpring, ...] = option(
         (),
-        "Spring between two points or positions LINK@X,Y,Z, or JOINT=STIFFNESS,REST in a joint; in SI.",
+        "Spring and damper between two points or positions LINK@X,Y,Z, or JOINT=STIFFNESS,REST in a joint; "
+        "in SI.",
         read=spring_of,
         many=True,
-        metavar="A:B=STIFFNESS,REST",
-    )
-    damper: tuple[Spring | Friction, ...] = option(
-        (),
-        "Damper between two points, or JOINT=DAMPING in a joint; in SI.",
-        read=damper_of,
-        many=True,
-        metavar="A:B=DAMPING",
+        metavar="A:B=STIFFNESS,REST,DAMPING",
     )
     controller: tuple[Controller, ...] = option(
         (),
@@ -202,32 +192,21 @@ class LoadOptions:
         many=True,
         metavar="J=EXPRESSION",
     )
-    flywheel: float | None = option(None, "Additional moment of inertia on the crank, in kg m2.")
-    density: float = option(STEEL, "Density in kg/m3 of links without masses, which are taken as round rods.")
-    diameter: float | None = option(
-        None, "Diameter of these rods. Default: 0.05 of the mechanism's size.", unit="m"
-    )
-
-    def __post_init__(self) -> None:
-        if self.gear is not None and self.motor is None:
-            raise InputError("--gear needs a motor; add --motor")
 
     def forces(self, solver: KinematicSolver) -> Forces:
         """Return all forces on a mechanism, from its file and the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
-        motor = self.motor
-        if motor is not None and self.gear is not None:
-            motor = Geared(motor, self.gear)
-        elements = (*self.spring, *self.damper)
         own = forces_of(solver)
         return replace(
             own,
             gravity=own.gravity if self.gravity is None else self.gravity,
-            friction=(*own.friction, *self.friction, *_of_type(Friction, elements)),
-            springs=(*own.springs, *_of_type(Spring, elements)),
-            joint_springs=(*own.joint_springs, *_of_type(JointSpring, elements)),
-            flywheel=own.flywheel if self.flywheel is None else self.flywheel,
-            motor=motor or own.motor,
+            friction=(*own.friction, *self.friction),
+            springs=(*own.springs, *(each for each in self.spring if isinstance(each, Spring))),
+            joint_springs=(
+                *own.joint_springs,
+                *(each for each in self.spring if isinstance(each, JointSpring)),
+            ),
+            motor=self.motor or own.motor,
             controllers=(*own.controllers, *self.controller),
             **loads,
         )
@@ -237,16 +216,7 @@ class LoadOptions:
         read = solver.source
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
-        model = dynamics.dynamic_model(
-            solver, self.forces(solver), density=self.density, diameter=self.diameter
-        )
-        if (self.density, self.diameter) != (STEEL, None) and all(m.source != "rod" for m in model.masses):
-            raise InputError("the masses of all links are given; leave out --density and --diameter")
-        return model
-
-
-def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:
-    return (element for element in elements if isinstance(element, kind))
+        return dynamics.dynamic_model(solver, self.forces(solver))
 
 
 def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from typing import (
 import typer
 
 from mechsim import files
-from mechsim.cli.command import Result, command, data_type
+from mechsim.cli.command import command, data_type
 from mechsim.cli.motion_warnings import AccuracyWarning
 from mechsim.cli.output import print_json
 from mechsim.cli.output_paths import output_file
@@ -145,7 +145,7 @@ def schema(
     output: Annotated[
         str | None, output_file("Schema to write: .json. Default: the terminal.", ".json")
     ] = None,
-) -> Result[dict[str, Any]]:
+) -> None:
     """Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.
 
     Editors complete and check such files by it.
@@ -161,6 +161,6 @@ def schema(
         raise InputError(f"there is no schema of {name!r}; choose from {', '.join(sorted(output_types()))}")
     result = toml_schema() if name is None else output_schema(name)
     if output is None:
-        return Result(result, lambda: print_json(result))
-    files.write_json(output, result)
-    return Result({"output": output})
+        print_json(result)
+    else:
+        files.write_json(output, result)

@@ -19,7 +19,6 @@ from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, sprea
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import (
     SAMPLES,
-    SEED,
     ToleranceStudy,
     path_bands,
     tolerance_study,
@@ -71,17 +70,13 @@ class SensitivityOptions:
         "uniform", f"Distribution of dimensions within their bounds: {', '.join(DISTRIBUTIONS)}."
     )
     samples: int = option(SAMPLES, "Random mechanisms of the Monte Carlo check; 0 omits it.")
-    seed: int = option(SEED, "Seed of the random numbers.")
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
         if not self.quantities:
             raise InputError("--of is missing; name the quantities, as in --of P3,rocker,torque")
-        if not 0 <= self.samples <= MAX_SAMPLES or self.seed < 0:
-            raise InputError(
-                f"--samples is {self.samples} and --seed {self.seed}; "
-                f"give 0 to {MAX_SAMPLES} samples and a seed from 0"
-            )
+        if not 0 <= self.samples <= MAX_SAMPLES:
+            raise InputError(f"--samples is {self.samples}; give 0 to {MAX_SAMPLES}")
 
 
 class DimensionJson(TypedDict):
@@ -132,7 +127,7 @@ def sensitivity(
     mechsim sensitivity slider_crank --of B.x --tolerances crank=0.02mm,rod=0.05mm
     """
     options.check()
-    stated.exclude(["distribution", "samples", "seed"], "without --tolerances", options.tolerances is None)
+    stated.exclude(["distribution", "samples"], "without --tolerances", options.tolerances is None)
     parametric = source.load_parametric()
     solver = parametric.make({})
     stated.exclude(["angles", "speed"], "under motion laws", not solver.motion_laws.crank)
@@ -153,9 +148,7 @@ def sensitivity(
         table = derivative_table(moved, options.quantities, to)
         study = None
         if tolerances is not None:
-            study = tolerance_study(
-                table, tolerances, samples=options.samples, seed=options.seed, progress=report
-            )
+            study = tolerance_study(table, tolerances, samples=options.samples, progress=report)
     if output is not None:
         files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
     masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal, NotRequired, TypedDict, cast
+from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
 from mechsim.analytic.loops.mobility import Determinacy
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.finding_text import findings_in_json, kind, print_findings
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import (
@@ -119,7 +119,7 @@ def list_mechanisms() -> Result[ListJson]:
 
 @command
 def show(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("track", "duration")],
     stated: Stated,
     angle: str | None = option(None, "List the assemblies at this crank angle; a bare number is rad."),
     driver: str | None = option(

@@ -23,8 +23,7 @@ from mechsim.cli.verdict_text import headline, motion_law_of_crank
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import CrankProfile, constant, interval_around
-from mechsim.model.motion_laws import table as table_profile
-from mechsim.model.scene import Scene
+from mechsim.model.scene import Level, Scene
 from mechsim.simulation.run import Run
 from mechsim.simulation.run import simulate as run_in_mujoco
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
@@ -34,11 +33,11 @@ from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option, parse_length, parse_time
 
 # options without an effect on a file that is stepped under controls
-WITHOUT_CONTROLS = (*("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia"),)
+WITHOUT_CONTROLS = (*("units", "change_point", "scene", "sets", "poses", "method", "drive_inertia"),)
 # options of time steps
 OF_STEPS = ("timestep", *option_names(SettingOptions))
 # options that apply to a crank only and are invalid with motion laws
-CRANK_OPTIONS = ("speed", "turns", "profile")
+CRANK_OPTIONS = ("speed", "turns")
 UNDER_LAWS = "under motion laws, whose time is --duration"
 
 
@@ -48,9 +47,6 @@ class RunOptions:
 
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     turns: float | None = option(None, "Turns of the crank. [default: 1, or one swing within its range]")
-    profile: str | None = option(
-        None, "Table of the crank angle over time: .csv or .npz with columns t, angle.", metavar="FILE"
-    )
     poses: str | None = option(
         None,
         "Table of driver coordinates whose configurations MuJoCo solves: .csv or .npz, in SI.",
@@ -95,7 +91,6 @@ def simulate(
     setting: SettingOptions,
     controls: ControlOptions,
     scene: str = option("motion", "Detail of the MuJoCo model: pose, motion, dynamics or picture."),
-    cut: str | None = option(None, "Joints at which the loops are cut."),
     change_point: ChangePointOption = None,
     units: Units = None,
     output: Annotated[str | None, table_file("Motion to write")] = None,
@@ -119,9 +114,7 @@ def simulate(
     stated.exclude(OF_STEPS, "with --method pose, which takes no steps", options.method == "pose")
     stated.exclude(["units"], "without -o", output is None)
     solver = with_policy(source.load(), change_point)
-    joints = tuple(cut.split(",")) if cut else None
-    model_scene = Scene(level=scene, cut=joints, forces=solver.forces)  # pyright: ignore[reportArgumentType]
-    shown = output_units(units, solver)
+    model_scene, shown = Scene(level=cast("Level", scene), forces=solver.forces), output_units(units, solver)
     motion = _motion(solver, options, stated)
     if motion is None:
         run, laws = _poses(solver, options, model_scene), None
@@ -174,8 +167,6 @@ def _motion(solver: KinematicSolver, options: RunOptions, stated: Stated) -> Cra
     if not laws.crank:
         stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
         return laws.path_profile
-    if options.profile:
-        return _profile(options.profile)
     speed = crank_speed(options.speed or SPEED)
     swing = limited_swing(solver, speed) if options.turns is None else None
     return swing or _constant_speed(solver, speed, 1.0 if options.turns is None else options.turns)
@@ -238,18 +229,6 @@ def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> Cran
     if arc is None or not arc[0] <= ends.min() <= ends.max() <= arc[1]:
         raise AssemblyError(
             f"{solver.name}: the crank cannot make {turns:g} turns from {ends[0]:.6g} rad: its range is "
-            f"{arcs}; change the dimensions, or give a --profile that stays inside"
+            f"{arcs}; change the dimensions, or give a motion law that stays inside by --drive"
         )
     return profile
-
-
-def _profile(path: str) -> CrankProfile:
-    table = files.read(path)
-    # the column t may also be called time
-    time = "time" if "time" in table else "t"
-    missing = [column for column in (time, "angle") if column not in table]
-    if missing:
-        raise InputError(
-            f"{path!r} has no column {', '.join(missing)} (it has {', '.join(table)}); name them so"
-        )
-    return table_profile(table[time], table["angle"])

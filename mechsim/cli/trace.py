@@ -30,12 +30,10 @@ from mechsim.report.assemblies import (
     usual_columns,
 )
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, TurningPoint
-from mechsim.theory.continuation.mechanism_trace import SEED, STARTS, AssemblyTrace
+from mechsim.theory.continuation.mechanism_trace import STARTS, AssemblyTrace
 from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
 from mechsim.units import option, parse_names
 
-# number of rows of the table for each curve
-MAX_SAMPLES = 100_000
 # significant digits of angles and lengths that describe a curve
 CURVE_DIGITS = 4
 
@@ -77,9 +75,7 @@ def trace(
     coordinates: str | None = option(
         None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
     ),
-    samples: int = option(SAMPLES, "Rows of each curve at equal arc lengths, both ends included."),
     starts: int = option(STARTS, "Random starts of the search for assemblies."),
-    seed: int = option(SEED, "Seed of the random starts."),
     units: Units = None,
 ) -> Result[TraceJson]:
     """Trace all assemblies of a mechanism with one DOF as closed curves, past every dead centre.
@@ -95,17 +91,15 @@ def trace(
     """
     if plot is None and coordinates is not None:
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
-    stated.exclude(["units"] if plot else ["units", "samples"], "without -o", output is None)
-    if not 2 <= samples <= MAX_SAMPLES:
-        raise InputError(f"{samples} samples of a curve; give 2 to {MAX_SAMPLES}")
+    stated.exclude(["units"], "without -o", output is None)
     require_other_drivers(source.model, source.sets, source)
     solver = source.load()
     shown = output_units(units, solver)
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))
     with progress("trace", None, at_least=True) as report:
-        curves = trace_assemblies(solver, starts=starts, seed=seed, progress=report)
+        curves = trace_assemblies(solver, starts=starts, progress=report)
     if output or plot:
-        tables = curve_tables(curves, samples)
+        tables = curve_tables(curves, SAMPLES)
         if plot is not None:
             table = assembly_table(curves, tables)
             plots.write(plot, plots.assembly_plot(table, over or usual_columns(curves, table)))

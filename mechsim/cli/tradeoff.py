@@ -74,7 +74,6 @@ class TradeoffJson(TypedDict):
     pareto: list[PointJson]
     orders: dict[str, Order | None]
     points: list[PointJson]
-    seed: int
     budget: float
     output: str | None
     plot: str | None
@@ -87,7 +86,6 @@ def tradeoff(
     sets: Sets = None,
     speed: Speed = "600rpm",
     budget: str = option("60s", "Wall-clock time after which no trial begins; a bare number is in s."),
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the order of trials.", min=0)] = 0,
     by: str = option(
         "position", "Error that decides: position, velocity, acceleration, angle, loop or drive."
     ),
@@ -108,7 +106,7 @@ def tradeoff(
     timer = Budget(seconds, exit_codes.typed_at)
     with progress("tradeoff", None) as report:
         subject = subject_of(load_model(model, sets), crank_speed(speed))
-        result = measure_tradeoff(subject, budget=timer, seed=seed, progress=report)
+        result = measure_tradeoff(subject, budget=timer, progress=report)
     if output is not None:
         write_csv(output, result, by)
     if plot is not None:
@@ -117,7 +115,7 @@ def tradeoff(
     for row in data["recommended"]:
         point = result.choice(row["limit"], by)
         row["advice"] = None if point is None else advice(point, model, subject.speed)
-    data |= {"seed": seed, "budget": timer.seconds, "output": output, "plot": plot}
+    data |= {"budget": timer.seconds, "output": output, "plot": plot}
 
     def text() -> None:
         _print(result, by)

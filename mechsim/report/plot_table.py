@@ -23,7 +23,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.motions import profile_of
-from mechsim.units import option, parse_names
+from mechsim.units import option
 
 if TYPE_CHECKING:
     from mechsim.analytic.dynamics import InverseDynamics
@@ -33,15 +33,12 @@ if TYPE_CHECKING:
 SAMPLES = 360
 # number of samples of a run whose errors are drawn, fewer because errors are smooth
 ERROR_SAMPLES = 180
-# options of a plot of motions
-OF_MOTIONS = ("points", "method")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotOptions:
     """Options of a plot."""
 
-    points: tuple[str, ...] | None = option(None, "Tracked points to draw. Default: all.", read=parse_names)
     method: str = option("closed", "Motion to draw: closed (analytic) or simulated (MuJoCo).", name="--from")
     coordinates: tuple[str, ...] | None = option(
         None, "Quantities to draw: P.x, rocker.v, distance:P,Q.", read=quantity_names, name="--of"
@@ -187,16 +184,14 @@ PLOTS = {
     ),
     "motion": PlotKind(
         "displacement, velocity and acceleration",
-        lambda source: plots.motion_plot(source.requested_motion, source.options.points),
-        OF_MOTIONS,
+        lambda source: plots.motion_plot(source.requested_motion),
+        ("method",),
         on_page=True,
     ),
     "curve": PlotKind(
         "paths of the tracked points",
-        lambda source: plots.coupler_curve(
-            source.solver.mechanism, source.requested_motion, source.options.points
-        ),
-        OF_MOTIONS,
+        lambda source: plots.coupler_curve(source.solver.mechanism, source.requested_motion),
+        ("method",),
         on_page=True,
     ),
     "schematic": PlotKind(

@@ -64,7 +64,6 @@ def export(
     style: str = "plain",
     independent: Sequence[str] | Mapping[str, tuple[float | str, float | str] | None] = (),
     scene: str = LEVEL,
-    cut: Sequence[str] = (),
     timestep: float | str | None = None,
     settings: Mapping[str, Any] | None = None,
     speed: float | str | None = None,
@@ -81,7 +80,6 @@ def export(
             actuators, within their limits.
         style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms.
         scene: contents of the MuJoCo model: "pose", "motion", "dynamics" or "picture".
-        cut: joints at which loops are cut; by default the generator chooses.
         timestep: of the file, in [s] or text; by default 0.1 ms.
         settings: fields of `Settings` that the file contains.
         speed: of a motor and a keyframe, in [rad/s] or text; by default no motor.
@@ -103,15 +101,15 @@ def export(
         )
     if format in SERIAL_FORMATS:
         loops = options.pop("loops", None)
-        _require_twin(style, scene, cut, settings, timestep, speed, *options.values())
+        _require_twin(style, scene, settings, timestep, speed, *options.values())
         from mechsim.studies.robots.serial_twin import serial_twin
 
         twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
-        require_compatible(format, scene, cut, settings, timestep, speed)
+        require_compatible(format, scene, settings, timestep, speed)
         solver = model if isinstance(model, KinematicSolver) and not set else load(model, set, **options)
-        contents = _Contents(scene, tuple(cut), settings, timestep, speed)
+        contents = _Contents(scene, settings, timestep, speed)
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = replace(
             _exported(solver, format, style, contents),
@@ -137,7 +135,6 @@ class _Contents:
     """Contents of a MuJoCo model: arguments of `export`."""
 
     scene: str
-    cut: tuple[str, ...]
     settings: Mapping[str, Any]
     timestep: float | str | None
     speed: float | str | None
@@ -180,7 +177,7 @@ def _require_twin(style: str, scene: str, *others: object) -> None:
     """Raise InputError for options that a serial twin excludes."""
     if style != "plain" or scene != LEVEL or any(others):
         raise InputError(
-            "a serial twin takes --independent, --loops and --set only; leave out --style, --scene, --cut, "
+            "a serial twin takes --independent, --loops and --set only; leave out --style, --scene, "
             "--speed, --drive, --lock and what else changes the model"
         )
 
@@ -188,7 +185,6 @@ def _require_twin(style: str, scene: str, *others: object) -> None:
 def require_compatible(
     format: str,
     scene: str,
-    cut: Sequence[str],
     settings: Mapping[str, Any],
     timestep: float | str | None,
     speed: float | str | None,
@@ -197,9 +193,9 @@ def require_compatible(
     if format not in FORMATS:
         raise InputError(f"there is no format {format!r}; choose from {', '.join(FORMATS)}")
     has_settings = bool(settings) or timestep is not None
-    if format == "toml" and (cut or speed is not None or has_settings or scene != LEVEL):
+    if format == "toml" and (speed is not None or has_settings or scene != LEVEL):
         raise InputError(
-            "--scene, --cut, --speed and settings are for MuJoCo models; leave them out, or --format toml"
+            "--scene, --speed and settings are for MuJoCo models; leave them out, or --format toml"
         )
 
 
@@ -222,7 +218,7 @@ def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     """Return the text of a model with pictures, position actuators and a closed keyframe."""
     from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, with_servos
 
-    scene = Scene(level="picture", cut=contents.cut or None, forces=solver.forces)
+    scene = Scene(level="picture", forces=solver.forces)
     spec = exported(solver.mechanism, scene)
     settings = {"constant_steps": TIME_CONSTANT_STEPS, **contents.settings}
     step = SERVO_TIMESTEP if contents.timestep is None else contents.timestep
@@ -233,7 +229,7 @@ def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
 def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> str:
     """Return the text of a model with settings."""
     settings = contents.settings
-    scene = Scene(level=cast(Level, contents.scene), cut=contents.cut or None, forces=solver.forces)
+    scene = Scene(level=cast(Level, contents.scene), forces=solver.forces)
     spec = exported(solver.mechanism, scene)
     rate = crank_speed(SPEED if contents.speed is None else contents.speed)
     if "solref" not in settings:

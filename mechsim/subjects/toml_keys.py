@@ -1,6 +1,6 @@
 """The keys of a mechanism in TOML: a JSON Schema for the reader, for `mechsim schema` and for editors.
 
-`unit` stands beside the type of a number: an SI unit, or "joint" for that of the joint's coordinate, which
+`unit` states the unit of a number: an SI unit, or "joint" for that of the joint's coordinate, which
 the reader of the key knows. A number may be text with a unit, or an expression of parameters; with `over` it
 may also be a function of t or of the crank angle.
 """
@@ -32,7 +32,7 @@ def root() -> Key:
 
 
 def _resolved(node: Any, definitions: Key) -> Any:
-    """Return a schema in which definitions, with the entries beside them, replace their references."""
+    """Return a schema in which definitions, with the other entries of a reference, replace their references."""
     if isinstance(node, list):
         return [_resolved(entry, definitions) for entry in node]
     if not isinstance(node, dict):

@@ -32,6 +32,6 @@ def test_a_profile_is_written_as_table_and_drawings(mechsim, tmp_path):
     for wrong in (
         ["--cam", "guide"],
         ["--cam", "contact", "-o", "cam.png"],
-        ["--cam", "contact", "--cut", "crank"],
+        ["--cam", "contact", "--scene", "pose"],
     ):
         assert mechsim("export", "cam.toml", *wrong).code == 2

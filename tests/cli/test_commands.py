@@ -22,12 +22,12 @@ def test_an_invalid_table_is_rejected_with_line_and_column(mechsim: Call, tmp_pa
         "time,angle,angle\n0,0,0\n1,1,1\n": ["'angle'", "twice"],
     }.items():
         (tmp_path / "profile.csv").write_text(text)
-        answer = mechsim("simulate", "rssr", "--profile", "profile.csv")
+        answer = mechsim("simulate", "rssr", "--drive", "crank=profile.csv")
         assert answer.code == 2
         assert len(answer.err.strip().splitlines()) == 1
         assert all(word in answer.err for word in words)
     (tmp_path / "profile.csv").write_bytes(b"\xff\xfe\x00")
-    assert "it is not text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
+    assert "it is not text" in mechsim("simulate", "rssr", "--drive", "crank=profile.csv").err
 
 
 def test_loop_errors_fail_without_a_requested_tolerance(
@@ -143,12 +143,12 @@ def test_branch_policy_keeps_the_branch_and_stepping_is_rejected(mechsim: Call, 
     assert "starts at crank angle 0 rad, where two assemblies meet and dynamics alone do not" in reported.err
 
 
-def test_a_profile_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> None:
+def test_a_table_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> None:
     time = np.linspace(0.0, 0.2, 41)
     np.savez(tmp_path / "crank.npz", time=time, angle=0.5 * np.sin(30.0 * time))
-    assert mechsim("simulate", "rssr", "--profile", "crank.npz", "-o", "run.npz").code == 0
+    assert mechsim("simulate", "rssr", "--drive", "crank=crank.npz", "-o", "run.npz").code == 0
     table = files.read(tmp_path / "run.npz")
-    assert np.abs(table["angle"] - 0.5 * np.sin(30.0 * table["t"])).max() < 1e-4
+    assert np.abs(table["crank"] - 0.5 * np.sin(30.0 * table["t"])).max() < 1e-4
 
 
 def test_validate_prints_only_the_documented_json(mechsim: Call) -> None:

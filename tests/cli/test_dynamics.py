@@ -21,12 +21,12 @@ def run(capsys, monkeypatch, *arguments, analysis="inverse"):
 def test_a_prescribed_crank_is_reported_as_json_and_table(capsys, monkeypatch, tmp_path):
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     arguments = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))
-    code, out, _ = run(capsys, monkeypatch, "four_bar", *arguments, "--coefficient", "0.02")
+    code, out, _ = run(capsys, monkeypatch, "four_bar", *arguments)
     reported = json.loads(out)
     assert code == 0
     assert reported["outcome"] == "passed"
     assert reported["reactions"]["A"]["not_determined"] == ["fz", "mx", "my"]
-    assert reported["with_flywheel"]["coefficient"] == pytest.approx(0.02)
+    assert 0.0 < reported["fluctuation"]["coefficient"] < 2.0
     table = files.read(csv)
     assert np.abs(table["torque"]).max() == pytest.approx(abs(reported["torque"]["largest"]), rel=1e-15)
     assert {"crank.fx", "rocker.mz", "frame.fx", "kinetic", "power_lost"} <= set(table)
@@ -53,7 +53,7 @@ def test_couplings_are_reported_with_their_transmission(capsys, monkeypatch, tmp
     assert "teeth of right-left on driver_l" in out
 
 
-def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
+def test_friction_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
     revolution = repr(2.0 * np.pi)
     load.write_text(f"angle,P3.fx,P3.fz,crank\n0,0,1,0\n2,3,0,0.01\n{revolution},0,1,0\n")
@@ -62,7 +62,7 @@ def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatc
         capsys,
         monkeypatch,
         *("rssr", "--method", "none", "--json", "--samples", "12", "--load", str(load)),
-        *("--friction", "rocker=1e-4,1e-3", "--flywheel", "1e-4", "--gravity", "0,0,-9.81"),
+        *("--friction", "rocker=1e-4,1e-3", "--gravity", "0,0,-9.81"),
     )
     assert (without_loads[0], loaded[0]) == (0, 0)
     item, other = json.loads(without_loads[1]), json.loads(loaded[1])
@@ -126,9 +126,9 @@ def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch
             (),
             ("--spring", "P3:ground@0,50,0mm=200,0.01"),
             ("--spring", "rocker=0.2,0.1"),
-            ("--damper", "P3:P2=3"),
-            ("--damper", "P3 : ground@0,0.05,0 = 3"),
-            ("--damper", "rocker=1e-3"),
+            ("--spring", "P3:P2=0,0,3"),
+            ("--spring", "P3 : ground@0,0.05,0 = 0,0,3"),
+            ("--friction", "rocker=1e-3"),
             ("--load", str(load)),
         )
     ]
@@ -137,7 +137,7 @@ def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch
     torques = [item["torque"]["rms"] for item in output]
     assert torques[3] == pytest.approx(torques[0], rel=1e-9)
     assert len({round(item / torques[0], 6) for item in torques}) == 6
-    geared = ("--motor", "line:0.005,30000rpm", "--gear", "10")
+    geared = ("--motor", "line:0.005,30000rpm,10")
     without_loads = ("--motor", "line:0.05,3000rpm")
     free = ("rssr", "--json", "--samples", "6", "--method", "none", "--turns", "0.1")
     ends = [
@@ -145,26 +145,6 @@ def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch
         for options in (geared, without_loads)
     ]
     assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
-
-
-@pytest.mark.long
-def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
-    code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
-    reported = json.loads(out)["tolerance_report"]
-    assert code == 0
-    assert reported["satisfied"]
-    assert reported["estimate"] <= 1e-5
-    assert reported["safety_factor"] == pytest.approx(1e-5 / reported["estimate"])
-    assert reported["settings"]["integrator"] == "RK4"
-    code, out, _ = run(capsys, monkeypatch, "slider_crank", "--turns", "0.02", "--tolerance", "1e-15")
-    assert code == 1
-    assert "tolerance 1e-15 of torque and reactions FAILED: error" in out
-    turning = ("four_bar", "--initial", "crank.v=600rpm", "--turns", "1", "--tolerance", "1e-4", "--json")
-    code, out, _ = run(capsys, monkeypatch, *turning, analysis="forward")
-    reported = json.loads(out)
-    assert code == 0
-    assert (reported["passed"], reported["tolerance_report"]["satisfied"]) == (True, True)
-    assert reported["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
 
 
 FIVE_BAR = model_text("dynamics_five_bar.toml")

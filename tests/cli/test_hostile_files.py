@@ -203,7 +203,7 @@ def test_two_connects_of_a_hinge_of_a_file_agree_with_mujoco(run, tmp_path, name
 
     Both methods agree unless the second pair is counted for the first joint.
     """
-    code, _ = run(["export", "rssr", "--cut", "rocker", "-o", "f.xml"])
+    code, _ = run(["export", "rssr", "--scene", "pose", "-o", "f.xml"])
     assert code == 0
     text = (tmp_path / "f.xml").read_text()
     text = re.sub(' armature="[^"]*"', "", text).replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')

@@ -23,8 +23,7 @@ solve rssr --angles 0:90:45deg
 solve five_bar --samples 3
 simulate slider_crank --turns 0.05 --tolerance 1um
 simulate five_bar --samples 5
-dynamics inverse slider_crank --method pose --samples 12 --coefficient 0.01
-dynamics inverse slider_crank --turns 0.1 --tolerance 1e-4
+dynamics inverse slider_crank --method pose --samples 12
 dynamics forward four_bar --motor constant:0.5 --turns 0.05
 dynamics inverse five_bar --samples 12 --actuators left,right,elbow_l=4
 dynamics forward four_bar --initial crank.q=30deg --duration 0.05s --samples 5 --of distance:A,B,crank.a

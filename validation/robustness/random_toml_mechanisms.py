@@ -99,7 +99,7 @@ def run_commands(
         tolerance = STEP_TOLERANCE * case.model.length
         lines["step"] = f"simulate {run} stepped.csv --method step --tolerance {tolerance:.3g}m"
     if number % 4 == 2 and len(case.drivers) == 1:
-        lines["trace"] = "trace drawn.toml -o trace.csv --starts 6 --samples 60"
+        lines["trace"] = "trace drawn.toml -o trace.csv --starts 6"
     result = []
     for words in (line.split() for name, line in lines.items() if name in only):
         code, output, seconds = run_process(words, folder)
