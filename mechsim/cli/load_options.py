@@ -52,8 +52,8 @@ def motor_of(text: str) -> Motor:
     numbers = rest.split(",") if rest else []
     _, motor, kinds = MOTORS.get(kind, ("", None, ()))
     if motor is None or len(numbers) not in (len(kinds), len(kinds) + 1):
-        forms = ", ".join(row[0] for row in MOTORS.values())
-        raise InputError(f"--motor is {text!r}; write {forms}, each with a gear ratio if there is one")
+        kinds_text = ", ".join(row[0] for row in MOTORS.values())
+        raise InputError(f"--motor is {text!r}; write {kinds_text}, each with a gear ratio if there is one")
     values = [
         units.parse(number, unit, "--motor") for number, unit in zip(numbers, (*kinds, "1"), strict=False)
     ]

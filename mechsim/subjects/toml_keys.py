@@ -32,7 +32,7 @@ def root() -> Key:
 
 
 def _resolved(node: Any, definitions: Key) -> Any:
-    """Return a schema in which definitions, with the other entries of a reference, replace their references."""
+    """Return a schema with definitions in place of references, whose other entries are kept."""
     if isinstance(node, list):
         return [_resolved(entry, definitions) for entry in node]
     if not isinstance(node, dict):
