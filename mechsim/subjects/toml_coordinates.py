@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.files import is_table, read
-from mechsim.model.coupling_functions import PlainFunction, TabledFunction
+from mechsim.model.coupling_functions import TabledFunction
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Belt, Coupling, Gear, state_variable
 from mechsim.numerics.angles import REVOLUTION
@@ -314,231 +314,215 @@ Side = str | dict[str, float]
 
 # key that determines the kind of a coupling -> further keys of this kind
 _KEYS_OF_KIND = {
-    "ratio": ("phase", "pressure_angle"),
-    "radius": ("phase", "pressure_angle"),
-    "travel": ("phase", "pressure_angle"),
-    "coefficients": ("zeros", "turns", "pressure_angle"),
-    "function": ("zeros", "turns", "periodic"),
-    "radii": ("crossed", "phase", "length", "tensioner"),
+    "ratio": ("phase", "pressure_angle", "backlash"),
+    "radius": ("phase", "pressure_angle", "backlash"),
+    "travel": ("phase", "pressure_angle", "backlash"),
+    "coefficients": ("zeros", "turns", "pressure_angle", "backlash"),
+    "function": ("zeros", "turns", "periodic", "backlash"),
+    "radii": ("crossed", "phase", "length", "tensioner", "backlash"),
     "rope": ("length", "path"),
 }
 
 
+@dataclass(frozen=True)
+class WrittenCoupling:
+    """A coupling in a file.
+
+    Attributes:
+        coordinates: the file's coordinates.
+        name: its name.
+        table: its table.
+        path: its key path.
+    """
+
+    coordinates: FileCoordinates
+    name: str
+    table: Mapping[str, Any]
+    path: KeyPath
+
+    def error(self, reason: str, *keys: str) -> InputError:
+        """Return the error of the coupling or of one of its keys."""
+        return self.coordinates.error((*self.path, *keys), reason)
+
+    @property
+    def sides(self) -> tuple[Side, Side]:
+        """The driven and the driver's side."""
+        return self.table["driven"], self.table.get("driver", {})
+
+    def value(self, side: Side, written: Any, *keys: str | int) -> float:
+        """Return a value of a side in SI; of a sum in the unit of its first coordinate."""
+        path = (*self.path, *keys)
+        if isinstance(side, str):
+            return self.coordinates.value(side, written, path)
+        units: list[Unit] = [self.coordinates.units[name] for name in side]
+        return self.coordinates.values.quantity(written, units[0] if units else "m", path)
+
+    @property
+    def zeros(self) -> tuple[float, float]:
+        """The zero positions of the driven and the driver's side."""
+        (driven, driver), (first, second) = self.sides, self.table.get("zeros", (0.0, 0.0))
+        return self.value(driven, first, "zeros", 0), self.value(driver, second, "zeros", 1)
+
+    def pair(self) -> tuple[str, str, float]:
+        """Return the driven and the driving coordinate, and the driven one at zero of the other."""
+        for side in ("driver", "driven"):
+            if side not in self.table:
+                raise self.error(f"has no {side!r}; name a coordinate")
+            if not isinstance(self.table[side], str):
+                reason = "is no single coordinate; name one, or give coefficients, which couple sums"
+                raise self.error(reason, side)
+        driven = self.table["driven"]
+        return driven, self.table["driver"], self.value(driven, self.table.get("phase", 0.0), "phase")
+
+
 def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
     """Return the gears between revolute joints, and all other couplings."""
-    made: list[Gear | Coupling] = []
+    gears, couplings = list[Gear](), list[Coupling]()
     for name, table in coordinates.read.get("couplings", {}).items():
-        path: KeyPath = ("couplings", name)
-        with coordinates.values.source.error_context(path):
-            coupling = _coupling(coordinates, name, table, path)
+        written = WrittenCoupling(coordinates, name, table, ("couplings", name))
+        with coordinates.values.source.error_context(written.path):
+            made = _coupling(written)
             if "backlash" in table:
-                play = _zero(coordinates, table["driven"], table["backlash"], (*path, "backlash"))
-                coupling = replace(_law(name, coupling), backlash=play)
-            made.append(coupling)
-    gears = tuple(coupling for coupling in made if isinstance(coupling, Gear))
-    return gears, tuple(coupling for coupling in made if not isinstance(coupling, Gear))
+                if isinstance(made, Gear):
+                    terms, teeth = (made.phase, made.ratio), made.pressure_angle
+                    made = Coupling(name, made.driven, made.driver, terms, turns=True, pressure_angle=teeth)
+                made = replace(made, backlash=written.value(table["driven"], table["backlash"], "backlash"))
+        if isinstance(made, Gear):
+            gears.append(made)
+        else:
+            couplings.append(made)
+    return tuple(gears), tuple(couplings)
 
 
-def _law(name: str, coupling: Gear | Coupling) -> Coupling:
-    """Return a coupling, or that of a gear pair."""
-    if isinstance(coupling, Coupling):
-        return coupling
-    terms, teeth = (coupling.phase, coupling.ratio), coupling.pressure_angle
-    return Coupling(name, coupling.driven, coupling.driver, terms, turns=True, pressure_angle=teeth)
-
-
-def _coupling(
-    coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath
-) -> Gear | Coupling:
-    kind_keys = [key for key in _KEYS_OF_KIND if key in table]
-    if len(kind_keys) != 1:
-        has = " and ".join(kind_keys) or "none"
-        reason = (
-            f"has {has} of ratio (a gear), radius or travel (a rack), coefficients (a polynomial), function, "
-            "radii (a belt), rope; give one"
+def _coupling(written: WrittenCoupling) -> Gear | Coupling:
+    table = written.table
+    kinds = [key for key in _KEYS_OF_KIND if key in table]
+    if len(kinds) != 1:
+        raise written.error(
+            f"has {' and '.join(kinds) or 'none'} of ratio (a gear), radius or travel (a rack), coefficients "
+            "(a polynomial), function, radii (a belt), rope; give one"
         )
-        raise coordinates.error(path, reason)
-    (kind,) = kind_keys
+    (kind,) = kinds
     opens = ("restitution",) if {"rope", "backlash"} & {*table} else ()
-    play = () if kind == "rope" else ("backlash",)
-    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *play, *opens)
+    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *opens)
     if extra := [key for key in table if key not in allowed]:
-        raise coordinates.error((*path, extra[0]), f"does not go with {kind!r}; leave it out")
+        raise written.error(f"does not go with {kind!r}; leave it out", extra[0])
     for side in ("driver", "driven"):
-        side_value = table.get(side, {})
-        for coordinate in (side_value,) if isinstance(side_value, str) else side_value:
-            coordinates.require(coordinate, (*path, side))
-    if kind == "rope":
-        return _rope(coordinates, name, table, path)
-    if "driven" not in table:
-        raise coordinates.error(path, "has no 'driven'; name a coordinate")
-    if kind == "coefficients":
-        return _polynomial(coordinates, name, table, path)
-    if kind == "function":
-        pair = _zeros(coordinates, table, path)
-        made = _function(coordinates, table, path)
-        driven, driver = table["driven"], table.get("driver", {})
-        return Coupling(name, driven, driver, (), pair, table.get("turns", False), function=made)
-    driver, driven = (_single_coordinate(coordinates, table, side, path) for side in ("driver", "driven"))
-    phase = coordinates.value(driven, table.get("phase", 0.0), (*path, "phase"))
-    made = {"radii": _belt, "ratio": _gear}.get(kind, _rack)
-    return made(coordinates, name, table, path, (driver, driven, phase))
+        named = table.get(side, {})
+        for coordinate in (named,) if isinstance(named, str) else named:
+            written.coordinates.require(coordinate, (*written.path, side))
+    if kind != "rope" and "driven" not in table:
+        raise written.error("has no 'driven'; name a coordinate")
+    makers = {
+        "ratio": _gear,
+        "coefficients": _polynomial,
+        "function": _function,
+        "radii": _belt,
+        "rope": _rope,
+    }
+    return makers.get(kind, _rack)(written)
 
 
-def _gear(
-    coordinates: FileCoordinates,
-    name: str,
-    table: Mapping[str, Any],
-    path: KeyPath,
-    sides: tuple[str, str, float],
-) -> Gear | Coupling:
-    driver, driven, phase = sides
-    unit, teeth = coordinates.units[driver], table.get("pressure_angle")
-    if unit != coordinates.units[driven]:
-        raise coordinates.error(path, "is between an angle and a displacement; give radius or travel")
+def _gear(written: WrittenCoupling) -> Gear | Coupling:
+    (driven, driver, phase), coordinates = written.pair(), written.coordinates
+    ratio, teeth = written.table["ratio"], written.table.get("pressure_angle")
+    if coordinates.units[driver] != coordinates.units[driven]:
+        raise written.error("is between an angle and a displacement; give radius or travel")
     if KINDS[coordinates.kinds[driver]].hinge and KINDS[coordinates.kinds[driven]].hinge:
-        return Gear(driver, driven, table["ratio"], phase, teeth or 0.0)
-    turns = unit == "rad"
-    return Coupling(name, driven, driver, (phase, table["ratio"]), turns=turns, pressure_angle=teeth)
+        return Gear(driver, driven, ratio, phase, teeth or 0.0)
+    turns = coordinates.units[driver] == "rad"
+    return Coupling(written.name, driven, driver, (phase, ratio), turns=turns, pressure_angle=teeth)
 
 
-def _rack(
-    coordinates: FileCoordinates,
-    name: str,
-    table: Mapping[str, Any],
-    path: KeyPath,
-    sides: tuple[str, str, float],
-) -> Coupling:
+def _rack(written: WrittenCoupling) -> Coupling:
     """Return a rack and pinion: a displacement is the angle times the radius."""
-    driver, driven, phase = sides
-    units = coordinates.units[driver], coordinates.units[driven]
-    if units[0] == units[1]:
-        raise coordinates.error(
-            path, "is a rack between two coordinates of one unit; give an angle and a displacement"
-        )
+    (driven, driver, phase), units, table = written.pair(), written.coordinates.units, written.table
+    if units[driver] == units[driven]:
+        raise written.error("is a rack between two coordinates of one unit; give an angle and a displacement")
     radius = table["radius"] if "radius" in table else table["travel"] / REVOLUTION
     if radius == 0.0:
         key = "radius" if "radius" in table else "travel"
-        raise coordinates.error((*path, key), "is 0; give a length, negative for the opposite direction")
-    ratio = radius if units[0] == "rad" else 1.0 / radius
-    return Coupling(name, driven, driver, (phase, ratio), pressure_angle=table.get("pressure_angle", 0.0))
+        raise written.error("is 0; give a length, negative for the opposite direction", key)
+    ratio, teeth = radius if units[driver] == "rad" else 1.0 / radius, table.get("pressure_angle", 0.0)
+    return Coupling(written.name, driven, driver, (phase, ratio), pressure_angle=teeth)
 
 
-def _single_coordinate(
-    coordinates: FileCoordinates, table: Mapping[str, Any], side: str, path: KeyPath
-) -> str:
-    """Return the single coordinate of a side."""
-    value = table.get(side)
-    if value is None:
-        raise coordinates.error(path, f"has no {side!r}; name a coordinate")
-    if not isinstance(value, str):
-        reason = "is no single coordinate; name one, or give coefficients, which couple sums"
-        raise coordinates.error((*path, side), reason)
-    return value
+def _polynomial(written: WrittenCoupling) -> Coupling:
+    (driven, driver), table, coordinates = written.sides, written.table, written.coordinates
 
+    def unit_in_si(side: Side) -> float:
+        """Return the value in SI of the number 1 on a side; a sum of lengths and angles is in SI."""
+        factors = {coordinates.unit_in_si(name) for name in ((side,) if isinstance(side, str) else side)}
+        return factors.pop() if len(factors) == 1 else 1.0
 
-def _polynomial(coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath) -> Coupling:
-    values = coordinates.values
-    driven: Side = table["driven"]
-    driver: Side = table.get("driver", {})
-    factor, right = (_unit_factor(coordinates, side) for side in (driven, driver))
     coefficients: list[float] = []
-    for power, written in enumerate(table["coefficients"]):
-        entry_path = (*path, "coefficients", power)
+    for power, number in enumerate(table["coefficients"]):
         if power == 0 and isinstance(driven, str):
-            coefficients.append(coordinates.value(driven, written, entry_path))
+            coefficients.append(written.value(driven, number, "coefficients", 0))
         else:
-            coefficients.append(values.plain_number(written, entry_path) * (factor / right**power))
-    pair, turns = _zeros(coordinates, table, path), table.get("turns", False)
-    return Coupling(name, driven, driver, tuple(coefficients), pair, turns, table.get("pressure_angle"))
+            plain = coordinates.values.plain_number(number, (*written.path, "coefficients", power))
+            coefficients.append(plain * (unit_in_si(driven) / unit_in_si(driver) ** power))
+    turns, teeth = table.get("turns", False), table.get("pressure_angle")
+    return Coupling(written.name, driven, driver, tuple(coefficients), written.zeros, turns, teeth)
 
 
-def _zeros(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> tuple[float, float]:
-    written = zip((table["driven"], table.get("driver", {})), table.get("zeros", (0.0, 0.0)), strict=True)
-    first, second = (
-        _zero(coordinates, side, value, (*path, "zeros", i)) for i, (side, value) in enumerate(written)
-    )
-    return first, second
+def _function(written: WrittenCoupling) -> Coupling:
+    """Return a coupling by a function: an expression of q and the file's parameters, or a table."""
+    (driven, driver), table, values = written.sides, written.table, written.coordinates.values
+    text, zeros = table["function"], written.zeros
+    if not driver:
+        raise written.error("is a function without a driver; name the coordinate q")
+    if is_table(text):
+        file = str(values.source.sibling(text))
+        columns = read(file)
+        if set(columns) != {"q", "value"}:
+            raise written.error(f"has columns {', '.join(columns)}; give q and value", "function")
+        positions, targets = (tuple(columns[name].tolist()) for name in ("q", "value"))
+        function = TabledFunction(file, positions, targets, table.get("periodic", False))
+    else:
+        function = written_function(values, text, (*written.path, "function"))
+    return Coupling(written.name, driven, driver, (), zeros, table.get("turns", False), function=function)
 
 
-def _function(coordinates: FileCoordinates, table: Mapping[str, Any], path: KeyPath) -> PlainFunction:
-    """Return the function of a coupling: an expression of q and the file's parameters, or a table."""
-    text, values = table["function"], coordinates.values
-    if not table.get("driver"):
-        raise coordinates.error(path, "is a function without a driver; name the coordinate q")
-    if not is_table(text):
-        return written_function(values, text, (*path, "function"))
-    columns = read(values.source.sibling(text))
-    if set(columns) != {"q", "value"}:
-        raise coordinates.error((*path, "function"), f"has columns {', '.join(columns)}; give q and value")
-    positions, targets = (tuple(columns[name].tolist()) for name in ("q", "value"))
-    return TabledFunction(str(values.source.sibling(text)), positions, targets, table.get("periodic", False))
-
-
-def _rope(coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath) -> Coupling:
+def _rope(written: WrittenCoupling) -> Coupling:
     """Return a rope: the sum of its path's changes is its length less the path at zero (Nikravesh, ch. 4).
 
     Raises:
         InputError: for unknown coordinates, or a rope that is slack where all its coordinates are stated.
     """
-    weights = dict[str, float]()
-    for coordinate, written in table["rope"].items():
-        where = (*path, "rope", coordinate)
-        coordinates.require(coordinate, (*path, "rope"))
+    coordinates, table = written.coordinates, written.table
+    weights, path = dict[str, float](), (*written.path, "rope")
+    for coordinate, change in table["rope"].items():
+        coordinates.require(coordinate, path)
         unit = "m" if coordinates.units[coordinate] == "rad" else "1"
-        weights[coordinate] = coordinates.values.quantity(written, unit, where)
+        weights[coordinate] = coordinates.values.quantity(change, unit, (*path, coordinate))
     if not any(weights.values()):
         raise coordinates.error(
-            (*path, "rope"), "changes with no coordinate; give the change of its path per coordinate"
+            path, "changes with no coordinate; give the change of its path per coordinate"
         )
     length, free = table.get("length", 0.0), table.get("path", 0.0)
-    start = {
-        key: coordinates.value(key, written, where) for key, (where, written) in _started(coordinates).items()
-    }
+    stated = coordinates.table("start") if isinstance(coordinates.read.get("start"), dict) else {}
+    start = {key: coordinates.value(key, value, where) for key, (where, value) in stated.items()}
     if start.keys() >= weights.keys():
         taut = free + sum(weight * start[key] for key, weight in weights.items())
         if not length <= taut + SLACK * max(abs(length), abs(taut)):
-            reason = (
+            raise written.error(
                 f"is a rope of {length:g} m on a path of {taut:g} m: it is slack at the start; shorten it"
             )
-            raise coordinates.error(path, reason)
-    return Coupling(name, weights, {}, (length - free,), rope=True)
+    return Coupling(written.name, weights, {}, (length - free,), rope=True)
 
 
-def _started(coordinates: FileCoordinates) -> dict[str, tuple[KeyPath, Any]]:
-    """Return the coordinates that `start` states by name."""
-    return coordinates.table("start") if isinstance(coordinates.read.get("start"), dict) else {}
-
-
-def _belt(
-    coordinates: FileCoordinates,
-    name: str,
-    table: Mapping[str, Any],
-    path: KeyPath,
-    sides: tuple[str, str, float],
-) -> Coupling:
+def _belt(written: WrittenCoupling) -> Coupling:
     """Return a belt or chain: angles with the ratio of the radii, opposite if it is crossed."""
-    driver, driven, phase = sides
-    if "m" in (coordinates.units[driver], coordinates.units[driven]):
-        raise coordinates.error(path, "is a belt between coordinates that are no angles; name two rotations")
-    if not min(table["radii"]) > 0.0:
-        raise coordinates.error((*path, "radii"), "is no pair of radii above 0; give driver and driven")
-    ratio = table["radii"][0] / table["radii"][1] * (-1.0 if table.get("crossed") else 1.0)
+    (driven, driver, phase), table = written.pair(), written.table
+    if "m" in (written.coordinates.units[driver], written.coordinates.units[driven]):
+        raise written.error("is a belt between coordinates that are no angles; name two rotations")
+    first, second = table["radii"]
+    if not min(first, second) > 0.0:
+        raise written.error("is no pair of radii above 0; give driver and driven", "radii")
     pulley = table.get("tensioner", {"at": None, "radius": 0.0})
     if pulley["at"] and not pulley["radius"] > 0.0:
-        raise coordinates.error((*path, "tensioner", "radius"), "is no radius above 0; enlarge it")
-    belt = Belt(tuple(table["radii"]), table.get("length", 0.0), pulley["at"], pulley["radius"])
-    return Coupling(name, driven, driver, (phase, ratio), turns=True, belt=belt)
-
-
-def _zero(coordinates: FileCoordinates, side: Side, written: Any, path: KeyPath) -> float:
-    if isinstance(side, str):
-        return coordinates.value(side, written, path)
-    units: list[Unit] = [coordinates.units[name] for name in side]
-    return coordinates.values.quantity(written, units[0] if units else "m", path)
-
-
-def _unit_factor(coordinates: FileCoordinates, side: Side) -> float:
-    """Return the value in SI of the number 1 on a side; a sum of lengths and angles is in SI."""
-    factors = {coordinates.unit_in_si(name) for name in ((side,) if isinstance(side, str) else side)}
-    return factors.pop() if len(factors) == 1 else 1.0
+        raise written.error("is no radius above 0; enlarge it", "tensioner", "radius")
+    belt = Belt((first, second), table.get("length", 0.0), pulley["at"], pulley["radius"])
+    ratio = first / second * (-1.0 if table.get("crossed") else 1.0)
+    return Coupling(written.name, driven, driver, (phase, ratio), turns=True, belt=belt)

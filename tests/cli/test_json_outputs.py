@@ -54,7 +54,7 @@ SLOW = [
     "tradeoff slider_crank --budget 3s",
 ]
 # commands with long runs, pictures, or only JSON output
-TESTED_ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render", "schema"}
+TESTED_ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render"}
 
 
 def command_of(line):
