@@ -79,7 +79,7 @@ class Driven(RunRecord):
 
     Attributes:
         forces: forces at the recorded instants.
-        outcome: "done" or "diverged"; with a tolerance "passed" or "failed".
+        outcome: "done" or "diverged".
         method: "pose" or "step".
         masses: masses of the links, with their sources.
     """

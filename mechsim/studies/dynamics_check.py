@@ -86,14 +86,10 @@ def crosscheck_driven(
     # MuJoCo's model has negligible masses and moments where the mechanism has none
     model = replace(model, mechanism=with_accepted_inertia(model.mechanism))
     study = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
-    tolerance = (
-        None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
-    )
     return crosscheck_forces(
         run.forces,
         study.forces,
         method=run.method,
-        tolerance=tolerance,
         bounds=bounds,
         conditioning=conditioning_of(model.solver.mechanism, motion),
     )

@@ -15,8 +15,6 @@ from mechsim.errors import MobilityError
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.simulation import mobility, source
-from mechsim.simulation.dynamics import determinacy
-from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf.compiling import compiled, to_xml
@@ -142,13 +140,6 @@ def test_a_redundant_bearing_has_no_reaction(method, shaft):
     forces = Forces(gravity=(0.3, -9.81, 0.5))
     run = driven(shaft.mechanism, forces, method=method, speed=6.0, turns=0.3, samples=5)
     assert np.abs(run.forces.reactions["bearing"].force).max() <= 1e-12
-
-
-def test_reactions_of_redundant_joints_are_undetermined(tmp_path):
-    determined = determinacy.determined_components(
-        loaded_model(spherical_linkage(tmp_path, AXES).mechanism, Forces())
-    )
-    assert not np.any([components[:3] for components in determined.values()])
 
 
 @pytest.mark.parametrize("exactly", [True, False])

@@ -18,7 +18,7 @@ QUICK = (
     "choices/crank_actuation.py",
     "choices/matrices.py",
     "choices/tolerance_study.py --count 1",
-    "choices/torque_tolerance.py --count 1",
+    "choices/torque_steps.py",
     "choices/tuned_scenes.py --only four_bar --cases 1",
     "papers/looper_table.py",
     "papers/triad.py 20",

@@ -21,7 +21,6 @@ from mechsim.simulation.dynamics.inverse_dynamics import (
     stiffen_friction,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
-from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, torque_within
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.poses.change_points import interpolated_motion
 from mechsim.simulation.recording import CHUNK, States, evaluate
@@ -30,7 +29,6 @@ from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
 from mechsim.simulation.stepping import interval_count, record_interval, require_steps_resolve, step
-from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 
 # constraints ten thousand times stiffer than positions require: near a dead centre the constraint violation
@@ -50,8 +48,7 @@ def driven(
     turns: float = 1.0,
     profile: CrankProfile | None = None,
     motion_laws: MotionLaws | None = None,
-    method: Method | None = None,
-    tolerance: float | None = None,
+    method: Method = "pose",
     samples: int | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
@@ -72,22 +69,19 @@ def driven(
         method: "pose" solves each pose and its forces by inverse dynamics, without integration, to rounding.
             "step" integrates in time; all values belong to the recorded instants and exclude the drive's own
             inertia. With nonlinear couplings, forces are those of the recorded states with closed loops.
-            None takes "pose", or "step" with a tolerance.
-        tolerance: tolerance of drive torque and joint reactions at every recorded instant, as a fraction of
-            their root mean square over the run (`torque_tolerance`). Trials determine the number of steps,
-            and two estimates check the result. For method "pose", the tolerance applies to the residual of
-            MuJoCo's accelerations under the forces.
         samples: instants recorded after the first, evenly spaced; None takes about 72 a turn.
-        settings: time-stepping settings; None takes `HARD`. A tolerance replaces their number of steps.
+        settings: time-stepping settings; None takes `HARD`.
         cut: joints at which the loops are cut; None lets the generator choose.
-        progress: called with a text and the finished fraction, 0 to 1; restarts with each trial for a
-            tolerance.
+        progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
         InputError: for invalid values, or more instants than memory holds.
         AssemblyError: if the loops close nowhere, or only over a fraction of the motion.
     """
-    _require_valid(method, tolerance, samples)
+    if method not in ("pose", "step"):
+        raise InputError(f"there is no method {method!r}; choose from pose, step")
+    if samples is not None and not samples >= 1:
+        raise InputError(f"{samples} samples requested; take at least 1")
     speed = si(speed, "rad/s", "the crank speed")
     motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     mechanism, acting = described(source), forces_of(source, forces)
@@ -99,75 +93,17 @@ def driven(
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, mechanism.start)
-    if method == "pose" or (method is None and tolerance is None):
-        return _kept(_solved(loaded, profile, samples, progress), tolerance)
+    if method == "pose":
+        return _solved(loaded, profile, samples, progress)
     require_steps_resolve(motion_laws)
     # for the whole motion, so that unreachable crank angles are rejected before stepping
     passed = passed_change_points(loaded, profile)
     require_regular_start(loaded.loops, passed, float(profile.state(np.zeros(1))[0][0]))
     settings, note = settings or HARD, undecided_note(loaded.loops, passed)
-    if tolerance is None:
-        run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), progress)
-    else:
-        run = _within_tolerance(loaded, profile, settings, tolerance, samples, progress)
-    return replace(run, note="; ".join(text for text in (note, run.note) if text))
-
-
-def _require_valid(method: str | None, tolerance: float | None, samples: int | None) -> None:
-    """Raise InputError for invalid options of a run."""
-    if method not in (None, "pose", "step"):
-        raise InputError(f"there is no method {method!r}; choose from pose, step")
-    if tolerance is not None and not 0.0 < tolerance < np.inf:
-        raise InputError(f"tolerance of torque is {tolerance}; give a fraction above 0, as in 1e-6")
-    if samples is not None and not samples >= 1:
-        raise InputError(f"{samples} samples requested; take at least 1")
-
-
-def _within_tolerance(
-    loaded: LoadedModel,
-    profile: CrankProfile,
-    settings: Settings,
-    tolerance: float,
-    samples: int | None,
-    progress: Progress,
-) -> Driven:
-    """Return the stepped run with the number of steps that a tolerance needs."""
-
-    def whole(steps: int) -> Driven:
-        chosen = replace(settings, steps_per_turn=steps)
-        return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples), progress)
-
-    short = _one_turn(profile)
-    count = interval_count(short, TRIAL_SAMPLES)
-
-    def trial(steps: int) -> Driven:
-        chosen = replace(settings, steps_per_turn=steps)
-        return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, progress)
-
-    return torque_within(loaded, tolerance, whole, trial)
-
-
-def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
-    """Return the number of instants recorded after the first, and the number of steps between two records."""
     total = interval_count(profile, settings.steps_per_turn)
     interval = record_interval(profile, total, samples)
-    return samples or -(-total // interval), interval
-
-
-def _one_turn(profile: CrankProfile) -> CrankProfile:
-    """Return one revolution of a crank at constant speed; return other profiles unchanged."""
-    if not profile.steady or profile.turns <= 1.0:
-        return profile
-    (start,), (speed,), _ = profile.state(np.zeros(1))
-    return constant(float(speed), 1.0, float(start))
-
-
-def _kept(run: Driven, tolerance: float | None) -> Driven:
-    """Return a run by poses, checked against a tolerance if there is one."""
-    if tolerance is None:
-        return run
-    report = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.forces.residual.max())})
-    return replace(run, outcome="passed" if report.satisfied else "failed", tolerance_report=report)
+    run = _stepped(loaded, profile, settings, samples or -(-total // interval), interval, progress)
+    return replace(run, note="; ".join(text for text in (note, run.note) if text))
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, progress: Progress) -> Driven:
