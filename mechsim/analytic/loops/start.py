@@ -320,8 +320,9 @@ def assembled(mechanism: Mechanism, needed: Iterable[str] = ()) -> tuple[TreeLoo
     Raises:
         AssemblyError: if the loops do not close near these values; states the gap, or where they close.
     """
-    unstated = dict.fromkeys(needed, 0.0)
-    counted = replace(mechanism, guess_coordinates={**unstated, **mechanism.guess_coordinates})
+    counted = mechanism
+    if unstated := dict.fromkeys(needed, 0.0):
+        counted = replace(mechanism, guess_coordinates={**unstated, **mechanism.guess_coordinates})
     assembly = _nearest(counted, mechanism.guess_coordinates)
     if assembly.searched and assembly.distance > MAX_DISTANCE:
         raise AssemblyError(
