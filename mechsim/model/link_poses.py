@@ -63,9 +63,9 @@ def complete_guess(
     placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
     waiting = list(mechanism.joints)
     while waiting:
-        beside = [j for j in waiting if j.a.link in placed or j.b.link in placed]
+        attached = [j for j in waiting if j.a.link in placed or j.b.link in placed]
         # the displacement of a screw is seldom stated: another joint places its links better
-        joint = min(beside, key=lambda j: KINDS[j.kind].helical, default=None)
+        joint = min(attached, key=lambda j: KINDS[j.kind].helical, default=None)
         if joint is None:
             lost = [link.name for link in mechanism.links if link.name not in placed]
             raise AssemblyError(

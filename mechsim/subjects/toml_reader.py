@@ -191,8 +191,8 @@ def _started_at_guess(mechanism: Mechanism) -> Mechanism:
     for joint in mechanism.joints:
         if joint.a.link in placed and joint.b.link in placed and values.keys() & set(joint.coordinates):
             read = np.atleast_1d(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])).tolist()
-            found = dict(zip(joint.coordinates, read, strict=True))
-            values |= {name: found[name] for name in values.keys() & found.keys()}
+            own = dict(zip(joint.coordinates, read, strict=True))
+            values |= {name: own[name] for name in values.keys() & own.keys()}
     if mechanism.has_crank:
         return replace(mechanism, start=values[mechanism.crank.name])
     return replace(mechanism, guess_coordinates={name: value for name, value in values.items() if value})
