@@ -405,11 +405,7 @@ def _end_error(path: ContinuationPath[E, Q], parameter: float, remaining: str) -
             f"change point, where assembly modes cannot be distinguished; start elsewhere{remaining}"
         )
     # a screw does not return after a revolution
-    start = (
-        f" (it starts at {path.words.position(path.initial)})"
-        if abs(parameter - path.initial) > REVOLUTION
-        else ""
-    )
+    start = f" (it starts at {path.words.position(path.initial)})" if abs(path.initial) > REVOLUTION else ""
     return AssemblyError(
         f"{text}{start}; stay on this side of the dead centre or change the dimensions{remaining}"
     )
