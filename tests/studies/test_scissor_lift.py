@@ -43,10 +43,8 @@ def test_a_crank_of_a_screw_does_not_return_after_a_revolution():
 
 def test_assemblies_keep_the_nut_where_it_is_threaded():
     # bars up or down, and the table towards either side of them
-    listed = {
-        tuple(points["top"][:2].round(9))
-        for _, points in ms.load(str(LIFT)).all_assembly_points(np.deg2rad(37440.0))
-    }
+    every = ms.assemblies(str(LIFT), np.deg2rad(37440.0)).points
+    listed = {tuple(points["top"][:2].round(9)) for points in every}
     height = np.sqrt(BAR**2 - (104 * LEAD) ** 2).round(9)
     assert listed == {(x, y) for x in (-0.2, 0.2) for y in (-height, height)}
 
