@@ -7,7 +7,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.reduction.candidates.bodies import (
     RemovalCandidate,
     count_text,
@@ -32,8 +31,7 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
-        edit = PlainSettings(contact=False).put_into
-        return [RemovalCandidate("contacts", "contact detection (no contacts)", edit)]
+        return [RemovalCandidate("contacts", "contact detection (no contacts)", _disable_contacts)]
     names = [
         geom.name
         for geom in observed.spec.geoms
@@ -41,6 +39,10 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     ]
     what = f"contacts of {count_text(len(names), 'geom')} without contact"
     return [RemovalCandidate("contacts", what, partial(_without_contacts, names=names))] if names else []
+
+
+def _disable_contacts(spec: mujoco.MjSpec) -> None:
+    spec.option.disableflags |= CONTACTS_DISABLED
 
 
 def _without_contacts(spec: mujoco.MjSpec, names: Collection[str]) -> None:
