@@ -116,7 +116,7 @@ def prepared(source: Path, work: Path) -> Iterator[tuple[str, Case, Path]]:
 
 def left_leg(source: Path, folder: Path) -> None:
     """Write the left leg of Cassie alone, its pelvis held where the keyframe home has it."""
-    spec, model, _ = parse_file(str(source))
+    spec, model, *_ = parse_file(str(source))
     home = model.key("home").qpos.copy()
     for key in list(spec.keys):
         spec.delete(key)
