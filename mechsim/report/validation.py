@@ -23,7 +23,7 @@ from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.report.facts import about, facts
 from mechsim.report.page import Section, write_report
-from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
+from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
@@ -182,8 +182,8 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
         bounds={"simulated": _position_tolerance(case, "step"), "posed": _position_tolerance(case, "pose")},
     )
-    last = tuple(case.solver.mechanism.points)[-MAX_POINTS:]
-    sources = {"motion": replace(source, options=PlotOptions(points=last))}
+    last = {name: case.exact.points[name] for name in [*case.solver.mechanism.points][-MAX_POINTS:]}
+    sources = {"motion": replace(source, motions={"closed": replace(case.exact, points=last)})}
     figures = [
         (kind.about, kind.figure(sources.get(name, source)))
         for name, kind in PLOTS.items()

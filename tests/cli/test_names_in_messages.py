@@ -29,7 +29,7 @@ def robot(file):
     ],
 )
 def test_an_unknown_name_is_rejected_with_a_suggestion(mechsim, robot, options, suggestion):
-    command = "simulate" if "--ctrl" in options else "show"
+    command = {"--ctrl": "simulate", "--track": "solve"}.get(options.split()[0], "show")
     reported = mechsim(command, robot, *options.split())
     assert reported.code == 2
     assert f"(did you mean {suggestion}?); " in reported.err

@@ -10,7 +10,8 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.scenery import CAMERA
 from mechsim.shapes.body import link_colours
-from mechsim.simulation import Settings, mjcf, simulate
+from mechsim.simulation import Settings, simulate
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.studies.export import exported
 
@@ -61,7 +62,7 @@ def test_an_exported_picture_scene_shows_every_link_in_mujoco(name):
     except MissingToolError as missing:
         pytest.skip(str(missing))
     mechanism = catalog.make(name).mechanism
-    model = mujoco.MjModel.from_xml_string(mjcf.to_xml(exported(mechanism, Scene(level="picture"))))
+    model = mujoco.MjModel.from_xml_string(to_xml(exported(mechanism, Scene(level="picture"))))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     with gl_backend.renderer(model, (320, 240), result) as drawing:

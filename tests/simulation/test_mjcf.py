@@ -11,7 +11,9 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import loop_jacobian, mjcf
+from mechsim.simulation import loop_jacobian
+from mechsim.simulation.mjcf.compiling import to_xml
+from mechsim.simulation.mjcf.generator import generate
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
@@ -56,7 +58,7 @@ def test_the_reference_configuration_satisfies_the_loop_equations(mechanism: Mec
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_numbers_round_trip_exactly_through_the_text(mechanism: Mechanism) -> None:
     spec = assembled(mechanism, Scene())
-    made, read = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec))
+    made, read = spec.compile(), mujoco.MjModel.from_xml_string(to_xml(spec))
     for field in (
         "body_pos",
         "body_mass",
@@ -81,7 +83,7 @@ def test_numbers_round_trip_exactly_through_the_text(mechanism: Mechanism) -> No
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_plain_mujoco_reads_the_text_and_turns_the_crank(name: str) -> None:
-    text = mjcf.to_xml(assembled(catalog.make(name).mechanism, Scene()))
+    text = to_xml(assembled(catalog.make(name).mechanism, Scene()))
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     speed = 2.0 * np.pi
@@ -101,9 +103,7 @@ def test_drive_inertia_and_gravity_depend_on_the_scene_level() -> None:
     pose, motion, dynamics = (model_of(mechanism, level=level) for level in ("pose", "motion", "dynamics"))
     assert pose.dof_armature[0] == 0.0 < motion.dof_armature[0]
     # the user of a picture scene turns the crank; under dynamics the crank is free
-    assert (
-        mjcf.generate(mechanism, Scene(level="picture")).compile().dof_armature[0] == motion.dof_armature[0]
-    )
+    assert generate(mechanism, Scene(level="picture")).compile().dof_armature[0] == motion.dof_armature[0]
     assert dynamics.dof_armature[0] == 0.0
     assert not motion.opt.gravity.any()
     assert dynamics.opt.gravity.any()
@@ -138,6 +138,6 @@ def test_inertia_tensors_round_trip_exactly():
     text = """<mujoco><worldbody><body name="a"><joint name="j"/><inertial pos="0 0 0.1" mass="1"
     fullinertia="0.0123456789012 0.02 0.03 0.001 0.002 0.003"/></body></worldbody></mujoco>"""
     spec = mujoco.MjSpec.from_string(text)
-    first, reread = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec.copy()))
+    first, reread = spec.compile(), mujoco.MjModel.from_xml_string(to_xml(spec.copy()))
     for attribute in ("body_inertia", "body_iquat", "body_ipos", "body_mass"):
         assert np.array_equal(getattr(reread, attribute), getattr(first, attribute))

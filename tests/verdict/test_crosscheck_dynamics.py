@@ -13,8 +13,9 @@ from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
-from mechsim.simulation import Settings, mjcf, swing
+from mechsim.simulation import Settings, swing
 from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
@@ -185,7 +186,7 @@ def test_a_model_with_all_forces_is_read_back_exactly(name):
     forces = replace(every_force(name), motor=DCMotor(12.0, 1.3, 0.0123))
     spec = assembled(catalog.make(name).mechanism, Scene(level="dynamics", forces=forces))
     model = spec.compile()
-    back = mujoco.MjModel.from_xml_string(mjcf.to_xml(spec))
+    back = mujoco.MjModel.from_xml_string(to_xml(spec))
     for field in dir(model):
         made = getattr(model, field)
         if isinstance(made, np.ndarray) and made.dtype == np.float64:
