@@ -14,7 +14,7 @@ from typing import Generic, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError, SingularStartError
+from mechsim.errors import AssemblyError, InputError, SingularStartError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.branch_points import (
@@ -54,6 +54,9 @@ NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
 # attempts in a row below `MIN_EXTRAPOLATED`, after which the path ends: the loops do not close beyond, but
 # within rounding of the residual they do; an end takes 100 attempts
 MAX_SHORT = 300
+# attempts in a row, and the distance by which they must advance: otherwise a path of 2 pi takes more than
+# 60,000 attempts, many minutes
+MAX_ATTEMPTS, MIN_ADVANCE = 1000, 0.1
 # shortest segment in spacings of floating-point numbers at its parameter
 LEAST_SPACINGS = 16.0
 # length of a step up to which the tangent is the predictor: rounding spoils the polynomial of a shorter
@@ -158,7 +161,7 @@ class ContinuationPath(PathStates[E, Q]):
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
-            InputError: for a path that is too long.
+            InputError: for a path that is too long, or on which many attempts advance by little.
         """
         segments, self._upcoming = self.segments[direction], None
         self.require_travel(self.end(direction), target)
@@ -168,9 +171,12 @@ class ContinuationPath(PathStates[E, Q]):
             if not segments and self.segments[-direction]:
                 length *= self.control.max_growth  # the segment on the other side predicts it
             length = max(length, 2.0 * _shortest(self, self.end(direction)))
-        short = 0
+        short, attempts, before = 0, 0, self.end(direction)
         while (remaining := direction * (target - self.end(direction))) > 0.0:
-            current = self.end(direction)
+            current, attempts = self.end(direction), attempts + 1
+            if attempts % MAX_ATTEMPTS == 0:
+                self._require_advance(before, current)
+                before = current
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
             short = short + 1 if length < MIN_EXTRAPOLATED else 0
@@ -181,6 +187,16 @@ class ContinuationPath(PathStates[E, Q]):
 
     def require_travel(self, start: float, target: float) -> None:
         """Reject a path that is too long; the default has no limit."""
+
+    def _require_advance(self, before: float, current: float) -> None:
+        """Reject a path on which the last `MAX_ATTEMPTS` attempts advanced by too little."""
+        if abs(current - before) < MIN_ADVANCE:
+            raise InputError(
+                f"{self.name}: {self.words.mover} cannot be followed beyond {self.words.position(current)}: "
+                f"{MAX_ATTEMPTS} steps advanced by {abs(current - before):.2g} of the path parameter, less "
+                f"than {MIN_ADVANCE:g}, as with lengths of very different size; check the dimensions or the "
+                "motion laws"
+            )
 
     def remaining_text(self, current: float, target: float) -> str:
         """Return a message's addition about the remaining distance from the end of the path to its target."""

@@ -1,5 +1,7 @@
 """Continuation of the loop equations: segments, step control, change points and dead centres."""
 
+from pathlib import Path
+
 import mpmath
 import numpy as np
 import pytest
@@ -14,9 +16,11 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics import continuation
 from mechsim.numerics.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.numerics.path_segments import CONTROL
 
+GALLERY = Path(__file__).parents[2] / "models" / "gallery"
 ANGLES = np.unique(
     np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
 )
@@ -400,3 +404,15 @@ def test_a_pulse_of_the_driver_is_validated():
     law = "0.5 + 0.002*exp(-((t - 0.5)/1e-5)**2)"
     solver = ms.load("slider_crank", drive={"crank": law}, duration=1.0)
     assert ms.validate(solver, stepped=False).passed
+
+
+def test_a_path_of_very_short_segments_ends_with_the_reason(tmp_path, monkeypatch):
+    # with a lift of 1e9 m on a cam of 38 mm each segment is accepted, and a revolution takes millions of them
+    text = (GALLERY / "cam_follower.toml").read_text(encoding="utf-8")
+    high = tmp_path / "high.toml"
+    high.write_text(text.replace("lift = 12\n", "lift = 1e12\n"), encoding="utf-8")
+    monkeypatch.setattr(continuation, "MAX_ATTEMPTS", 300)
+    with pytest.raises(InputError, match=r"beyond 0\.02\d+ rad: 300 steps advanced by 0\.02\d* of the path"):
+        ms.load(high).crank_range()
+    # the limit is on the advance: the same number of attempts is enough for the lift of the file
+    assert ms.load(GALLERY / "cam_follower.toml").crank_range().full
