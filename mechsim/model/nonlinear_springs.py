@@ -151,7 +151,7 @@ class SpringLaw:
 
     def phase(self, length: float, rate: float) -> int:
         """Return the only phase."""
-        return OPEN
+        return PRESSED
 
     def remaining(self, phase: int, length: Array, rate: Array) -> Array:
         """Return the distance to the end of the table, (n,); 1 without a table."""

@@ -34,8 +34,9 @@ from mechsim.verdict.tolerances import RecordInstants, Tolerance
 # short needs fewer.
 MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
 # number of steps in C for each step of collocation: 2.7 to 5.3 in runs of half a second of four_bar,
-# slider_crank, rssr, watt_six_bar, jansen and scotch_yoke
-STEPS_IN_C = 4
+# slider_crank, rssr, watt_six_bar, jansen and scotch_yoke. Least number of steps of collocation in a segment:
+# the first ones are short in both, 8 to 9 in each segment of a screw between stops
+STEPS_IN_C, STEPS_PER_SEGMENT = 4, 8
 # largest number of steps of one run, and of compared segments of a run with impacts
 MAX_STEPS, MAX_SEGMENTS = 400_000, 8
 # rate of a joint that never moves, in [rad/s] or [m/s]: accelerations of 1e-11 are rounding of weight
@@ -222,7 +223,8 @@ def _compared_with_mujoco(
         lambda substeps: start.stepped(section.time, substeps, None, prescribed, progress),
     )
     intervals = len(run.time) - 1
-    steps = -(-run.steps // STEPS_IN_C) if run.executed == "C" else run.steps
+    least = STEPS_PER_SEGMENT * len(run.segments)
+    steps = max(run.steps // STEPS_IN_C, least) if run.executed == "C" else run.steps
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * steps) // intervals
     substeps = max(1, min(most, MIN_STEPS_PER_STEP * steps // intervals))
     coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()

@@ -21,7 +21,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.load_profile import constant, harmonics, table
 from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
-from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
+from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics import c_library
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
 
@@ -81,8 +81,9 @@ def both(model, seed, forces=None, time=0.0):
     sliding = np.sign(random.normal(size=len(equations.frictions)))
     contacts = Contacts(equations)
     phases = contacts.phases(equations.kinematics(q, rates))
-    right = RightHandSide(equations, contacts, layout, ContactMode(sliding, phases=phases))
-    result = evaluated(in_c.compiled_model(equations), state[None], np.array([time]), sliding)
+    mode = ContactMode(sliding, phases=phases)
+    right = RightHandSide(equations, contacts, layout, mode)
+    result = evaluated(in_c.compiled_model(equations), state[None], np.array([time]), mode)
     assert result.rank == equations.rank
     energies = equations.energy(equations.kinematics(q, rates))
     np.testing.assert_allclose([result.kinetic[0], result.potential[0]], energies, rtol=1e-11, atol=1e-13)
@@ -130,6 +131,18 @@ def test_springs_by_expression_are_the_same_in_c_and_in_numpy(model, joint, poin
     for seed in range(3):
         expected, result = both(model, seed, Forces(nonlinear_springs=springs))
         np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("model", "joint"), [("four_bar", "B"), ("rssr", "crank")])
+def test_soft_stops_are_the_same_in_c_and_in_numpy(model, joint):
+    """One is open; one presses; of the third, for one of both sides, a strong damper lets the joint go."""
+    equations = equations_of_motion(ms.dynamics.dynamic_model(ms.load(model, still=True).mechanism, Forces()))
+    angle = float(equations.start.values[equations.loops.tree.index_of[joint], 0])
+    for side in (-1.0, 1.0):
+        for depth, damping in ((-0.3, 2.0), (0.3, 0.1), (0.3, 400.0)):
+            law = SoftStop(angle - side * depth, side, 50.0, damping)
+            expected, result = both(model, 1, Forces(nonlinear_springs=(NonlinearSpring(joint, law),)))
+            np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
 
 
 EVERY_FUNCTION = (

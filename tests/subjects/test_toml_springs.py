@@ -50,7 +50,7 @@ def test_a_gas_spring_with_a_quadratic_damper(tmp_path):
     joint = run.motion.joints["height"]
     assert np.abs([joint.value[-1] - exact[0], joint.rate[-1] - exact[1]]).max() < 1e-8
     assert run.energy_error < 1e-10
-    assert "nonlinear springs" in run.note
+    assert run.executed == "C"
     # at rest the gas carries the weight
     (rest,) = ms.dynamics.equilibria(solver)
     assert abs(rest.q["height"] - 0.4 * (100.0 / (2.0 * G)) ** (1.0 / 1.3)) < 1e-10

@@ -483,9 +483,9 @@ def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
 def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.nonlinear_springs:
-        law, row = spring.law, dict[str, Any](coordinate=-1)
-        if not isinstance(law, SpringLaw) or law.table is not None:
-            raise NotCompiledError("soft stops, and springs by a table")
+        law = spring.law
+        row: dict[str, Any] = {"coordinate": -1, "rest": law.reference}
+        row |= {"stiffness": law.stiffness, "damping": law.damping}
         if not isinstance(spring.ends, str):
             (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
                 _point(equations, end) for end in spring.ends
@@ -494,10 +494,14 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
             row["coordinate"] = equations.sprung[spring.ends]
         else:
             raise NotCompiledError(f"a spring in {spring.ends}, which is no coordinate of the tree")
-        variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
-        variables |= {name: ("number", 0, value) for name, value in zip(law.names, law.values, strict=True)}
-        row |= {name: getattr(law, name) for name in ("stiffness", "damping", "rest", "preload")}
-        row["expression"] = added.add(law.instructions, variables, f"spring {spring.name}")
+        if isinstance(law, SpringLaw):
+            if law.table is not None:
+                raise NotCompiledError("springs by a table")
+            values = zip(law.names, law.values, strict=True)
+            variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
+            variables |= {name: ("number", 0, value) for name, value in values}
+            row["preload"] = law.preload
+            row["expression"] = added.add(law.instructions, variables, f"spring {spring.name}")
         rows.append(row)
     return _filled(NONLINEAR_SPRING, rows)
 

@@ -23,7 +23,7 @@ _REALS = (
     *("energy", "correction", "largest", "drift"),
 )
 _INTS = ("rank", "balanced", "resting", "max_steps", "steps", "evaluations", "status")
-_POINTERS = ("at_rest", "sliding", "scale", "state", "step", "dense")
+_POINTERS = ("at_rest", "phase", "sliding", "scale", "state", "step", "dense")
 
 
 class RunData(ctypes.Structure):
@@ -92,7 +92,7 @@ class StepSettings:
         longest: longest step in [s].
         rank: rank of the loop constraints.
         nearest: smallest pivot of the loop constraints at which the C code continues.
-        sliding: direction of each Coulomb friction, (frictions,).
+        mode: the contact mode.
         at_rest: indices of the coordinates that friction or stops hold.
         balanced: whether rates are scaled to the energy.
     """
@@ -102,7 +102,7 @@ class StepSettings:
     longest: float
     rank: int
     nearest: float
-    sliding: Array
+    mode: ContactMode
     at_rest: Sequence[int]
     balanced: bool
 
@@ -158,7 +158,7 @@ def integrated(
     state = state.copy()
     numbers, dense = np.empty((max_steps, STEP)), np.empty((max_steps, 8, len(state)))
     scale = np.ascontiguousarray(settings.scale, dtype=np.float64)
-    sliding, at_rest = _arrays(settings.sliding, settings.at_rest)
+    sliding, phase, at_rest = _arrays(settings.mode, settings.at_rest)
     correction, largest, drift, fastest = balance
     run = RunData(
         time=time,
@@ -177,6 +177,7 @@ def integrated(
         resting=len(at_rest),
         max_steps=max_steps,
         at_rest=at_rest.ctypes.data,
+        phase=phase.ctypes.data,
         sliding=sliding.ctypes.data,
         scale=scale.ctypes.data,
         state=state.ctypes.data,
@@ -206,10 +207,9 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time:
     times = np.array([time])
     moving = projected(equations, q, moving, times)[1]
     sample = layout.pack(q, moving, work, lost)
-    frictionless = np.zeros(len(equations.frictions))
-    result = evaluated(model, sample[None], times, frictionless)
     kinematics = equations.kinematics(q, moving, layout.activation(sample[None]))
-    mode = ContactMode(frictionless, phases=right.contacts.phases(kinematics))
+    mode = ContactMode(np.zeros(len(equations.frictions)), phases=right.contacts.phases(kinematics))
+    result = evaluated(model, sample[None], times, mode)
     dynamics = Contacts(equations).accelerate(kinematics, times, mode)
     expected = layout.derivatives(sample[None], kinematics, dynamics)[0]
     with np.errstate(invalid="ignore"):  # forces that are not finite are reported by the run
@@ -244,7 +244,7 @@ def evaluated(
     model: CompiledModel,
     states: Array,
     times: Array,
-    sliding: Array,
+    mode: ContactMode,
     at_rest: Sequence[int] = (),
     closing: bool = False,
 ) -> StatesInC:
@@ -254,14 +254,19 @@ def evaluated(
         model: the model.
         states: the states.
         times: their times.
-        sliding: direction of each Coulomb friction, (frictions,).
+        mode: the contact mode.
         at_rest: indices of the coordinates that friction or stops hold.
         closing: whether each state moves to the nearest one with closed loops and consistent rates first.
     """
     derivatives, energies = np.full(states.shape, np.nan), np.full((len(states), 2), np.nan)
     states, times = states.copy(), np.ascontiguousarray(times)
-    directions, resting = _arrays(sliding, at_rest)
-    run = RunData(resting=len(resting), at_rest=resting.ctypes.data, sliding=directions.ctypes.data)
+    directions, phase, resting = _arrays(mode, at_rest)
+    run = RunData(
+        resting=len(resting),
+        at_rest=resting.ctypes.data,
+        phase=phase.ctypes.data,
+        sliding=directions.ctypes.data,
+    )
     pointers = [ctypes.c_void_p(array.ctypes.data) for array in (times, states, derivatives, energies)]
     model.library.evaluate(
         ctypes.byref(model.data), ctypes.byref(run), len(states), pointers[0], closing, *pointers[1:]
@@ -278,5 +283,6 @@ def scale_of(layout: StateLayout, start: StatesInC, fastest: float, duration: fl
     return layout.scale(max(fastest, float(np.sqrt(fastest_change)), 1.0 / duration))
 
 
-def _arrays(sliding: Array, at_rest: Sequence[int]) -> tuple[Array, Any]:
-    return np.ascontiguousarray(sliding, dtype=np.float64), np.array(at_rest, dtype=np.int32)
+def _arrays(mode: ContactMode, at_rest: Sequence[int]) -> tuple[Array, Any, Any]:
+    phases, indices = (np.array(values, dtype=np.int32) for values in (mode.phases, at_rest))
+    return np.ascontiguousarray(mode.sliding, dtype=np.float64), phases, indices

@@ -306,7 +306,7 @@ def recorded_states(
     """
     layout, locked = StateLayout(equations), mode.locked(equations, contacts)
     if compiled is not None and locked is not None:
-        in_c = evaluated(compiled, states, times, mode.sliding, locked, closing=True)
+        in_c = evaluated(compiled, states, times, mode, locked, closing=True)
         if np.isfinite(in_c.derivatives).all():
             accelerations = layout.accelerations(in_c.derivatives)
             return RecordedStates(

@@ -338,7 +338,7 @@ class Integration:
         locked = self._locked()
         if self.compiled is None or locked is None:
             return self.right.derivatives(times, states)
-        return evaluated(self.compiled, states, times, self.right.mode.sliding, locked).derivatives
+        return evaluated(self.compiled, states, times, self.right.mode, locked).derivatives
 
     @property
     def longest(self) -> float:
@@ -376,11 +376,11 @@ class Integration:
         """
         self.executed, self.passing = "C", True
         nearest, rank = self.nearest_pivot(), self.equations.rank
-        sliding, balanced = self.right.mode.sliding, not self.implicit
-        start = evaluated(model, self.state[None], np.array([self.time]), sliding, locked)
+        mode, balanced = self.right.mode, not self.implicit
+        start = evaluated(model, self.state[None], np.array([self.time]), mode, locked)
         scale = scale_of(self.layout, start, self.fastest, self.duration)
-        settings = StepSettings(self.tolerance, scale, self.longest, rank, nearest, sliding, locked, balanced)
-        eventful = bool(self.ends or self.contacts.stops or self.equations.frictions)
+        settings = StepSettings(self.tolerance, scale, self.longest, rank, nearest, mode, locked, balanced)
+        eventful = bool(self.ends or self.contacts.stops or self.equations.frictions or mode.phases)
         max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
         while self.time < duration:
             balance = (self.balance.correction, self.balance.largest, self.balance.drift, self.fastest)

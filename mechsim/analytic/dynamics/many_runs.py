@@ -20,7 +20,6 @@ from mechsim.analytic.dynamics.compiled_motion import (
     integrated,
     scale_of,
 )
-from mechsim.analytic.dynamics.contacts import ContactMode
 from mechsim.analytic.dynamics.dynamic_run import (
     TOLERANCE,
     DynamicRun,
@@ -150,10 +149,11 @@ def _in_c(
 ) -> tuple[EquationsOfMotion, list[RecordedStates | None]] | None:
     """Return the states of each run that C integrates to its end; None if it integrates none.
 
-    Ranges, gaps, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
+    Ranges, stops, gaps, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
     """
     values = _values(model, columns)
-    if values is None or getattr(model.solver, "ranges", {}) or opens(model.mechanism):
+    limited = getattr(model.solver, "ranges", {}) or model.forces.stop_ranges
+    if values is None or limited or opens(model.mechanism):
         return None
     equations = equations_of_motion(model, dict.fromkeys([*values.coordinates, *values.rates], 0.0))
     q, rates = initial_state(equations, values)
@@ -168,7 +168,7 @@ def _in_c(
     if compiled is None:
         return None
     nearest = first.nearest_pivot()
-    unlocked = np.zeros(0), ()
+    unlocked = first.right.mode, ()
     settings = StepSettings(
         tolerance, first.state, first.longest, equations.rank, nearest, *unlocked, not first.implicit
     )
@@ -185,7 +185,7 @@ def _sampled(
     """Return the states of a run at instants (n,) in [s]; None if C does not reach its end."""
     layout = StateLayout(equations)
     fastest = float(np.abs(state[layout.positions :]).max(initial=0.0))
-    start = evaluated(model, state[None], times[:1], settings.sliding)
+    start = evaluated(model, state[None], times[:1], settings.mode)
     settings = replace(settings, scale=scale_of(layout, start, fastest, float(times[-1])))
     kinetic = float(start.kinetic[0])
     energy, balance = kinetic + float(start.potential[0]), (0.0, kinetic, 0.0, fastest)
@@ -199,9 +199,8 @@ def _sampled(
             result[inside] = steps.solution(times[inside])
             balance = tuple(steps.balances[-1].tolist())
         if steps.status != FULL:
-            mode = ContactMode(settings.sliding)
             finished = steps.status == FINISHED
-            return recorded_states(equations, model, mode, (), times, result) if finished else None
+            return recorded_states(equations, model, settings.mode, (), times, result) if finished else None
         time, state, length = steps.time, steps.state, steps.length
         evaluations += steps.evaluations
     return None

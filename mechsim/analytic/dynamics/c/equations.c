@@ -61,13 +61,14 @@ typedef struct {
 } Resistance;
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
 
-/* nonlinear spring between two points, or in a coordinate if that is 0 or more; its expression has the length as
-   coordinate 0 and the rate as rate 0 */
+/* nonlinear spring or soft stop between two points, or in a coordinate if that is 0 or more; its expression has the
+   length as coordinate 0 and the rate as rate 0 */
 typedef struct {
     int link_a, link_b, coordinate;
     double a[3], b[3], rest, stiffness, damping, preload;
     Expression expression;
 } NonlinearSpring;
+enum { OPEN, PRESSED, RELAXED };
 
 /* constant force on a point of a link, and constant moment on the link; expressions take their place */
 typedef struct {
@@ -540,8 +541,8 @@ static void set_applied(const Model *m, Work *w, const double *rates) {
     w->power_in += inner(m->count, w->applied, rates);
 }
 
-/* a nonlinear spring, as mechsim.model.nonlinear_springs states its law */
-static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, const double *rates, Work *w) {
+/* a nonlinear spring, as mechsim.model.nonlinear_springs states its law within a phase */
+static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, int phase, const double *rates, Work *w) {
     double a[3], b[3], va[3], vb[3], line[3], length, rate = 0.0, unstored = 0.0;
     if (s->coordinate >= 0) {
         length = w->q[s->coordinate], rate = rates[s->coordinate] * m->coordinates[s->coordinate].unit;
@@ -552,8 +553,8 @@ static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, const
         length = sqrt(dot(line, line));
         for (int i = 0; i < 3; i++) line[i] /= length > 0.0 ? length : 1.0, rate += line[i] * (vb[i] - va[i]);
     }
-    double stretch = length - s->rest;
-    double elastic = s->stiffness * stretch + s->preload, tension = elastic + s->damping * rate;
+    double stretch = phase == OPEN ? 0.0 : length - s->rest, elastic = s->stiffness * stretch + s->preload;
+    double tension = phase == PRESSED ? elastic + s->damping * rate : 0.0;
     if (s->expression.length) {
         double still = 0.0;
         unstored = evaluated(m->instruction, s->expression, w->time, &length, &still).value;
@@ -566,7 +567,7 @@ static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, const
 }
 
 /* all forces; energies and powers */
-static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding) {
+static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding, const int *phase) {
     w->power_in = w->power_lost = 0.0;
     set_bodies(m, w);
     for (int i = 0; i < m->springs; i++) add_spring(m->spring + i, w);
@@ -574,7 +575,7 @@ static void set_forces(const Model *m, Work *w, const double *rates, const doubl
     for (int i = 0; i < m->loads; i++) add_load(m, m->load + i, rates, w);
     set_applied(m, w, rates);
     for (int i = 0; i < m->nonlinear_springs; i++)
-        add_nonlinear_spring(m, m->nonlinear_spring + i, rates, w);
+        add_nonlinear_spring(m, m->nonlinear_spring + i, phase[i], rates, w);
     for (int i = 0; m->rotating && i < m->count; i++) {
         int row = m->coordinates[i].column;
         for (int j = 0; row >= 0 && j < m->count; j++) {

@@ -71,7 +71,7 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 typedef struct {
     double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
     int rank, balanced, resting, max_steps, steps, evaluations, status;
-    const int *at_rest;
+    const int *at_rest, *phase;
     const double *sliding, *scale;
     /* state; numbers of each step (STEP); start state and seven coefficients of each step */
     double *state, *step, *dense;
@@ -116,7 +116,7 @@ static int derive(const Model *m, Work *w, Run *run, double time, const double *
     set_poses(m, w, state);
     set_velocities(m, w, rates);
     int rows = set_rows(m, w, rates, run->resting, run->at_rest, stages);
-    set_forces(m, w, rates, run->sliding);
+    set_forces(m, w, rates, run->sliding, run->phase);
     set_equations(m, w, rates);
     if (!accelerate(m, w, rows)) return FAILED;
     for (int i = 0; i < rows && !stages; i++) w->dependent[w->order[i]] = i >= w->rank;
@@ -198,7 +198,7 @@ static void balance(const Model *m, Work *w, Run *run, double *state) {
     double *rates = state + positions(m), *energies = rates + m->count + m->states, gained = energies[0] - energies[1];
     if (run->balanced) {
         set_velocities(m, w, rates);
-        set_forces(m, w, rates, run->sliding);
+        set_forces(m, w, rates, run->sliding, run->phase);
         double target = run->energy + gained - w->potential;
         run->largest = fmax(run->largest, w->kinetic);
         if (w->kinetic >= SLOW * run->largest && 0.5 * w->kinetic < target && target < 2.0 * w->kinetic) {
