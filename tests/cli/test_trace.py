@@ -19,7 +19,7 @@ def trace(mechsim):
 
 @pytest.mark.long
 def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
-    arguments = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A", "--samples", "50")
+    arguments = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A")
     code, out, err = trace(*SWINGS, *arguments)
     assert code == 0, err
     assert "2 components; 20 of 20 random starts (seed 1)" in " ".join(out.split())
@@ -30,7 +30,7 @@ def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
     assert list(table)[-3:] == ["C.x", "C.y", "C.z"]
     assert np.unique(table["component"]).tolist() == [1.0, 2.0]
     first = {name: column[table["component"] == 1.0] for name, column in table.items()}
-    assert len(first["arc"]) == 50
+    assert len(first["arc"]) >= 100
     assert np.ptp(np.diff(first["arc"])) <= 1e-12
     # the crank length is constant over the curve
     assert np.abs(np.hypot(first["A.x"], first["A.y"]) - 0.09).max() <= 1e-16

@@ -20,7 +20,8 @@ from mujoco import batch
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import Settings, loop_jacobian, mjcf
+from mechsim.simulation import Settings, loop_jacobian
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
@@ -142,7 +143,7 @@ class Rig:
         return row
 
 
-@mjcf.quiet()
+@quiet()
 def main() -> None:
     rows: list[dict[str, Any]] = []
     for name in ("rssr", "four_bar", "slider_crank"):

@@ -22,7 +22,8 @@ from random_mechanisms import drives
 from mechsim import simulation, units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.motion_laws import constant
-from mechsim.simulation import Settings, driven_run, mjcf
+from mechsim.simulation import Settings, driven_run
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, stepping_methods
 from mechsim.studies.tradeoff.subject import Subject, subject_of
 
@@ -134,7 +135,7 @@ def fractions(rows: Sequence[sheet.Row]) -> list[str]:
     ]
 
 
-@mjcf.quiet()
+@quiet()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=70, help="runs")

@@ -25,7 +25,8 @@ from engines import Engine, installed
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import loop_jacobian, mjcf
+from mechsim.simulation import loop_jacobian
+from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
@@ -43,7 +44,7 @@ SETTINGS = {
 def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     """Return the errors and the time of an engine for a mechanism."""
     closed_form = catalog.make(name)
-    model = mjcf.compiled(assembled(closed_form.mechanism, Scene(level="motion")))
+    model = compiled(assembled(closed_form.mechanism, Scene(level="motion")))
     loops = read_loops(copy.copy(model))
     qpos = loop_jacobian.close(loops, model.qpos0[None])
     qvel = SPEED * loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
@@ -76,7 +77,7 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     }
 
 
-@mjcf.quiet()
+@quiet()
 def main() -> None:
     engines, messages = installed()
     for message in messages:

@@ -12,7 +12,6 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Outcome
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.run import Run, simulate
 from mechsim.verdict.crosscheck import crosscheck
 
 
@@ -120,6 +119,9 @@ def attempt(
         source: model for `simulate`; None for the mechanism of the solver.
         options: other arguments of `simulate`; the default method is "step".
     """
+    # the help of the command does without MuJoCo
+    from mechsim.simulation.run import simulate
+
     trial = Trial(
         axis=axis,
         mechanism=solver.name,
@@ -133,7 +135,7 @@ def attempt(
         run = simulate(solver.mechanism if source is None else source, **arguments)
     except MechsimError:
         return replace(trial, right=expected or "cannot assemble")
-    right, error = _true_outcome(solver, run)
+    right, error = _true_outcome(solver, run.motion)
     outcome = run.outcome
     if (
         outcome == "passed"
@@ -157,12 +159,12 @@ def position_errors(solver: KinematicSolver, motion: Motion) -> Array:
     return np.max(errors, axis=0) / solver.mechanism.characteristic_length
 
 
-def _true_outcome(solver: KinematicSolver, run: Run) -> tuple[Outcome, float | None]:
+def _true_outcome(solver: KinematicSolver, motion: Motion) -> tuple[Outcome, float | None]:
     """Return the outcome by the analytic solution, from positions only, and the largest relative error."""
-    if run.motion.broken:
+    if motion.broken:
         return "diverged", None
     try:
-        error = float(position_errors(solver, run.motion).max())
+        error = float(position_errors(solver, motion).max())
     except MechsimError:
         return "failed", None
     if not np.isfinite(error):
@@ -170,7 +172,7 @@ def _true_outcome(solver: KinematicSolver, run: Run) -> tuple[Outcome, float | N
     if error <= POSITION_TOLERANCE:
         return "passed", error
     tolerance = POSITION_TOLERANCE * solver.mechanism.characteristic_length
-    outcome = crosscheck(run.motion, solver, tolerance=tolerance).outcome
+    outcome = crosscheck(motion, solver, tolerance=tolerance).outcome
     return ("changed assembly" if outcome == "changed assembly" else "failed"), error
 
 
