@@ -22,11 +22,11 @@ from mechsim.analytic.loops.mobility import (
     generic_poses,
     nearest_consistent,
 )
-from mechsim.analytic.loops.tree import TreeJoint
+from mechsim.analytic.loops.tree import JointSides, TreeJoint
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.finding import HARMLESS, Finding
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import VIRTUAL_PREFIX, Vector, vector
 from mechsim.model.mechanism import Mechanism
@@ -359,29 +359,53 @@ def _columns(branch: TreeJoint) -> range:
 
 
 def _jacobians(mechanism: Mechanism, loops: TreeLoops, q: Coordinates, concerned: set[str]) -> Array:
-    """Return derivatives of residuals by shifts and rotations of joint sides, (rows, poses, joints, 2, 6)."""
-    residual = loops.linearise(q)[0]
+    """Return derivatives of residuals by shifts and rotations of joint sides, (rows, poses, joints, 2, 6).
+
+    They are differences. The changes of one joint are evaluated together, as designs with its other sides.
+    """
+    residual, length = loops.linearise(q)[0], mechanism.characteristic_length
     jacobian = np.zeros((*residual.shape, len(mechanism.joints), 2, 6))
-    for index in np.ndindex(jacobian.shape[2:]):
-        joint = mechanism.joints[index[0]]
-        if joint.name in concerned and _enters_equations(joint, index[2]):
-            step = np.zeros(jacobian.shape[2:])
-            step[index] = STEP
-            perturbed = _loops_and_guess(with_moved_sides(mechanism, step))[0].linearise(q)[0]
-            jacobian[(slice(None), slice(None), *index)] = (perturbed - residual) / STEP
+    joints = {joint.name: joint for joint in loops.tree.mechanism.joints}
+    for index, (name, kind) in enumerate((joint.name, KINDS[joint.kind]) for joint in mechanism.joints):
+        if name not in concerned or kind.floating:
+            continue
+        # rotations of the sides of a ball do not enter its equations
+        entering = 3 if kind.ball else 6
+        steps = STEP * np.eye(12).reshape(2, 6, 2, 6)[:, :entering].reshape(-1, 2, 6)
+        sides = [
+            _changed_side(end, steps[:, side].repeat(len(q), 0), length)
+            for side, end in enumerate((joints[name].a, joints[name].b))
+        ]
+        changed = _with_sides(loops, name, *sides)
+        perturbed = changed.linearise(q.repeated(len(steps)))[0].reshape(len(residual), len(steps), len(q))
+        derivatives = ((perturbed - residual[:, None]) / STEP).swapaxes(1, 2)
+        jacobian[:, :, index, :, :entering] = derivatives.reshape(*residual.shape, 2, entering)
     return jacobian
+
+
+def _changed_side(end: End, changes: Array, length: float) -> tuple[Array, Array]:
+    """Return points (3, n) and frames (3, 3, n) of a side after changes (n, 6) as `with_moved_sides`."""
+    point = np.array(end.point)[:, None] + length * changes[:, :3].T
+    return point, np.moveaxis(turned_by(end.frame[None], changes[:, 3:]), 0, -1)
+
+
+def _with_sides(loops: TreeLoops, name: str, a: tuple[Array, Array], b: tuple[Array, Array]) -> TreeLoops:
+    """Return loops in which the sides of one joint, points (3, n) and frames (3, 3, n), vary by instant."""
+    constants = {**loops.tree.constants}
+    for branch in loops.tree.branches:
+        if branch.joint.name == name:
+            parent, child = (a, b) if branch.forward else (b, a)
+            constants[branch.child] = JointSides(parent[1], parent[0], child[1], child[0])
+    cuts = tuple(
+        replace(cut, sides_of_designs=(*a, *b)) if cut.joint.name == name else cut for cut in loops.cuts
+    )
+    return replace(loops, tree=replace(loops.tree, sides=constants), cuts=cuts)
 
 
 def _loops_and_guess(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     """Return the loop equations with all coordinates free, and the stated configuration."""
     loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
     return replace(loops, driven=()), guess
-
-
-def _enters_equations(joint: Joint, component: int) -> bool:
-    """Whether a shift (0 to 2) or a rotation (3 to 5) of a joint's side changes its equations."""
-    kind = KINDS[joint.kind]
-    return not kind.floating and (component < 3 or not kind.ball)
 
 
 def with_moved_sides(mechanism: Mechanism, change: Array) -> Mechanism:
