@@ -56,7 +56,7 @@ class Look:
     )
     camera: str = option("iso", "View: iso, shaft, top or side.")
     paths: bool | Paths = True
-    labels: bool = True
+    labels: bool = option(True, "Write the names of tracked points.")
     notes: bool = True
     overlay: int = option(1, "Positions overlaid in a picture.", name="--positions")
     arrows: tuple[Arrow, ...] = option(
