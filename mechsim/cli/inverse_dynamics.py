@@ -168,7 +168,7 @@ def _prescribed(
         units = {name: _column_unit(name, model.mechanism) for name, _ in study.columns()} if labelled else {}
         files.write_table(options.output, in_units(study.columns(), units, shown if labelled else None))
     if options.plot is not None:
-        plots.write(options.plot, plots.dynamics_sheet(study, steady, None, run and run.forces))
+        plots.write(options.plot, plots.dynamics_sheet(study, steady, run and run.forces))
     alone = "MuJoCo is compared under the drivers alone, without actuators" if weights and run else ""
     note = "; ".join(filter(None, (alone, run and run.note)))
 

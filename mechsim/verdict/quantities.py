@@ -4,7 +4,7 @@ Verdicts, the trade-off study, its plots and the report read this table.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -249,7 +249,7 @@ AS_TORQUE = ToleranceRule(
 )
 SHARED = ToleranceRule("redundant constraints share forces by their compliance: 1e-4", 1e-3)
 TORQUE = {
-    "pose": SPRINGS,
+    "pose": replace(SPRINGS, scale="torque, as a difference of moments"),
     "step": ToleranceRule(
         f"{FRACTION_OF}error of 1,000 steps per turn, fourth order: measured 6e-8 at most", 1e-6
     ),
@@ -333,15 +333,15 @@ def motion_scales(
 def force_scales(exact: ForceRecord) -> dict[str, float]:
     """Return the scales of forces: root mean squares of torque and forces, largest energies.
 
-    The torque counts as `SMALL_TORQUE` of the moments at least.
+    For rounding alone, the torque counts as `SMALL_TORQUE` of the moments at least.
     """
     kinetic = float(np.abs(exact.kinetic).max())
     torque = max(rms(exact.torque), ZERO_TORQUE * kinetic)
     largest = max(rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
     force = largest or torque / exact.characteristic_length
-    torque = max(torque, SMALL_TORQUE * force * exact.characteristic_length)
     return {
         "torque": torque,
+        "torque, as a difference of moments": max(torque, SMALL_TORQUE * force * exact.characteristic_length),
         "force": force,
         "moment": force * exact.characteristic_length,
         "kinetic energy": kinetic,

@@ -11,7 +11,7 @@ from typed_call import Call
 from mechsim.numerics import resources
 
 TABLES = tomllib.loads((FOLDER.parent / "rejected" / "commands.toml").read_text(encoding="utf-8"))
-# table -> memory in bytes that is said to be left
+# table -> memory in bytes that the test reports as free
 MEMORY = {"small_memory": 1e9, "large_memory": 1e15}
 
 

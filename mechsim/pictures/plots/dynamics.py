@@ -89,7 +89,6 @@ def draw_energies(ax: "Axes", time: Array, run: WithEnergies) -> None:
 def dynamics_sheet(
     study: Prescribed,
     fluctuation: Fluctuation | None = None,
-    even: Fluctuation | None = None,
     simulated: ForceRecord | None = None,
 ) -> "Figure":
     """Draw torque or drives, reactions, powers and speed fluctuation on one sheet."""
@@ -104,7 +103,7 @@ def dynamics_sheet(
     if fluctuation is None:
         axes[1, 1].set_axis_off()
     else:
-        _speeds(axes[1, 1], fluctuation, even)
+        _speeds(axes[1, 1], fluctuation)
     return figure
 
 
@@ -182,10 +181,9 @@ def _powers(ax: "Axes", study: Prescribed) -> None:
     ax.legend(**LEGEND_RIGHT)
 
 
-def _speeds(ax: "Axes", fluctuation: Fluctuation, even: Fluctuation | None) -> None:
-    for i, curve in enumerate([fluctuation] if even is None else [fluctuation, even]):
-        label = f"flywheel {curve.flywheel:.3g} kg m², δ = {curve.coefficient:.3g}"
-        ax.plot(np.rad2deg(curve.angle), curve.speed, color=COLOURS[i], ls=STYLES[i], label=label)
+def _speeds(ax: "Axes", fluctuation: Fluctuation) -> None:
+    label = f"flywheel {fluctuation.flywheel:.3g} kg m², δ = {fluctuation.coefficient:.3g}"
+    ax.plot(np.rad2deg(fluctuation.angle), fluctuation.speed, color=COLOURS[0], ls=STYLES[0], label=label)
     ax.axhline(fluctuation.mean, color=RINGS, lw=0.8)
     flattened(ax, abs(float(fluctuation.mean)), "rad/s")
     ax.set_ylabel("crank speed [rad/s]")
