@@ -72,8 +72,8 @@ def require_within(
         if len(beyond) and beyond[worst] > ROUNDING * max(1.0, high - low):
             raise AssemblyError(
                 f"{name}: joint {joint!r} would be at {position[worst]:.6g} {units[joint]}, beyond its "
-                f"range of {low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within it, "
-                f"or {remedy}"
+                f"range of {low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within it "
+                f"(--start JOINT=VALUE), or {remedy}"
             )
 
 

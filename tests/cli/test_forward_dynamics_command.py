@@ -195,3 +195,18 @@ def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):
     code, out, _ = mechsim("dynamics", "statics", str(tmp_path / "fall.toml"))
     assert code == 0
     assert "fall: no equilibrium found along the motion; --assemblies N" in " ".join(out.split())
+
+
+def test_a_start_beyond_a_stop_names_the_options_that_choose_another(mechsim, tmp_path):
+    path = tmp_path / "loop.xml"
+    text = model_text("options_without_effect_loop.xml").replace(
+        'name="rocker" axis', 'name="rocker" limited="true" range="0.5 1.2" axis'
+    )
+    run = ("dynamics", "forward", str(path), "--duration", "0.1s", "--method", "none")
+    path.write_text(text)
+    options = "--initial rocker.q=VALUE or --start JOINT=VALUE"
+    answer = mechsim(*run)
+    assert (answer.code, f"start within its range, by {options}" in answer.err) == (2, True), answer.err
+    path.write_text(text.replace("</mujoco>", '<keyframe><key name="up" qpos="0 0 0"/></keyframe></mujoco>'))
+    assert f"start within its range, by --key up, {options}" in mechsim(*run).err
+    assert mechsim(*run, "--initial", "rocker.q=0.6").code == 0

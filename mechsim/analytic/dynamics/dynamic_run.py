@@ -36,6 +36,7 @@ from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.singular_passages import singular_passages
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
@@ -496,8 +497,16 @@ def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequenc
         if stop.side * (value - limit) > CLOSED_GAP * unit:
             raise InputError(
                 f"{equations.model.mechanism.name}: {names[stop.index]} starts at {value:.6g}, beyond its "
-                f"stop at {limit:.6g}; start within its range"
+                f"stop at {limit:.6g}; start within its range, by "
+                f"{_start_options(equations.model.solver, names[stop.index])}"
             )
+
+
+def _start_options(solver: KinematicSolver, joint: str) -> str:
+    """Return the options that choose another start: a keyframe, a value of the joint, another assembly."""
+    keyframes = () if solver.source is None else solver.source.keyframes
+    options = [f"--key {name}" for name in keyframes]
+    return ", ".join([*options, f"--initial {joint}.q=VALUE or --start JOINT=VALUE"])
 
 
 def _require_later(event: Event, text: str | None, equations: EquationsOfMotion, state: Kinematics) -> None:

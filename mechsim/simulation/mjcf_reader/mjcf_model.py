@@ -37,6 +37,7 @@ class MjcfModel:
         unread: findings on what of the file was not read, and MuJoCo's warnings.
         nearest: the assembly nearest to an open start, or to one outside the joint limits, (nq,); None if it
             is unknown.
+        keyframes: names of the keyframes of the file.
     """
 
     path: str
@@ -54,3 +55,4 @@ class MjcfModel:
     with_meshes: mujoco.MjModel | None = None
     unread: tuple[Finding, ...] = ()
     nearest: Array | None = None
+    keyframes: tuple[str, ...] = ()

@@ -201,6 +201,7 @@ def read_model(
         left_out=tuple(left_out_of_dynamics(model)),
         with_meshes=compiled_file.with_meshes,
         unread=compiled_file.unread,
+        keyframes=compiled_file.keyframes,
     )
 
 
@@ -216,7 +217,7 @@ class _CompiledFile:
         remarks: sentences on changes.
         fixed: indices of the file's ball and free joints that were removed.
         lock: the other locked joints and their values.
-        with_meshes, unread: as in `MjcfModel`.
+        with_meshes, unread, keyframes: as in `MjcfModel`.
     """
 
     path: str
@@ -228,6 +229,7 @@ class _CompiledFile:
     lock: Mapping[str, LockedAt]
     with_meshes: mujoco.MjModel | None
     unread: tuple[Finding, ...]
+    keyframes: tuple[str, ...]
 
 
 def _compiled(
@@ -256,6 +258,7 @@ def _compiled(
         if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
     ]
     start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
+    keyframes = tuple(key_.name for key_ in spec.keys if key_.name)
     for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
         spec.delete(key_)
     if fix_base and not free_bodies(model):
@@ -274,7 +277,9 @@ def _compiled(
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
     with_meshes = parsed_model if lint else None
-    return _CompiledFile(path, spec, model, start, remarks, fixed, lock, with_meshes, tuple(unread))
+    return _CompiledFile(
+        path, spec, model, start, remarks, fixed, lock, with_meshes, tuple(unread), keyframes
+    )
 
 
 def _fixed_joints(
