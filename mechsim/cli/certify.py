@@ -26,7 +26,7 @@ def certify(
     within: str | None = option(
         None, "Prove it for all mechanisms within these tolerances: crank=±0.02mm,...", metavar="P=BOUND,..."
     ),
-    driven: Annotated[DriveOptions, Without("track")],
+    driven: Annotated[DriveOptions, Without("track", "duration", "loops")],
     sets: Sets = None,
 ) -> Result[Certificate]:
     """Prove by interval arithmetic that one assembly and no singularity exists over a range.

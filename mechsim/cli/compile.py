@@ -32,7 +32,7 @@ class CompileJson(TypedDict):
 
 @command
 def compile_solver(
-    options: Annotated[ModelOptions, Without("duration")],
+    options: Annotated[ModelOptions, Without("duration", "track", "loops")],
     *,
     output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.", ".h", ".js")],
     test: str | None = option(

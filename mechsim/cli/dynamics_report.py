@@ -3,13 +3,14 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
+import numpy as np
 import typer
 
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics
 from mechsim.analytic.dynamics.contact_forces import ContactForce
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import print_masses
-from mechsim.cli.output import OutputUnits, Value, number, print_table, print_text, without_noise
+from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.finding import Outcome
@@ -175,7 +176,7 @@ def print_comparison(verdict: Verdict | None, note: str = "", *, verbose: bool) 
     print_text(note)
 
 
-def print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:
+def print_peaks(name: str, study: InverseDynamics) -> None:
     """Print peaks of torques, reactions, coupling efforts and shaking forces."""
     facts = study_facts(study)
     alone = " alone" if facts["actuators"] else ""
@@ -209,15 +210,14 @@ def print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:
     peaks.append(("shaking force on the frame", facts["shaking_force"], "N"))
     peaks.append(("shaking moment about the origin", facts["shaking_moment"], "N m"))
     largest = without_noise([peak["largest"] for _, peak, _ in peaks])
-    angle_unit = shown.converted("rad")[0]
     rows: list[list[Value]] = []
     for (what, peak, unit), value in zip(peaks, largest, strict=True):
-        instant = peak["at_time"] if "at_time" in peak else peak["at_angle"] / angle_unit
+        instant = peak["at_time"] if "at_time" in peak else np.rad2deg(peak["at_angle"])
         mean, rms = without_noise([peak.get("mean", 0.0), peak.get("rms", 0.0)])
         statistics: list[Value] = [mean, rms] if "rms" in peak else [None, None]
         rows.append([what, value, unit, instant if value else None, *statistics])
-    kind, at_unit = ("drivers", "s") if facts["drives"] else ("crank", "rad")
-    head = ("quantity", "largest", "unit", shown.label("at", at_unit), "mean", "rms")
+    kind, at_unit = ("drivers", "s") if facts["drives"] else ("crank", "deg")
+    head = ("quantity", "largest", "unit", f"at [{at_unit}]", "mean", "rms")
     print_table(f"{name}: prescribed {kind}", head, rows)
     if any(what.endswith(UNDETERMINED) for what, _, _ in peaks):
         notes.append(f"{UNDETERMINED.strip()} of minimum norm: rigid links leave it undetermined")

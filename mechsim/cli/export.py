@@ -92,7 +92,7 @@ def export(
     *,
     options: ExportOptions,
     setting: SettingOptions,
-    driven: Annotated[DriveOptions, Without("duration")],
+    driven: Annotated[DriveOptions, Without("duration", "track")],
     sets: Sets = None,
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")

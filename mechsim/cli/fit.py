@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.output_paths import output_file
@@ -37,9 +37,11 @@ class FitOptions:
         "(P3.x [mm]); P3.x± holds standard deviations.",
         metavar="FILE.csv",
     )
-    vary: tuple[str, ...] = option((), "Dimensions to identify.", read=units.parse_names, metavar="P,...")
-    offset: bool = option(
-        False, "Also identify the zero of the crank's encoder, CRANK.offset.", name="--offset"
+    vary: tuple[str, ...] = option(
+        (),
+        "Dimensions to identify; CRANK.offset is the zero of the crank's encoder.",
+        read=units.parse_names,
+        metavar="P,...",
     )
     speed: str | None = option(
         None, f"Crank speed; a bare number is rad/s. Default: that of the table, else {SPEED}."
@@ -85,7 +87,7 @@ class FitJson(TypedDict):
 
 @command
 def fit(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("track", "duration", "loops")],
     options: FitOptions,
     stated: Stated,
     output: Annotated[
@@ -100,7 +102,7 @@ def fit(
 
     Examples:
     mechsim fit slider_crank --to measured.csv --vary crank,rod
-    mechsim fit arm.toml --to measured.csv --vary reach --offset -o fit.json
+    mechsim fit arm.toml --to measured.csv --vary reach,crank.offset -o fit.json
     """
     table = options.table_path()
     parametric = source.load_parametric()
@@ -112,7 +114,9 @@ def fit(
     timed = any(quantity.order or quantity.loaded for quantity in quantities)
     stated.exclude(["speed"], "on measured positions", not timed)
     with progress("fit", None) as report:
-        result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
+        names = [name for name in options.vary if name != moved.offset]
+        offset = len(names) < len(options.vary)
+        result = fit_dimensions(moved, measured, names, offset=offset, progress=report)
     data = _as_dict(result, measured, output)
     if output is not None:
         _write(output, result, measured, data)

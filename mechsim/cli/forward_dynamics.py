@@ -11,8 +11,8 @@ from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Executed
 from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
-from mechsim.analytic.dynamics.gaps import gaps_of, released
-from mechsim.cli.command import Result, Stated, command
+from mechsim.analytic.dynamics.gaps import released
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
     FreeJson,
     Verbose,
@@ -87,7 +87,6 @@ class ForwardOptions(InitialOptions):
     """The end of a run, its comparison, and its files."""
 
     turns: float | None = option(None, "End the run after turns of the crank; negative for backwards.")
-    restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
     budget: int | None = option(
         None,
         f"Work budget: largest number of states that a run evaluates before it ends. Default: {BUDGET:,}; "
@@ -136,7 +135,7 @@ SHARES = {"formulas": 1.0, "check in MuJoCo": 2.0}
 
 @command
 def forward(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("track")],
     loads: LoadOptions,
     options: ForwardOptions,
     stated: Stated,
@@ -151,21 +150,15 @@ def forward(
     mechsim dynamics forward four_bar --motor line:1,600rpm --turns 3
     """
     options.check()
-    listed = options.output or options.quantities or options.until
-    stated.exclude(["track"], "without -o, --of or --until", not listed)
     model = released_model(source, loads)
     model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
     turning = options.turns is not None
     model = model if turning else released(model)
     if kept := model.mechanism.one_sided_curves:
         notes.append(f"{', '.join(kept)}: kept in contact, even where the force changes its sign")
-    stated.exclude(("restitution", "drive"), "with --turns, which counts turns of a free crank", turning)
-    limited = model.solver.ranges or gaps_of(model.mechanism)
-    stated.exclude(["restitution"], "without limits of joints", not limited)
+    stated.exclude(["drive"], "with --turns, which counts turns of a free crank", turning)
     ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}
-    if options.turns is None:
-        ends["restitution"] = options.restitution
-    elif source.duration is None:
+    if turning and source.duration is None:
         ends["duration"] = np.inf
     release = options.release(model, source, **ends)
     # rejects unknown names before the run

@@ -26,22 +26,11 @@ from mechsim.cli.dynamics_report import (
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import ModelOptions
-from mechsim.cli.output import (
-    SI_UNITS,
-    OutputUnits,
-    Units,
-    in_units,
-    number,
-    output_units,
-    print_text,
-    without_noise,
-)
+from mechsim.cli.output import number, print_text, without_noise
 from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.force_record import Fluctuation
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantities import quantity
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import study_facts
@@ -54,8 +43,6 @@ from mechsim.units import crank_speed, option, parse
 INSTANT_NUMBERS, NUMBER_BYTES = 40.0, 16.0
 # default intervals in a turn
 TURN_INTERVALS = 360
-# columns of the table for the instant and the motion of the crank -> unit
-INSTANT_UNITS = {"t": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"}
 # options of the motion of a crank, which motion laws replace
 CRANK_ONLY = ("speed", "turns")
 
@@ -106,12 +93,11 @@ class InverseOptions:
 
 @command
 def inverse(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("track")],
     loads: Annotated[LoadOptions, Without("motor", "controller")],
     options: InverseOptions,
     stated: Stated,
     verbose: Verbose = False,
-    units: Units = None,
 ) -> Result[DynamicsJson]:
     """Compute the drive torque and the joint reactions of a prescribed motion.
 
@@ -121,7 +107,6 @@ def inverse(
     """
     options.check()
     model = loads.dynamic_model(source.load_moving(by_motors=True))
-    shown = output_units(units, model.solver) or SI_UNITS
     stated.exclude(CRANK_ONLY, "under motion laws", not model.solver.motion_laws.crank)
     if replaced := model.forces.replaced_by_motion:
         notes.append(
@@ -129,15 +114,13 @@ def inverse(
         )
         model = replace(model, forces=model.forces.without_motor())
     try:
-        result = _prescribed(model, options, shown, units is not None, verbose)
+        result = _prescribed(model, options, verbose)
     except FrictionError as error:
         result = without_solution(error)
     return with_masses(model, result, verbose)
 
 
-def _prescribed(
-    model: DynamicModel, options: InverseOptions, shown: OutputUnits, labelled: bool, verbose: bool
-) -> Result[Any]:
+def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> Result[Any]:
     """Return the result of a prescribed motion."""
     method: Any = options.method
     profile = profile_of(model.solver, options.speed, options.turns)
@@ -165,15 +148,14 @@ def _prescribed(
             verdict = crosscheck_driven(run, model, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
     if options.output is not None:
-        units = {name: _column_unit(name, model.mechanism) for name, _ in study.columns()} if labelled else {}
-        files.write_table(options.output, in_units(study.columns(), units, shown if labelled else None))
+        files.write_table(options.output, dict(study.columns()))
     if options.plot is not None:
         plots.write(options.plot, plots.dynamics_sheet(study, steady, run and run.forces))
     alone = "MuJoCo is compared under the drivers alone, without actuators" if weights and run else ""
     note = "; ".join(filter(None, (alone, run and run.note)))
 
     def text() -> None:
-        print_peaks(model.mechanism.name, study, shown)
+        print_peaks(model.mechanism.name, study)
         if steady is not None:
             # 0 if the mean torque is rounding noise
             mean = without_noise([steady.torque, float(np.abs(study.forces.torque).max())])[0]
@@ -212,11 +194,3 @@ def _require_memory(model: DynamicModel, instants: int) -> None:
     numbers = 2.0 * (INSTANT_NUMBERS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
     name = f"the dynamics of {instants:,} instants by both methods"
     require_memory(name, instants, NUMBER_BYTES * numbers, "take {most} at the most, or --method none")
-
-
-def _column_unit(name: str, mechanism: Mechanism) -> str:
-    """Return the SI unit of a column of the table."""
-    word, _, coordinate = name.partition(" ")
-    if word == "actuator":
-        return mechanism.effort_unit(coordinate)
-    return INSTANT_UNITS.get(name) or quantity(name, mechanism).unit

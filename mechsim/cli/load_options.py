@@ -304,4 +304,4 @@ def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:
     if release.mode is None:
         stated.exclude(["speed"], "in a run from an initial state")
     else:
-        stated.exclude(["speed", "until", "duration", "drive", "track"], "on a mode of vibration")
+        stated.exclude(["speed", "duration", "drive", "track"], "on a mode of vibration")

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from mechsim.cli.command import Result, Stated, command, option_names
+from mechsim.cli.command import Result, Stated, Without, command, option_names
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed
 from mechsim.cli.output_paths import plot_file
@@ -25,7 +25,7 @@ class PlotJson(Written):
 
 @command
 def plot(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("loops")],
     output: Annotated[str, plot_file("Plot to write", "--output")],
     options: PlotOptions,
     stated: Stated,

@@ -10,7 +10,7 @@ import typer
 
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import (
     ReleaseOptions,
@@ -101,7 +101,7 @@ class RenderJson(Written):
 
 @command
 def render(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("loops")],
     output: Annotated[
         str,
         output_file(
@@ -111,7 +111,7 @@ def render(
     ],
     animation: AnimationOptions,
     look: Look,
-    release: ReleaseOptions,
+    release: Annotated[ReleaseOptions, Without("until")],
     stated: Stated,
 ) -> Result[RenderJson]:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
@@ -176,7 +176,7 @@ def render(
 
 
 def _released(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("loops")],
     output: str,
     animation: AnimationOptions,
     look: Look,

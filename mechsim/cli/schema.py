@@ -28,7 +28,6 @@ from mechsim import files
 from mechsim.cli.command import command, data_type
 from mechsim.cli.motion_warnings import AccuracyWarning
 from mechsim.cli.output import print_json
-from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
@@ -142,16 +141,13 @@ def schema(
         list[str] | None,
         typer.Argument(metavar="[COMMAND]", help="Command whose --json output is described."),
     ] = None,
-    output: Annotated[
-        str | None, output_file("Schema to write: .json. Default: the terminal.", ".json")
-    ] = None,
 ) -> None:
     """Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.
 
     Editors complete and check such files by it.
 
     Examples:
-    mechsim schema -o mechanism.schema.json
+    mechsim schema > mechanism.schema.json
     mechsim schema dynamics inverse
     """
     from mechsim.subjects.toml_keys import schema as toml_schema
@@ -159,8 +155,4 @@ def schema(
     name = " ".join(command_name) if command_name else None
     if name is not None and name not in output_types():
         raise InputError(f"there is no schema of {name!r}; choose from {', '.join(sorted(output_types()))}")
-    result = toml_schema() if name is None else output_schema(name)
-    if output is None:
-        print_json(result)
-    else:
-        files.write_json(output, result)
+    print_json(toml_schema() if name is None else output_schema(name))

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -112,7 +112,7 @@ class SensitivityJson(WithMasses):
 
 @command
 def sensitivity(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("track", "loops")],
     options: SensitivityOptions,
     stated: Stated,
     output: Annotated[str | None, table_file("Table of derivatives to write")] = None,

@@ -15,7 +15,7 @@ from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
 from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, with_policy
-from mechsim.cli.output import Units, in_units, number, output_units, print_text
+from mechsim.cli.output import number, print_text
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import RunJson
@@ -23,7 +23,7 @@ from mechsim.cli.verdict_text import headline, motion_law_of_crank
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import CrankProfile, constant, interval_around
-from mechsim.model.scene import Level, Scene
+from mechsim.model.scene import Scene
 from mechsim.simulation.run import Run
 from mechsim.simulation.run import simulate as run_in_mujoco
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
@@ -33,7 +33,7 @@ from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option, parse_length, parse_time
 
 # options without an effect on a file that is stepped under controls
-WITHOUT_CONTROLS = (*("units", "change_point", "scene", "sets", "poses", "method", "drive_inertia"),)
+WITHOUT_CONTROLS = ("change_point", "sets", "poses", "method", "drive_inertia")
 # options of time steps
 OF_STEPS = ("timestep", *option_names(SettingOptions))
 # options that apply to a crank only and are invalid with motion laws
@@ -90,9 +90,7 @@ def simulate(
     stated: Stated,
     setting: SettingOptions,
     controls: ControlOptions,
-    scene: str = option("motion", "Detail of the MuJoCo model: pose, motion, dynamics or picture."),
     change_point: ChangePointOption = None,
-    units: Units = None,
     output: Annotated[str | None, table_file("Motion to write")] = None,
 ) -> Result[RunJson]:
     """Run a mechanism in MuJoCo under a driven crank, or under motion laws of its drivers.
@@ -112,23 +110,21 @@ def simulate(
         plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, output)
     stated.exclude(OF_STEPS, "with --method pose, which takes no steps", options.method == "pose")
-    stated.exclude(["units"], "without -o", output is None)
     solver = with_policy(source.load(), change_point)
-    model_scene, shown = Scene(level=cast("Level", scene), forces=solver.forces), output_units(units, solver)
+    model_scene = Scene(level="motion", forces=solver.forces)
     motion = _motion(solver, options, stated)
     if motion is None:
         run, laws = _poses(solver, options, model_scene), None
     else:
         run = _run(solver, motion, options, settings, model_scene)
         laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
-    stated.exclude(["scene"], "on solved poses", run.method == "pose")
     findings = scene_findings(solver, laws)
     few = None if motion is None or run.motion.broken else loss_of_significance(solver, run.motion)
     # the file is written last, so that invalid input writes nothing
     if output is not None:
         joints = with_all_joints(solver.mechanism, run.motion)
         table = joints if motion else Poses(joints)
-        files.write_table(output, in_units(table.columns(), joints.column_units(), shown))
+        files.write_table(output, dict(table.columns()))
 
     method, unit = ("solved poses",) * 2 if run.method == "pose" else ("stepped", "time steps")
 

@@ -39,7 +39,7 @@ from mechsim.studies.release import frequency_response, mode_motions
 from mechsim.units import option
 from mechsim.verdict.checks import Check, Verdict
 
-AtRest = Annotated[ModelOptions, Without("drive", "track", "duration")]
+AtRest = Annotated[ModelOptions, Without("drive", "track", "duration", "loops")]
 InitialConfiguration = Annotated[InitialOptions, Without("until")]
 # imaginary parts of a mode shape below this fraction of its largest amplitude are rounding errors
 REAL = 1e-6

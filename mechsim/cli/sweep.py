@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NotRequired
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.load_options import InitialOptions, masses_in_json, print_masses
 from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
@@ -89,12 +89,12 @@ class SweepJson(WithMasses):
 
 @command
 def sweep(
-    source: ModelOptions,
+    source: Annotated[ModelOptions, Without("track", "loops")],
     output: Annotated[str, output_file("Table to write: .nc or .csv.")],
     options: SweepOptions,
     *,
     stated: Stated,
-    release: InitialOptions,
+    release: Annotated[InitialOptions, Without("until")],
 ) -> Result[SweepJson]:
     """Measure many designs of a mechanism; write a table.
 
@@ -123,7 +123,6 @@ def sweep(
         samples=options.samples,
         speed=crank_speed(options.speed),
         initial=dict(release.initial),
-        until=release.until,
         **({"duration": duration} if released else {}),
     )
     _exclude_without_effect(stated, task)

@@ -1,21 +1,12 @@
 """Command `mechsim trace`: every assembly of a mechanism as closed curves."""
 
 import math
-from collections.abc import Iterable
 from typing import Annotated, Any, TypedDict
 
 from mechsim import files
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import ModelOptions, require_other_drivers
-from mechsim.cli.output import (
-    Units,
-    Value,
-    in_units,
-    number,
-    output_units,
-    print_table,
-    print_text,
-)
+from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
@@ -68,15 +59,13 @@ class TraceJson(TypedDict):
 
 @command
 def trace(
-    source: Annotated[ModelOptions, Without("duration")],
-    stated: Stated,
+    source: Annotated[ModelOptions, Without("duration", "track", "loops")],
     output: Annotated[str | None, table_file("Table of the curves to write")] = None,
     plot: Annotated[str | None, plot_file("Plot the curves")] = None,
     coordinates: str | None = option(
         None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
     ),
     starts: int = option(STARTS, "Random starts of the search for assemblies."),
-    units: Units = None,
 ) -> Result[TraceJson]:
     """Trace all assemblies of a mechanism with one DOF as closed curves, past every dead centre.
 
@@ -91,10 +80,8 @@ def trace(
     """
     if plot is None and coordinates is not None:
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
-    stated.exclude(["units"], "without -o", output is None)
     require_other_drivers(source.model, source.sets, source)
     solver = source.load()
-    shown = output_units(units, solver)
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))
     with progress("trace", None, at_least=True) as report:
         curves = trace_assemblies(solver, starts=starts, progress=report)
@@ -104,16 +91,9 @@ def trace(
             table = assembly_table(curves, tables)
             plots.write(plot, plots.assembly_plot(table, over or usual_columns(curves, table)))
         if output is not None:
-            table = joined(tables)
-            files.write_table(output, in_units(table.items(), _units(curves, table), shown))
+            files.write_table(output, joined(tables))
     data: Any = {**trace_record(curves), "output": output, "plot": plot}
     return Result(data, lambda: _print(curves), files=[output, plot])
-
-
-def _units(trace: AssemblyTrace, names: Iterable[str]) -> dict[str, str]:
-    """Return the SI units of the columns of a table of curves."""
-    units = dict.fromkeys(names, "m") | {"component": "", "arc": "", "angle": "rad"}
-    return units | {column.name: column.unit for column in trace.curves[0].joints.columns}
 
 
 def _print(trace: AssemblyTrace) -> None:

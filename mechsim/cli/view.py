@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import (
     ReleaseOptions,
     exclude_without_effect,
     released_model,
 )
-from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric
+from mechsim.cli.options import SPEED, ModelOptions, load_parametric
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
@@ -38,14 +38,13 @@ class ViewJson(Written):
 
 @command
 def view(
-    source: ModelOptions,
-    release: ReleaseOptions,
+    source: Annotated[ModelOptions, Without("loops")],
+    release: Annotated[ReleaseOptions, Without("until")],
     stated: Stated,
     output: Annotated[
         str | None,
         output_file("Page to write: .html. Default: a temporary page, opened in the browser.", ".html"),
     ] = None,
-    speed: Speed = SPEED,
     up: str | None = option(
         None, "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.", metavar="AXIS"
     ),
@@ -65,9 +64,9 @@ def view(
 
     require_axis("--up", up)
     path = None if output is None else Path(output)
-    contents = replace(_contents(source, release, stated, speed), up=up)
+    contents = replace(_contents(source, release, stated), up=up)
     if live:
-        contents = _live(contents, source, release, speed)
+        contents = _live(contents, source, release)
     browser = None
     if path is None:
         browser = _browser()
@@ -82,7 +81,7 @@ def view(
     return Result(data, lambda: typer.echo(text))
 
 
-def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated, speed: str) -> "View":
+def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> "View":
     """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.pictures.render.drawn_model import without_geoms
     from mechsim.report.driver_views import release_view
@@ -93,22 +92,20 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated, spe
         model = released_model(source)
         return release_view(release.release(model, source), release.mode)
     solver = source.load()
-    turning = solver.motion_laws.crank and solver.mechanism.has_crank
-    stated.exclude(["speed"], "without a crank at constant speed", not turning)
-    contents = model_view(solver, crank_speed(speed))
+    contents = model_view(solver, crank_speed(SPEED))
     notes.extend(without_geoms(solver, contents.bodies))
     return contents
 
 
-def _live(contents: "View", source: ModelOptions, release: ReleaseOptions, speed: str) -> "View":
+def _live(contents: "View", source: ModelOptions, release: ReleaseOptions) -> "View":
     """Return the contents of a page with its own solver."""
     from mechsim.report.views import live_view
     from mechsim.subjects.readers import open_model
 
     if release.requested:
-        raise InputError("--live moves a mechanism by its drivers; leave --initial, --until and --mode out")
+        raise InputError("--live moves a mechanism by its drivers; leave --initial and --mode out")
     designs = load_parametric(source.model, source.sets, source, moving=False)
-    return live_view(contents, open_model(source.model), source.load(), designs, crank_speed(speed))
+    return live_view(contents, open_model(source.model), source.load(), designs, crank_speed(SPEED))
 
 
 def _browser() -> webbrowser.BaseBrowser | None:

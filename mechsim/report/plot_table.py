@@ -39,7 +39,6 @@ ERROR_SAMPLES = 180
 class PlotOptions:
     """Options of a plot."""
 
-    method: str = option("closed", "Motion to draw: closed (analytic) or simulated (MuJoCo).", name="--from")
     coordinates: tuple[str, ...] | None = option(
         None, "Quantities to draw: P.x, rocker.v, distance:P,Q.", read=quantity_names, name="--of"
     )
@@ -81,11 +80,6 @@ class PlotSource:
         if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
         return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"
-
-    @property
-    def requested_motion(self) -> Motion:
-        """The motion by the selected method."""
-        return self.motion(self.options.method)
 
     def study(self) -> "InverseDynamics":
         """Return drive torque and reactions under the default forces of `mechsim dynamics`."""
@@ -156,12 +150,10 @@ def _quantities(source: PlotSource) -> "Figure":
     names = source.options.coordinates
     if not names:
         raise InputError("no quantity is named; give --of, as in --of distance:P,Q,rocker.v")
-    motion = source.motion(source.options.method, SAMPLES)
+    motion = source.motion("closed")
     quantities = [numeric_quantity(name, source.solver.mechanism) for name in names]
     columns = record_columns(motion, quantities)
     if any(quantity.loaded for quantity in quantities):
-        if source.options.method != "closed":
-            raise InputError("forces are plotted of the closed form; leave out --from")
         columns |= dict(source.study().columns())
     values = {quantity: quantity.number(columns) for quantity in quantities}
     return plots.quantity_plot(motion, _labelled(values))
@@ -184,23 +176,18 @@ PLOTS = {
     ),
     "motion": PlotKind(
         "displacement, velocity and acceleration",
-        lambda source: plots.motion_plot(source.requested_motion),
-        ("method",),
+        lambda source: plots.motion_plot(source.motion("closed")),
         on_page=True,
     ),
     "curve": PlotKind(
         "paths of the tracked points",
-        lambda source: plots.coupler_curve(source.solver.mechanism, source.requested_motion),
-        ("method",),
+        lambda source: plots.coupler_curve(source.solver.mechanism, source.motion("closed")),
         on_page=True,
     ),
     "schematic": PlotKind(
         "kinematic diagram",
-        lambda source: plots.schematic_plot(source.solver.mechanism, source.requested_motion),
-        ("method",),
+        lambda source: plots.schematic_plot(source.solver.mechanism, source.motion("closed")),
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, transmission=True),
-    "quantities": PlotKind(
-        "quantities that --of names, over the motion", _quantities, ("coordinates", "method")
-    ),
+    "quantities": PlotKind("quantities that --of names, over the motion", _quantities, ("coordinates",)),
 }

@@ -82,9 +82,8 @@ def test_a_follower_in_a_groove_does_not_lift_off(tmp_path):
 
 def test_a_ball_on_a_rope_bounces_and_comes_to_rest(tmp_path, mechsim):
 
-    path = written(tmp_path, BALL)
-    arguments = ["dynamics", "forward", path, "--initial", "ball.v=2", "--json"]
-    answer = mechsim(*arguments, "--restitution", "0.5", "--samples", "61")
+    path = written(tmp_path, BALL.replace("rope = {", "restitution = 0.5\nrope = {"))
+    answer = mechsim("dynamics", "forward", path, "--initial", "ball.v=2", "--samples", "61", "--json")
     assert answer.code == 0
     data = json.loads(answer.out)
     falls = 2 * 2 / G * np.cumsum(0.5 ** np.arange(6))

@@ -64,6 +64,13 @@ def test_undetermined_dimensions_have_exit_code_1(fit, table):
     assert "unknown" in out
 
 
+def test_the_zero_of_the_encoder_is_identified_by_its_name(fit, table):
+    code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,crank.offset", "--json")
+    assert code == 0, err
+    assert abs(json.loads(out)["dimensions"]["crank.offset"]["value"]) < 1e-5
+    assert "coupler" in json.loads(out)["dimensions"]
+
+
 @pytest.mark.parametrize(
     ("options", "output"),
     [

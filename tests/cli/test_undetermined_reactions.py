@@ -101,9 +101,7 @@ def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, tmp_pa
 def test_the_table_has_the_torques_of_actuators(mechsim, tmp_path):
     table = tmp_path / "table.csv"
     options = ("--method", "none", "--samples", "8", "-o", str(table))
-    out = mechsim(
-        "dynamics", "inverse", "four_bar", "--actuators", "crank,rocker=2", *options, "--units", "deg"
-    ).out
+    out = mechsim("dynamics", "inverse", "four_bar", "--actuators", "crank,rocker=2", *options).out
     assert "drive torque alone" in out
     header = table.read_text().splitlines()[0]
     assert "actuator crank" in header
