@@ -31,8 +31,8 @@ from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
 # fewest and most MuJoCo steps for each step of collocation. A pendulum needs 1500 in a period, for which
 # collocation needs 5 (validation/published/forward_dynamics.py); a collocation step that loads over time keep
-# short needs fewer.
-MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
+# short needs fewer, and the tolerance with Coulomb friction is reached by fewer.
+MIN_STEPS_PER_STEP, MIN_WITH_FRICTION, STEPS_PER_STEP = 20, 2, 300
 # number of steps in C for each step of collocation: 2.7 to 5.3 in runs of half a second of four_bar,
 # slider_crank, rssr, watt_six_bar, jansen and scotch_yoke. Least number of steps of collocation in a segment:
 # the first ones are short in both, 8 to 9 in each segment of a screw between stops
@@ -226,7 +226,9 @@ def _compared_with_mujoco(
     least = STEPS_PER_SEGMENT * len(run.segments)
     steps = max(run.steps // STEPS_IN_C, least) if run.executed == "C" else run.steps
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * steps) // intervals
-    substeps = max(1, min(most, MIN_STEPS_PER_STEP * steps // intervals))
+    rubbing = any(friction.dry for friction in dynamic_model.forces.friction)
+    fewest = MIN_WITH_FRICTION if rubbing and tolerance is None else MIN_STEPS_PER_STEP
+    substeps = max(1, min(most, fewest * steps // intervals))
     coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()
     floor = _floor(run, dynamic_model, coarse, tolerance)
     enough = KINKED if tolerance is None and any(a.limited for a in dynamic_model.forces.actuators) else 1.0

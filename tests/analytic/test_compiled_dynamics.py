@@ -119,6 +119,25 @@ def test_friction_by_the_curve_of_stribeck_is_the_same_in_c_and_in_numpy(model):
     assert np.abs(result - constant_friction).max() > 1e-2 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("model", ["four_bar", "slider_crank", "rssr", "rrsrr"])
+def test_friction_by_the_load_is_the_same_in_c_and_in_numpy(model):
+    joints = ms.load(model).mechanism.joints
+    pins = {"coefficient": 0.1, "pin_radius": 4e-3}
+    collars = {"collar_radius": 3e-3, "bearing_length": 0.05}
+    falling = {"static": 0.15, "stribeck": 0.8, "coulomb": 0.01}
+    frictions = [
+        Friction(joint.name, **pins, **(collars | falling if KINDS[joint.kind].single else {}))
+        for joint in joints
+        if KINDS[joint.kind].single or (KINDS[joint.kind].ball and KINDS[joint.kind].pivot)
+    ]
+    forces = Forces(friction=tuple(frictions), crank_torque=constant(0.7))
+    for seed in range(3):
+        expected, result = both(model, seed, forces)
+        assert np.abs(result - expected).max() <= 1e-9 * np.abs(expected).max()
+    without, _ = both(model, 0, Forces(crank_torque=constant(0.7)))
+    assert np.abs(both(model, 0, forces)[1] - without).max() > 1e-3 * np.abs(without).max()
+
+
 WRITTEN = SpringLaw(30.0, 0.01, 0.2, 0.5, "k*(l**2 + sin(l)) + 0.1*v*abs(v)", ("k",), (4.0,))
 
 

@@ -60,7 +60,10 @@ SUPPORTED: dict[type, set[str]] = {
         *("name", "gear", "control", "gain", "bias", "direct", "inflow", "start", "inertia", "text"),
         *("control_range", "state_range", "force_range"),
     },
-    Friction: {"joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn", "static", "stribeck"},
+    Friction: {
+        *("joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn", "static", "stribeck"),
+        *("coefficient", "pin_radius", "collar_radius", "bearing_length"),
+    },
     Spring: {"a", "b", "stiffness", "rest", "damping"},
     JointSpring: {"joint", "stiffness", "rest"},
     Load: {"location", "force"},
@@ -150,8 +153,9 @@ RESISTANCE = np.dtype(
     [
         ("a", SIDE),
         ("b", SIDE),
-        *((name, _INT) for name in ("motion", "column", "friction", "hinge")),
+        *((name, _INT) for name in ("motion", "column", "friction", "hinge", "loaded", "branch", "cut")),
         *((name, _REAL) for name in ("stiffness", "rest", "viscous", "coulomb", "at_rest", "stribeck")),
+        ("load", _REAL, 4),
     ],
     align=True,
 )
@@ -179,7 +183,7 @@ LOAD = np.dtype(
 COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
     *("rows", "springs", "resistances", "loads", "crank"),
-    *("controllers", "actuators", "states", "rotating", "nonlinear_springs"),
+    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded"),
 )
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
@@ -254,6 +258,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
     torque, derivative = _crank_torque(equations)
     moved, added = [_moved(cut) for cut in loops.cuts], Instructions()
     actuated, gears = actuators(equations, added)
+    resistances = _resistances(equations)
     tables = {
         "branches": _branches(equations),
         "coordinates": _coordinates(equations),
@@ -263,7 +268,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "weights": np.array([[row.left_weights, row.right_weights] for row in loops.couplings], dtype=float),
         "inertias": _inertias(equations),
         "spring": spring_table(equations),
-        "resistance": _resistances(equations),
+        "resistance": resistances,
         "load": _loads(equations, added),
         "controller": controllers(equations, added),
         "nonlinear_spring": _nonlinear_springs(equations, added),
@@ -286,6 +291,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         int(actuated["has_state"].sum()),
         int(tables["rotors"].any()),
         len(tables["nonlinear_spring"]),
+        int(resistances["loaded"].sum()),
     )
     data = ModelData(
         **dict(zip(COUNTS, numbers, strict=True)),
@@ -510,6 +516,25 @@ def _sides_of(equations: EquationsOfMotion, joint: Joint) -> dict[str, Any]:
     return {name: _side(_index(equations, end.link), end) for name, end in (("a", joint.a), ("b", joint.b))}
 
 
+def _load_factors(equations: EquationsOfMotion, friction: Friction, joint: Joint) -> dict[int, Array]:
+    """Return coordinate -> factors of force and moment, across and along the axis, in its friction, (4,)."""
+    if not friction.coefficient:
+        return {}
+    if equations.model.mechanism.named_laws:
+        raise NotCompiledError("coefficients of friction besides couplings")
+    maps = {i: terms[0].sum(0) for i, terms in friction.loads(joint, np.eye(3)[2:])}
+    return {i: total[[0, 2, 0, 2], [0, 2, 3, 5]] for i, total in maps.items()}
+
+
+def _where(equations: EquationsOfMotion, joint: Joint) -> dict[str, int]:
+    """Return the number of a joint's branch, -1 for one that closes a loop, and that of its cut."""
+    loops = equations.loops
+    branches = [branch.joint.name for branch in loops.tree.branches]
+    if joint.name in branches:
+        return {"branch": branches.index(joint.name)}
+    return {"branch": -1, "cut": [cut.joint.name for cut in loops.cuts].index(joint.name)}
+
+
 def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     mechanism, forces, rows = equations.model.mechanism, equations.model.forces, list[dict[str, Any]]()
     numbers = {
@@ -519,7 +544,7 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
         raise NotCompiledError("several frictions in one joint")
     for friction in forces.friction:
         joint = mechanism.joint(friction.joint)
-        slides = KINDS[joint.kind].slides
+        slides, loads = KINDS[joint.kind].slides, _load_factors(equations, friction, joint)
         for i, (viscous, coulomb) in enumerate(friction.sizes(KINDS[joint.kind])):
             kind = KINDS[joint.kind]
             turning = BALL if kind.ball else FIRST_AXIS + i if kind.crossed else ROTATION
@@ -527,12 +552,14 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
                 **_sides_of(equations, joint),
                 "motion": SLIDE if i < len(slides) else turning,
                 "column": COLUMN[slides[i]] if i < len(slides) else 2,
-                "friction": numbers[joint.name, i] if coulomb else -1,
+                "friction": numbers.get((joint.name, i), -1),
                 "viscous": viscous,
                 "coulomb": coulomb,
                 "at_rest": friction.ratio_at_rest,
                 "stribeck": friction.stribeck,
             }
+            if i in loads:
+                row |= {"loaded": 1, "load": loads[i], **_where(equations, joint)}
             rows.append(row)
     for spring in forces.joint_springs:
         joint = mechanism.joint(spring.joint)

@@ -53,11 +53,13 @@ typedef struct {
 } Spring;
 
 /* spring, viscous and Coulomb friction along one coordinate of a joint in tree or loop; at rest Coulomb friction
-   is `at_rest` times as large, and it falls with the rate as Stribeck's curve if `stribeck` is above zero */
+   is `at_rest` times as large, and it falls with the rate as Stribeck's curve if `stribeck` is above zero. If
+   `loaded`, the magnitudes of force and moment across and along the axis, times `load`, are added to `coulomb`;
+   the joint is that of branch `branch`, or of cut `cut` if that is -1 */
 typedef struct {
     Side a, b;
-    int motion, column, friction, hinge;
-    double stiffness, rest, viscous, coulomb, at_rest, stribeck;
+    int motion, column, friction, hinge, loaded, branch, cut;
+    double stiffness, rest, viscous, coulomb, at_rest, stribeck, load[4];
 } Resistance;
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
 
@@ -92,7 +94,7 @@ typedef struct {
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
-    int controllers, actuators, states, rotating, nonlinear_springs;
+    int controllers, actuators, states, rotating, nonlinear_springs, loaded;
     const Branch *branches;
     const Coordinate *coordinates;
     const Cut *cut;
@@ -117,6 +119,10 @@ typedef struct {
     double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
     /* forces of controllers and actuators on all coordinates, and rates of the actuators' states */
     double *applied, *inflow;
+    /* of friction by the load: each link's inertia, wrench of each row of a cut, multipliers, and forces on links;
+       magnitudes, their changes of the accelerations, and terms of the loads, without them and by a unit of each */
+    double *own, *across, *multiplier, *found, *twisting, *carried, *pull, *push, *magnitude, *moved, *terms;
+    double *moving;
     /* of the elimination: what is left of the rows; columns and numbers of entries of the reflectors, columns
        that they eliminate, and whether one does */
     double *norms;
@@ -295,6 +301,7 @@ static void set_cut_row(const Model *m, Work *w, const Cut *cut, int i, int row,
     for (int j = 3; j < 6; j++) wrench[j] *= cut->unit[i];
     double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
     w->residual[row] = dot(u, length ? gap : v) * cut->unit[i] - cut->target[i];
+    if (m->loaded) memcpy(w->across + 6 * row, wrench, sizeof wrench);
     double *out = w->rows + row * m->free;
     memset(out, 0, m->free * sizeof(double));
     for (int c = cut->first_column; c < cut->first_column + cut->columns; c++) {
@@ -380,11 +387,6 @@ static void add_force(const Work *w, int link, const double *point, double size,
     add_cross(point, force, w->force + 6 * link + 3);
 }
 
-static void add_couple(const Work *w, const Resistance *r, double size, const double *direction) {
-    if (r->b.link >= 0) add_scaled(3, size, direction, w->force + 6 * r->b.link + 3);
-    if (r->a.link >= 0) add_scaled(3, -size, direction, w->force + 6 * r->a.link + 3);
-}
-
 /* spatial inertias (mass, first moment, inertia matrix) and wrenches of weight and inertia at constant rates */
 static void set_bodies(const Model *m, Work *w) {
     w->potential = w->kinetic = 0.0;
@@ -462,33 +464,47 @@ static double hinge_angle(const Work *w, const Resistance *r) {
     return atan2(dot(y, reference), dot(x, reference));
 }
 
-static void add_resistance(const Resistance *r, const double *sliding, Work *w) {
-    double axis[3], a[3], b[3], va[3], vb[3], rate, value = 0.0, direction = r->friction < 0 ? 0.0 : sliding[r->friction];
-    if (r->motion == SLIDE) {
-        locate(w, r->a.link, r->a.point, a, va);
-        locate(w, r->b.link, r->b.point, b, vb);
-        column_of(w, &r->a, r->column, axis);
-        double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, carried[3];
-        cross(spin_of(w, r->a.link), gap, carried);
-        for (int i = 0; i < 3; i++) carried[i] += va[i];
-        rate = dot(axis, vb) - dot(axis, carried), value = dot(axis, gap);
-    } else {
-        rate = turning(w, r, axis);
-        if (r->hinge && r->stiffness != 0.0) value = hinge_angle(w, r);
+/* axis, rate and value of the motion that a resistance opposes, and the wrench of a unit force along it */
+static double along_resistance(const Resistance *r, const Work *w, double *rate, double *wrench) {
+    double axis[3], a[3], b[3], va[3], vb[3], value = 0.0;
+    memset(wrench, 0, 6 * sizeof(double));
+    if (r->motion != SLIDE) {
+        *rate = turning(w, r, wrench + 3);
+        return r->hinge && r->stiffness != 0.0 ? hinge_angle(w, r) : value;
     }
+    locate(w, r->a.link, r->a.point, a, va);
+    locate(w, r->b.link, r->b.point, b, vb);
+    column_of(w, &r->a, r->column, axis);
+    double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, carried[3];
+    cross(spin_of(w, r->a.link), gap, carried);
+    for (int i = 0; i < 3; i++) carried[i] += va[i];
+    *rate = dot(axis, vb) - dot(axis, carried);
+    memcpy(wrench, axis, sizeof axis);
+    cross(b, axis, wrench + 3);
+    return dot(axis, gap);
+}
+
+/* a wrench on side b, and its opposite on side a */
+static void act(double *force, const Side *a, const Side *b, double size, const double *wrench) {
+    if (b->link >= 0) add_scaled(6, size, wrench, force + 6 * b->link);
+    if (a->link >= 0) add_scaled(6, -size, wrench, force + 6 * a->link);
+}
+
+/* Coulomb friction at a rate relative to that in fast motion */
+static double slowness(const Resistance *r, double rate) {
+    double relative = r->stribeck > 0.0 ? rate / r->stribeck : INFINITY;
+    return 1.0 + (r->at_rest - 1.0) * exp(-relative * relative);
+}
+
+static void add_resistance(const Resistance *r, const double *sliding, Work *w) {
+    double wrench[6], rate, direction = r->friction < 0 ? 0.0 : sliding[r->friction];
+    double value = along_resistance(r, w, &rate, wrench);
     double stretch = r->stiffness != 0.0 ? value - r->rest : 0.0;
     if (r->hinge) stretch -= REVOLUTION * rint(stretch / (REVOLUTION));
-    double relative = r->stribeck > 0.0 ? rate / r->stribeck : INFINITY;
-    double coulomb = r->coulomb * (1.0 + (r->at_rest - 1.0) * exp(-relative * relative));
-    double lost = r->viscous * rate + coulomb * direction, effort = -lost - r->stiffness * stretch;
+    double lost = r->viscous * rate + r->coulomb * slowness(r, rate) * direction;
     w->potential += 0.5 * r->stiffness * stretch * stretch;
     w->power_lost += lost * rate;
-    if (r->motion != SLIDE) {
-        add_couple(w, r, effort, axis);
-        return;
-    }
-    add_force(w, r->b.link, b, effort, axis);
-    add_force(w, r->a.link, b, -effort, axis);
+    act(w->force, &r->a, &r->b, -lost - r->stiffness * stretch, wrench);
 }
 
 static void add_load(const Model *m, const Load *load, const double *rates, Work *w) {
@@ -589,9 +605,17 @@ static void set_forces(const Model *m, Work *w, const double *rates, const doubl
     }
 }
 
+static void set_momentum(const double *inertia, const double *twist, double *momentum) {
+    for (int j = 0; j < 3; j++) momentum[j] = inertia[0] * twist[j];
+    add_cross(twist + 3, inertia + 1, momentum);
+    rotate(inertia + 4, twist + 3, momentum + 3);
+    add_cross(inertia + 1, twist, momentum + 3);
+}
+
 /* mass matrix by composite rigid bodies, and generalised forces, from the leaves to the ground */
 static void set_equations(const Model *m, Work *w, const double *rates) {
     memset(w->mass, 0, m->free * m->free * sizeof(double));
+    if (m->loaded) memcpy(w->own, w->inertia, 13 * m->links * sizeof(double));
     for (int i = m->links - 1; i >= 0; i--) {
         const Branch *b = m->branches + i;
         double *inertia = w->inertia + 13 * b->child, *force = w->force + 6 * b->child;
@@ -599,10 +623,8 @@ static void set_equations(const Model *m, Work *w, const double *rates) {
             int column = m->coordinates[k].column;
             if (column < 0) continue;
             const double *s = w->unit_twist + 6 * k;
-            double momentum[6] = {inertia[0] * s[0], inertia[0] * s[1], inertia[0] * s[2]};
-            add_cross(s + 3, inertia + 1, momentum);
-            rotate(inertia + 4, s + 3, momentum + 3);
-            add_cross(inertia + 1, s, momentum + 3);
+            double momentum[6];
+            set_momentum(inertia, s, momentum);
             w->effort[column] = inner(6, s, force);
             int last = b->first + b->slides + b->turns;
             for (const Branch *p = b; p;) {
@@ -699,20 +721,47 @@ static void least_norm(int n, Work *w, double sign, const double *right, double 
     reflect(n, w, x);
 }
 
-/* Cholesky solution in place; 0 if the matrix is not positive definite */
-static int solve_positive(int n, double *a, double *x) {
+/* Cholesky factor in place; 0 if the matrix is not positive definite */
+static int factor_positive(int n, double *a) {
     for (int i = 0; i < n; i++)
         for (int j = 0; j <= i; j++) {
             double value = a[i * n + j] - inner(j, a + i * n, a + j * n);
             if (i == j && !(value > 0.0)) return 0;
             a[i * n + j] = i == j ? sqrt(value) : value / a[j * n + j];
         }
+    return 1;
+}
+
+static void solve_positive(int n, const double *a, double *x) {
     for (int i = 0; i < n; i++) x[i] = (x[i] - inner(i, a + i * n, x)) / a[i * n + i];
     for (int i = n - 1; i >= 0; i--) {
         for (int j = i + 1; j < n; j++) x[i] -= a[j * n + i] * x[j];
         x[i] /= a[i * n + i];
     }
-    return 1;
+}
+
+/* adds the accelerations that forces on the free coordinates cause within the loops; sets the multipliers of the
+   independent rows, those of the others are zero */
+static void respond(const Model *m, Work *w, const double *effort, double *acceleration) {
+    int n = m->free, free = n - w->rank;
+    double *left = w->basis + n * n, *right = left + n;
+    for (int i = 0; i < free; i++) right[i] = inner(n, w->basis + i * n, effort);
+    solve_positive(free, w->reduced, right);
+    for (int i = 0; i < free; i++) add_scaled(n, right[i], w->basis + i * n, acceleration);
+    if (!m->loaded) return;
+    /* J' lambda = M a - Q with J = L H' */
+    for (int i = 0; i < n; i++) {
+        left[i] = -effort[i];
+        for (int j = 0; j < free; j++) left[i] += right[j] * w->moving[j * n + i];
+    }
+    for (int k = 0; k < w->rank; k++) reflect_one(w, k, n, left);
+    memset(w->multiplier, 0, m->rows * sizeof(double));
+    for (int k = w->rank - 1; k >= 0; k--) {
+        double value = left[w->pivots[k]];
+        for (int i = k + 1; i < w->rank; i++) value -= w->triangle[i * n + k] * w->found[i];
+        w->found[k] = value / w->triangle[k * n + k];
+        if (w->order[k] < m->rows) w->multiplier[w->order[k]] = w->found[k];
+    }
 }
 
 /* accelerations of the free coordinates, M a = Q + J' lambda with J a + gamma = 0, in `vector` */
@@ -720,21 +769,149 @@ static int accelerate(const Model *m, Work *w, int rows) {
     int n = m->free;
     factor(rows, n, w);
     least_norm(n, w, -1.0, w->gamma, w->vector);
-    int free = n - w->rank;
-    double *moved = w->basis + n * n, *right = moved + n;
-    int column = 0;
+    int free = n - w->rank, column = 0;
     for (int i = 0; i < n; i++) w->effort[i] -= inner(n, w->mass + i * n, w->vector);
     for (int i = 0; i < free; i++) {
-        double *along = w->basis + i * n;
+        double *along = w->basis + i * n, *moving = w->moving + i * n;
         memset(along, 0, n * sizeof(double));
         while (w->eliminated[column]) column++;
         along[column++] = 1.0;
         reflect(n, w, along);
-        for (int j = 0; j < n; j++) moved[j] = inner(n, w->mass + j * n, along);
-        for (int j = 0; j <= i; j++) w->reduced[i * free + j] = inner(n, moved, w->basis + j * n);
-        right[i] = inner(n, along, w->effort);
+        for (int j = 0; j < n; j++) moving[j] = inner(n, w->mass + j * n, along);
+        for (int j = 0; j <= i; j++) w->reduced[i * free + j] = inner(n, moving, w->basis + j * n);
     }
-    if (!solve_positive(free, w->reduced, right)) return 0;
-    for (int i = 0; i < free; i++) add_scaled(n, right[i], w->basis + i * n, w->vector);
+    if (!factor_positive(free, w->reduced)) return 0;
+    respond(m, w, w->effort, w->vector);
+    return 1;
+}
+
+/* wrenches on links become those on all links that each joint carries */
+static void collect(const Model *m, double *force) {
+    for (int i = m->links - 1; i >= 0; i--) {
+        const Branch *b = m->branches + i;
+        if (b->parent >= 0) add_scaled(6, 1.0, force + 6 * b->child, force + 6 * b->parent);
+    }
+}
+
+/* terms of the loads, (loaded, 4, 3), under accelerations, multipliers, and collected wrenches on the links */
+static void set_terms(const Model *m, Work *w, const double *acceleration, const double *collected, double *terms) {
+    memset(w->carried, 0, 6 * m->links * sizeof(double));
+    for (int c = 0, row = 0; c < m->cuts; c++)
+        for (int i = 0; i < m->cut[c].rows; i++, row++)
+            act(w->carried, &m->cut[c].a, &m->cut[c].b, -w->multiplier[row], w->across + 6 * row);
+    for (int i = 0; i < m->links; i++) {
+        const Branch *b = m->branches + i;
+        double *twist = w->twisting + 6 * b->child, momentum[6];
+        memcpy(twist, b->parent < 0 ? STILL : w->twisting + 6 * b->parent, 6 * sizeof(double));
+        for (int k = b->first; k < b->first + b->slides + b->turns; k++)
+            if (m->coordinates[k].column >= 0)
+                add_scaled(6, acceleration[m->coordinates[k].column], w->unit_twist + 6 * k, twist);
+        set_momentum(w->own + 13 * b->child, twist, momentum);
+        add_scaled(6, 1.0, momentum, w->carried + 6 * b->child);
+    }
+    collect(m, w->carried);
+    for (int i = 0; i < m->resistances; i++) {
+        const Resistance *r = m->resistance + i;
+        double wrench[6] = {0.0}, point[3], axis[3] = {0.0};
+        if (!r->loaded) continue;
+        if (r->branch >= 0) {
+            const Branch *b = m->branches + r->branch;
+            double sign = b->forward ? 1.0 : -1.0;
+            add_scaled(6, sign, w->carried + 6 * b->child, wrench);
+            add_scaled(6, -sign, collected + 6 * b->child, wrench);
+        } else {
+            int row = 0;
+            for (int c = 0; c < r->cut; c++) row += m->cut[c].rows;
+            for (int k = row; k < row + m->cut[r->cut].rows; k++)
+                add_scaled(6, w->multiplier[k], w->across + 6 * k, wrench);
+        }
+        locate(w, r->b.link, r->b.point, point, NULL);
+        double moment[3];
+        cross(wrench, point, moment);
+        add_scaled(3, 1.0, moment, wrench + 3);
+        if (r->motion != BALL) column_of(w, &r->a, 2, axis);
+        for (int part = 0; part < 2; part++) {
+            double along = dot(axis, wrench + 3 * part);
+            for (int k = 0; k < 3; k++) {
+                terms[6 * part + k] = r->load[2 * part] * (wrench[3 * part + k] - along * axis[k]);
+                terms[6 * part + 3 + k] = r->load[2 * part + 1] * along * axis[k];
+            }
+        }
+        terms += 12;
+    }
+}
+
+/* largest number of iterations of the frictions by the load, and their relative change at convergence */
+#define FRICTION_ITERATIONS 1000
+#define BALANCED 1e-15
+
+/* whether the frictions contract: B^k 1 -> 0 with B_ij the change of friction i by a unit of friction j */
+static int contracts(int count, const double *terms, double *power, double *next) {
+    double largest = 1.0;
+    for (int i = 0; i < count; i++) power[i] = 1.0;
+    for (int k = 0; k < FRICTION_ITERATIONS && largest >= 1.0; k++) {
+        largest = 0.0;
+        for (int i = 0; i < count; i++) {
+            next[i] = 0.0;
+            for (int j = 0; j < count; j++)
+                for (int t = 0; t < 4; t++) {
+                    const double *change = terms + 12 * (count * (j + 1) + i) + 3 * t;
+                    next[i] += sqrt(dot(change, change)) * power[j];
+                }
+            largest = fmax(largest, next[i]);
+        }
+        memcpy(power, next, count * sizeof(double));
+    }
+    return largest < 1.0;
+}
+
+/* adds friction by the load, x_i = sum over t of |base_it + sum over j of change_ijt x_j|, by a fixed point from
+   the last one, as numerics/friction_balance.py; 0 without a unique solution */
+static int add_friction_by_load(const Model *m, Work *w, const double *sliding) {
+    int n = m->free, count = m->loaded, number = 0;
+    double *x = w->magnitude, *next = x + count, *rate = next + count, *ratio = rate + count;
+    set_terms(m, w, w->vector, w->force, w->terms);
+    for (int i = 0; i < m->resistances; i++) {
+        const Resistance *r = m->resistance + i;
+        if (!r->loaded) continue;
+        double wrench[6], *moved = w->moved + number * n, *terms = w->terms + 12 * count * (number + 1);
+        along_resistance(r, w, rate + number, wrench);
+        ratio[number] = slowness(r, rate[number]);
+        memset(w->pull, 0, 6 * m->links * sizeof(double));
+        act(w->pull, &r->a, &r->b, -sliding[r->friction], wrench);
+        collect(m, w->pull);
+        for (int k = 0; k < m->links; k++) {
+            const Branch *b = m->branches + k;
+            for (int c = b->first; c < b->first + b->slides + b->turns; c++)
+                if (m->coordinates[c].column >= 0)
+                    w->push[m->coordinates[c].column] = inner(6, w->unit_twist + 6 * c, w->pull + 6 * b->child);
+        }
+        memset(moved, 0, n * sizeof(double));
+        respond(m, w, w->push, moved);
+        set_terms(m, w, moved, w->pull, terms);
+        number++;
+    }
+    for (int j = 0; j <= count; j++)
+        for (int i = 0; i < 12 * count; i++) w->terms[12 * count * j + i] *= ratio[i / 12];
+    if (!contracts(count, w->terms, next, w->carried)) return 0;
+    double change = INFINITY, largest = 0.0;
+    for (int k = 0; k < FRICTION_ITERATIONS && !(change <= BALANCED * largest); k++) {
+        change = largest = 0.0;
+        for (int i = 0; i < count; i++) {
+            double value = 0.0;
+            for (int t = 0; t < 4; t++) {
+                const double *base = w->terms + 12 * i + 3 * t;
+                double term[3] = {base[0], base[1], base[2]};
+                for (int j = 0; j < count; j++) add_scaled(3, x[j], base + 12 * count * (j + 1), term);
+                value += sqrt(dot(term, term));
+            }
+            change = fmax(change, fabs(value - x[i])), largest = fmax(largest, value), x[i] = value;
+        }
+    }
+    for (int i = 0, j = 0; i < m->resistances; i++)
+        if (m->resistance[i].loaded) {
+            add_scaled(n, x[j], w->moved + j * n, w->vector);
+            w->power_lost += x[j] * sliding[m->resistance[i].friction] * rate[j], j++;
+        }
     return 1;
 }

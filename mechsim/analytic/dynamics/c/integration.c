@@ -82,7 +82,7 @@ static int positions(const Model *m) { return m->count + 4 * m->balls; }
 static int size_of(const Model *m) { return positions(m) + m->count + m->states + 2; }
 
 static Work *workspace(const Model *m, int resting) {
-    int n = m->free, k = m->count, rows = m->rows + resting;
+    int n = m->free, k = m->count, rows = m->rows + resting, loaded = m->loaded;
     struct { size_t offset, count; } parts[] = {
         {offsetof(Work, q), k}, {offsetof(Work, turns), 9 * m->balls}, {offsetof(Work, position), 3 * m->links},
         {offsetof(Work, rotation), 9 * m->links}, {offsetof(Work, unit_twist), 6 * k},
@@ -92,7 +92,12 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, mass), n * n}, {offsetof(Work, effort), n}, {offsetof(Work, reflectors), n * n},
         {offsetof(Work, triangle), n * n}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
         {offsetof(Work, reduced), n * n}, {offsetof(Work, applied), k}, {offsetof(Work, inflow), m->states},
-        {offsetof(Work, norms), rows}};
+        {offsetof(Work, norms), rows}, {offsetof(Work, moving), n * n}, {offsetof(Work, found), n},
+        {offsetof(Work, own), 13 * m->links}, {offsetof(Work, across), 6 * m->rows},
+        {offsetof(Work, multiplier), m->rows}, {offsetof(Work, twisting), 6 * m->links},
+        {offsetof(Work, carried), 6 * m->links + loaded}, {offsetof(Work, pull), 6 * m->links},
+        {offsetof(Work, push), n}, {offsetof(Work, magnitude), 4 * loaded}, {offsetof(Work, moved), n * loaded},
+        {offsetof(Work, terms), 12 * loaded * (loaded + 1)}};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i].count;
     char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + (2 * rows + n * n + 3 * n) * sizeof(int));
@@ -118,7 +123,7 @@ static int derive(const Model *m, Work *w, Run *run, double time, const double *
     int rows = set_rows(m, w, rates, run->resting, run->at_rest, stages);
     set_forces(m, w, rates, run->sliding, run->phase);
     set_equations(m, w, rates);
-    if (!accelerate(m, w, rows)) return FAILED;
+    if (!accelerate(m, w, rows) || (m->loaded && !add_friction_by_load(m, w, run->sliding))) return FAILED;
     for (int i = 0; i < rows && !stages; i++) w->dependent[w->order[i]] = i >= w->rank;
     if (!run->resting && (w->rank < run->rank || w->smallest < run->nearest)) return SINGULAR;
     memcpy(out, rates, m->count * sizeof(double));
