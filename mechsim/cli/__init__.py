@@ -26,8 +26,8 @@ FIRST_STEPS = {
 }
 # panel -> long names of its options; a command's own options come first, without a panel
 PANELS = {
-    "Model": "set lock fix-base key start loops track gravity load motor friction spring scene cut",
-    "Initial state": "initial until restitution budget controller",
+    "Model": "set lock fix-base key start loops track gravity load motor scene",
+    "Initial state": "initial until budget",
     "Motion": "drive ctrl speed turns angles angle at samples duration change-point",
     "Solver": "method tolerance timestep setting compliance drive-inertia budget seed",
     "Output": "output units json verbose plot report csv help",
@@ -180,7 +180,7 @@ FORMER = {
     "statics": "--statics --assemblies",
     "modes": "--modes",
     "response": "--response",
-    "forward": "--initial --until --free --motor --controller --of --restitution --budget",
+    "forward": "--initial --until --free --motor --of --budget",
 }
 # commands that import MuJoCo only when they run, so that their help does not need it
 LATE = ("doctor", "extremes", "view")

@@ -94,7 +94,7 @@ class InverseOptions:
 @command
 def inverse(
     source: Annotated[ModelOptions, Without("track")],
-    loads: Annotated[LoadOptions, Without("motor", "controller")],
+    loads: Annotated[LoadOptions, Without("motor")],
     options: InverseOptions,
     stated: Stated,
     verbose: Verbose = False,

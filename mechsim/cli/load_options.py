@@ -1,4 +1,4 @@
-"""Options for loads, motors, springs, friction, link masses, controls and initial states."""
+"""Options for loads, motors and initial states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, forces_of
+from mechsim.model.forces import Couple, Forces, Load, forces_of
 from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, Motor, PlainMotor
@@ -46,70 +46,28 @@ def gravity_of(text: str) -> tuple[float, float, float]:
     return values[0], values[1], values[2]
 
 
-def motor_of(text: str) -> Motor:
-    """Return a motor written as KIND:NUMBERS; one number more is its gear ratio."""
+def motor_of(text: str) -> Motor | Controller:
+    """Return a motor of the crank written as KIND:NUMBERS, or a torque on a joint written as J=EXPRESSION.
+
+    One number more than a kind has is the gear ratio.
+    """
+    joint, equals, expression = text.partition("=")
+    if equals and joint.strip():
+        return Controller(joint.strip(), expression)
     kind, _, rest = text.partition(":")
     numbers = rest.split(",") if rest else []
     _, motor, kinds = MOTORS.get(kind, ("", None, ()))
     if motor is None or len(numbers) not in (len(kinds), len(kinds) + 1):
         kinds_text = ", ".join(row[0] for row in MOTORS.values())
-        raise InputError(f"--motor is {text!r}; write {kinds_text}, each with a gear ratio if there is one")
+        raise InputError(
+            f"--motor is {text!r}; write {kinds_text}, each with a gear ratio if there is one, or "
+            "J=EXPRESSION, as in crank=-20*crank.q-2*crank.v"
+        )
     values = [
         units.parse(number, unit, "--motor") for number, unit in zip(numbers, (*kinds, "1"), strict=False)
     ]
     made = motor(*values[: len(kinds)])
     return made if len(values) == len(kinds) else Geared(made, values[-1])
-
-
-def friction_of(text: str) -> Friction:
-    """Return friction written as JOINT=VISCOUS or JOINT=VISCOUS,COULOMB, in SI; cylindrical: four numbers."""
-    joint, values = _named(text, "--friction", (1, 2, 4), "JOINT=VISCOUS,COULOMB", "crank=1e-4,2e-3")
-    return Friction(joint, *values)
-
-
-def spring_of(text: str) -> Spring | JointSpring:
-    """Return a spring between points, A:B=STIFFNESS,REST,DAMPING, or in a joint, JOINT=STIFFNESS,REST."""
-    syntax = "A:B=STIFFNESS,REST,DAMPING or JOINT=STIFFNESS,REST"
-    counts = (1, 2, 3) if ":" in text else (1, 2)
-    name, values = _named(text, "--spring", counts, syntax, "P3:ground@0,0.1,0=500,0.05")
-    if ":" in name:
-        return Spring(*_positions(name, "--spring"), *values)
-    return JointSpring(name, *values)
-
-
-def controller_of(text: str) -> Controller:
-    """Return a controller written as J=EXPRESSION."""
-    name, equals, expression = text.partition("=")
-    if not equals or not name.strip():
-        raise InputError(f"--controller is {text!r}; write J=EXPRESSION, as in crank=-20*crank.q-2*crank.v")
-    return Controller(name.strip(), expression)
-
-
-def _named(
-    text: str, option: str, counts: tuple[int, ...], syntax: str, example: str
-) -> tuple[str, tuple[float, ...]]:
-    """Return the name and the numbers of an option written as NAME=NUMBERS."""
-    name, equals, rest = text.partition("=")
-    values = units.parse_vector(rest, "1", option) if equals else ()
-    if len(values) not in counts:
-        raise InputError(f"{option} is {text!r}; write {syntax} in SI, as in {example}")
-    return name.strip(), tuple(values)
-
-
-def _positions(text: str, option: str) -> tuple[Location, Location]:
-    """Return two positions written as A:B; each a point, or LINK@X,Y,Z in the link's frame."""
-
-    def position(item: str) -> Location:
-        link, has_coordinates, rest = item.strip().partition("@")
-        if not has_coordinates:
-            return link
-        x = units.parse_vector(rest, "m", option)
-        if len(x) != 3:
-            raise InputError(f"{option} has a position {item!r}; write LINK@X,Y,Z in m")
-        return link, (x[0], x[1], x[2])
-
-    first, _, second = text.partition(":")
-    return position(first), position(second)
 
 
 def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
@@ -163,51 +121,31 @@ class LoadOptions:
         "Table of loads: columns angle [rad] or t [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
         metavar="FILE",
     )
-    motor: Motor | None = option(
-        None,
+    motor: tuple[Motor | Controller, ...] = option(
+        (),
         "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A; a further "
-        "number is its gear ratio, turns of the motor per turn of the crank.",
+        "number is its gear ratio, turns of the motor per turn of the crank. Or an effort on joint J: "
+        "an expression of J.q, J.v and t, in SI.",
         read=motor_of,
-        metavar="KIND:NUMBERS",
-    )
-    friction: tuple[Friction, ...] = option(
-        (),
-        "Viscous and Coulomb friction in a joint, in SI.",
-        read=friction_of,
         many=True,
-        metavar="JOINT=VISCOUS,COULOMB",
-    )
-    spring: tuple[Spring | JointSpring, ...] = option(
-        (),
-        "Spring and damper between two points or positions LINK@X,Y,Z, or JOINT=STIFFNESS,REST in a joint; "
-        "in SI.",
-        read=spring_of,
-        many=True,
-        metavar="A:B=STIFFNESS,REST,DAMPING",
-    )
-    controller: tuple[Controller, ...] = option(
-        (),
-        "Torque or force on joint J: an expression of J.q, J.v and t, in SI.",
-        read=controller_of,
-        many=True,
-        metavar="J=EXPRESSION",
+        metavar="KIND:NUMBERS|J=EXPRESSION",
     )
 
     def forces(self, solver: KinematicSolver) -> Forces:
         """Return all forces on a mechanism, from its file and the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
         own = forces_of(solver)
+        motors = [motor for motor in self.motor if not isinstance(motor, Controller)]
+        if len(motors) > 1:
+            raise InputError("--motor gives two motors of the crank; give one")
         return replace(
             own,
             gravity=own.gravity if self.gravity is None else self.gravity,
-            friction=(*own.friction, *self.friction),
-            springs=(*own.springs, *(each for each in self.spring if isinstance(each, Spring))),
-            joint_springs=(
-                *own.joint_springs,
-                *(each for each in self.spring if isinstance(each, JointSpring)),
+            motor=motors[0] if motors else own.motor,
+            controllers=(
+                *own.controllers,
+                *(motor for motor in self.motor if isinstance(motor, Controller)),
             ),
-            motor=self.motor or own.motor,
-            controllers=(*own.controllers, *self.controller),
             **loads,
         )
 

@@ -260,7 +260,7 @@ def test_frictions_that_hold_a_crank_together_release_it_when_their_sum_is_excee
 def test_a_controller_that_is_not_finite_is_rejected(expression, monkeypatch, capsys):
     from mechsim import cli
 
-    line = f"dynamics forward four_bar --initial crank.v=1 --controller crank={expression}".split()
+    line = f"dynamics forward four_bar --initial crank.v=1 --motor crank={expression}".split()
     monkeypatch.setattr("sys.argv", ["mechsim", *line])
     # a command shows no warnings of numpy
     with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:

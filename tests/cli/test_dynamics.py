@@ -53,7 +53,7 @@ def test_couplings_are_reported_with_their_transmission(capsys, monkeypatch, tmp
     assert "teeth of right-left on driver_l" in out
 
 
-def test_friction_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
+def test_gravity_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
     revolution = repr(2.0 * np.pi)
     load.write_text(f"angle,P3.fx,P3.fz,crank\n0,0,1,0\n2,3,0,0.01\n{revolution},0,1,0\n")
@@ -62,7 +62,7 @@ def test_friction_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_pa
         capsys,
         monkeypatch,
         *("rssr", "--method", "none", "--json", "--samples", "12", "--load", str(load)),
-        *("--friction", "rocker=1e-4,1e-3", "--gravity", "0,0,-9.81"),
+        *("--gravity", "0,0,-9.81"),
     )
     assert (without_loads[0], loaded[0]) == (0, 0)
     item, other = json.loads(without_loads[1]), json.loads(loaded[1])
@@ -115,28 +115,18 @@ def test_an_invalid_load_table_is_rejected(capsys, monkeypatch, tmp_path, text, 
 
 
 @pytest.mark.long
-def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch, tmp_path):
+def test_couples_and_gears_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
     revolution = repr(2.0 * np.pi)
     load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{revolution},0.01,0\n")
     arguments = ("rssr", "--json", "--samples", "6", "--method", "pose")
     output = [
         json.loads(run(capsys, monkeypatch, *arguments, *options)[1])
-        for options in (
-            (),
-            ("--spring", "P3:ground@0,50,0mm=200,0.01"),
-            ("--spring", "rocker=0.2,0.1"),
-            ("--spring", "P3:P2=0,0,3"),
-            ("--spring", "P3 : ground@0,0.05,0 = 0,0,3"),
-            ("--friction", "rocker=1e-3"),
-            ("--load", str(load)),
-        )
+        for options in ((), ("--load", str(load)))
     ]
     assert all(item["outcome"] == "passed" for item in output)
-    # a damper along a rigid link has no effect; all others change the torque
     torques = [item["torque"]["rms"] for item in output]
-    assert torques[3] == pytest.approx(torques[0], rel=1e-9)
-    assert len({round(item / torques[0], 6) for item in torques}) == 6
+    assert abs(torques[1] / torques[0] - 1.0) > 1e-6
     geared = ("--motor", "line:0.005,30000rpm,10")
     without_loads = ("--motor", "line:0.05,3000rpm")
     free = ("rssr", "--json", "--samples", "6", "--method", "none", "--turns", "0.1")

@@ -110,7 +110,7 @@ def test_tables_of_equilibria_and_modes_are_written(tmp_path, command):
 
 
 def test_modes_have_frequency_damping_ratio_and_shape(facts):
-    code, result = facts("modes", "--initial", "crank.q=-95deg", "--friction", "crank=1e-5,0")
+    code, result = facts("modes", "--initial", "crank.q=-95deg", "--motor", "crank=-1e-5*crank.v")
     assert code == 0
     (mode,) = result["modes"]
     assert mode["frequency"] == pytest.approx(4.19234, rel=1e-5)

@@ -65,7 +65,7 @@ def test_parts_that_are_not_read_are_reported(run, arguments):
 def test_a_controller_that_is_not_finite_is_one_line(run, recwarn, rate):
     with np.errstate(all="warn", under="ignore"):
         run_on = f"dynamics forward four_bar --initial crank.v={rate} --duration 0.1s"
-        code, shown = run([*run_on.split(), "--controller", "crank=log(0)"])
+        code, shown = run([*run_on.split(), "--motor", "crank=log(0)"])
     assert code == 2
     assert "crank are not finite" in shown.err
     assert not [warning for warning in recwarn if warning.category is RuntimeWarning]

@@ -28,7 +28,7 @@ dynamics forward four_bar --motor constant:0.5 --turns 0.05
 dynamics inverse five_bar --samples 12 --actuators left,right,elbow_l=4
 dynamics forward four_bar --initial crank.q=30deg --duration 0.05s --samples 5 --of distance:A,B,crank.a
 dynamics forward four_bar --until crank.q=900deg --duration 0.01s --method none
-dynamics modes four_bar --initial crank.q=-95deg --friction crank=1e-5
+dynamics modes four_bar --initial crank.q=-95deg --motor crank=-1e-5*crank.v
 dynamics response four_bar crank:B.x --initial crank.q=-95deg
 synthesize looper --through 12.8751,29.9574mm --tilt 1.3905deg --length 4mm
 sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=0.02mm --samples 100
