@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.maximal_coordinates import conditioning_of
+from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.errors import MobilityError

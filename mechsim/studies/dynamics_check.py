@@ -12,7 +12,7 @@ from mechsim.analytic.dynamics.gaps import released, without_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.dynamics.statics import with_stops
-from mechsim.analytic.loops.maximal_coordinates import conditioning_of
+from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND

@@ -1,14 +1,8 @@
 """Loop equations of any mechanism: public names of `mechsim.analytic.loops`."""
 
-from mechsim.analytic.loops.maximal_coordinates import (
-    Rows,
-    conditioning,
-    equations,
-    residual_norms,
-    singular_values,
-)
+from mechsim.analytic.loops.maximal_coordinates import Rows, equations, residual_norms
 from mechsim.analytic.loops.mobility import DofCount, dof_count
-from mechsim.analytic.loops.motion import solve
+from mechsim.analytic.loops.motion import conditioning, solve
 from mechsim.analytic.loops.start import assemble
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.link_poses import guessed_poses
@@ -24,7 +18,6 @@ __all__ = [
     "equations",
     "guessed_poses",
     "residual_norms",
-    "singular_values",
     "solve",
     "turned_by",
 ]

@@ -159,14 +159,14 @@ def test_invalid_crank_angles_are_rejected(angles):
             solve(mechanism, angles)
 
 
-def test_a_singular_value_vanishes_at_a_dead_centre():
+def test_conditioning_vanishes_at_a_dead_centre():
     linkage = catalog.make("four_bar", crank=0.08)
     (low, high), *_ = linkage.crank_range().arcs
 
     def nearest(angle):
         motion = linkage.solve([angle])
         poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-        return loops.singular_values(linkage.mechanism, poses)[0, 17]
+        return loops.conditioning(linkage.mechanism, poses)[0]
 
     assert nearest(high - 1e-8) < 1e-3 < nearest((low + high) / 2)
 

@@ -5,7 +5,7 @@ import pytest
 from exact_solutions import four_bar_b
 
 from mechsim import catalog, simulate, simulation
-from mechsim.analytic.loops.maximal_coordinates import conditioning_of
+from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.motion_warnings import loss_of_significance
 from mechsim.verdict.tolerances import RATES

@@ -8,7 +8,7 @@ from catalog_faults import SWINGING
 from grids import grid
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.maximal_coordinates import conditioning_of
+from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
 from mechsim.studies import validate

@@ -1,6 +1,6 @@
 """The loop equations of a mechanism at given poses: six coordinates for each link, and no spanning tree.
 
-They check solved motions: their residual, and their distance from a singular configuration.
+They check solved motions by their residual, and give the reactions in joints.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Coupling, Joint, joint_coordinate
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array, cross
-from mechsim.numerics.rank import significant
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,44 +314,8 @@ def row_units(mechanism: Mechanism, count: int) -> Array:
     return np.where(length_rows(mechanism, count), 1.0 / mechanism.characteristic_length, 1.0)
 
 
-def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
-    """Return a Jacobian without units: lengths in units of the characteristic length."""
-    columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
-    return jacobian * columns * row_units(mechanism, jacobian.shape[1])[:, None]
-
-
 def residual_norms(mechanism: Mechanism, poses: Poses, angle: Angles) -> tuple[Array, Array]:
     """Return the loop-closure errors at each pose: (n,) in [m] and (n,) in [rad]."""
     rows = np.abs(equations(mechanism, poses, angle).residual)
     long = length_rows(mechanism, rows.shape[1])
     return rows[:, long].max(1, initial=0.0), rows[:, ~long].max(1, initial=0.0)
-
-
-def singular_values(mechanism: Mechanism, poses: Poses) -> Array:
-    """Return the singular values of the loop Jacobian in characteristic lengths, (n, k), decreasing.
-
-    With the crank fixed, the smallest singular value of a determined coordinate is the distance from a
-    singular pose (a dead centre of the crank).
-    """
-    rows = equations(mechanism, poses, 0.0)
-    values = np.linalg.svd(scaled(mechanism, rows.jacobian), compute_uv=False)
-    return values.astype(np.float64, copy=False)
-
-
-def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
-    """Return the distance of each pose from a singular one with the crank fixed, (n,), 0 to about 1.
-
-    It is the smallest singular value of the loop Jacobian in characteristic lengths, without those that are
-    zero at every pose, of redundant equations and passive degrees of freedom.
-    """
-    values = singular_values(mechanism, poses)
-    rank = int(significant(values).sum(1).max())
-    return values[:, rank - 1]
-
-
-def conditioning_of(mechanism: Mechanism, motion: Motion) -> Array:
-    """Return the distance of each configuration of a motion from a singular one, (n,)."""
-    if motion.conditioning is not None:
-        return motion.conditioning
-    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    return conditioning(mechanism, poses)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -9,14 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver, tree_loops
 from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.path import Instants, LoopMotion, LoopPath, loop_motion
+from mechsim.analytic.loops.path import (
+    Instants,
+    LoopMotion,
+    LoopPath,
+    loop_motion,
+    smallest_singular_values,
+)
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.analytic.path_instants import crank_angles, crank_rate
 from mechsim.errors import AssemblyError
+from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
@@ -25,6 +33,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.continuation import PathNames
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.path_segments import PrescribedValues
+from mechsim.numerics.rank import significant
 
 # angular velocity of a link in a passive motion, relative to the largest, above which it rotates
 MIN_SPIN = 1e-6
@@ -284,3 +293,27 @@ def with_locked_values(loops: TreeLoops, instants: Instants) -> Instants:
         rate=with_locked(instants.rate, 0.0 * locked),
         second=with_locked(instants.second, 0.0 * locked),
     )
+
+
+def conditioning(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
+    """Return the distance of closed poses from singular ones with the drivers fixed, (n,), 0 to about 1.
+
+    It is the smallest singular value of the loop Jacobian, as `LoopMotion.conditioning`, without those that
+    are zero at every pose, of redundant equations and passive degrees of freedom.
+
+    Args:
+        mechanism: the mechanism.
+        poses: moving link -> n poses.
+    """
+    loops, _ = tree_loops(mechanism, {name: pose.select(0) for name, pose in poses.items()}, {})
+    jacobian = loops.linearise(loops.read(poses))[1][:, loops.unknown]
+    values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
+    return smallest_singular_values(jacobian, int(significant(values).sum(1).max(initial=0)))
+
+
+def conditioning_of(mechanism: Mechanism, motion: Motion) -> Array:
+    """Return the distance of each configuration of a motion from a singular one, (n,)."""
+    if motion.conditioning is not None:
+        return motion.conditioning
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    return conditioning(mechanism, poses)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.derivatives.dimensions import changes
 from mechsim.analytic.derivatives.motion import TracedMotion, followed_motion, motion_derivatives
 from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.loops.maximal_coordinates import conditioning_of
+from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.force_record import ForceRecord
