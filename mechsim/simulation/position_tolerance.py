@@ -110,9 +110,7 @@ def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run, repo
     )
     settings, steps_spent = replace(settings, compliance=compliance), steps_spent + run.steps
     if attempts[-1].outcome == "passed":
-        final_report = replace(
-            report, estimates={"position": remaining}, trials=steps_spent - run.steps, reason=""
-        )
+        final_report = replace(report, estimate=remaining, trials=steps_spent - run.steps, reason="")
         return _with_report(attempts[-1], final_report, note)
     return _with_report(*_run_to_tolerance(driven, settings, tolerance, steps, steps_spent), note)
 
@@ -134,7 +132,7 @@ def _run_to_tolerance(
         return Attempt(
             run=run,
             steps=run.steps,
-            estimates={"position": run.estimate},
+            estimate=run.estimate,
             order=ORDER,
             final=final,
             diverged=run.outcome == "diverged",

@@ -1,12 +1,11 @@
 """Refines a run with more and more steps until its error estimate satisfies a tolerance."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import refine
 from mechsim.numerics.resources import ProcessorBudget
 
@@ -25,71 +24,45 @@ MIN_GAIN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ToleranceReport:
-    """Whether a run satisfies its tolerance, with the error estimates.
+    """Whether a run satisfies its tolerance, with the error estimate.
 
     Attributes:
-        tolerance: requested tolerance, in the unit of the estimates.
-        estimates: method of estimation -> largest error at any recorded instant.
-        order: observed order of convergence in the number of steps; None without stepping.
+        tolerance: requested tolerance, in the unit of the estimate.
+        estimate: largest error at any recorded instant.
         trials: steps of all other runs.
         reason: sentence on a tolerance that is not satisfied; empty otherwise.
     """
 
     tolerance: float
-    estimates: Mapping[str, float]
-    order: float | None = None
+    estimate: float
     trials: int = 0
     reason: str = ""
-
-    @property
-    def estimate(self) -> float:
-        """The largest estimate; infinity if one is NaN."""
-        return worst(list(self.estimates.values()))
 
     @property
     def satisfied(self) -> bool:
         """Whether the estimate is within the tolerance."""
         return self.estimate <= self.tolerance
 
-    @property
-    def safety_factor(self) -> float:
-        """The tolerance over the estimate."""
-        return self.tolerance / self.estimate if self.estimate > 0.0 else np.inf
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt(Generic[R]):
-    """A run with a number of steps, and its error estimates.
+    """A run with a number of steps, and its error estimate.
 
     Attributes:
         run: the run.
         steps: number of steps of the run.
-        estimates: as in `ToleranceReport`.
+        estimate: as in `ToleranceReport`.
         order: order of convergence in the number of steps.
-        trials: steps of other runs for the estimates.
-        change: difference from which the estimate is computed, a better indicator of convergence; or NaN.
         final: whether more steps cannot help.
         diverged: whether the run diverged, so that its convergence is unknown.
     """
 
     run: R
     steps: int
-    estimates: Mapping[str, float]
+    estimate: float
     order: float
-    trials: int = 0
-    change: float = field(default=np.nan)
     final: bool = False
     diverged: bool = False
-
-    @property
-    def estimate(self) -> float:
-        """The largest estimate."""
-        return worst(list(self.estimates.values()))
-
-    @property
-    def remaining(self) -> float:
-        """The error whose decrease from one attempt to the next shows convergence."""
-        return self.estimate if np.isnan(self.change) else self.change
 
 
 @dataclass
@@ -98,26 +71,25 @@ class _NextSteps:
 
     Attributes:
         goal: target of the error estimate.
-        trial_steps, multiple, max_steps: as in `run_within_tolerance`.
+        trial_steps, max_steps: as in `run_within_tolerance`.
         remaining: error of the last attempt; None before the first.
     """
 
     goal: float
     trial_steps: int
-    multiple: int
     max_steps: int
     remaining: float | None = None
 
     def __call__(self, steps: int, current: Attempt[Any]) -> int | None:
         diverged = current.diverged and steps < MAX_STEPS_AFTER_DIVERGENCE
-        gained = self.remaining is None or current.remaining < MIN_GAIN * self.remaining
+        gained = self.remaining is None or current.estimate < MIN_GAIN * self.remaining
         predicted = max(steps_for(steps, current.estimate, self.goal, current.order), MIN_STEP_FACTOR * steps)
         limit = self.max_steps if MAX_STEPS < predicted <= self.max_steps else MAX_STEPS
         if current.final or not (gained or diverged) or steps >= limit:
             return None
-        self.remaining = current.remaining
+        self.remaining = current.estimate
         most = self.trial_steps if steps < self.trial_steps else MAX_STEP_FACTOR * steps
-        return rounded(min(predicted, most), self.multiple, limit)
+        return rounded(min(predicted, most), limit)
 
 
 def run_within_tolerance(
@@ -128,7 +100,6 @@ def run_within_tolerance(
     *,
     trials: int = 0,
     trial_steps: int = 0,
-    multiple: int = 1,
     max_steps: int = 0,
     budget: ProcessorBudget | None = None,
 ) -> tuple[R, ToleranceReport]:
@@ -136,13 +107,12 @@ def run_within_tolerance(
 
     Args:
         attempt: steps per revolution -> a run.
-        tolerance: tolerance on the estimates.
+        tolerance: tolerance on the estimate.
         first: steps per revolution of the first attempt.
         reason_text: steps of the last attempt and its estimate -> reason why the tolerance is not satisfied.
         trials: steps taken so far.
         trial_steps: steps per revolution of the finest trial. An attempt with fewer steps may not converge
             yet; an attempt with this number of steps follows it for any predicted error.
-        multiple: a divisor of all numbers of steps.
         max_steps: limit on the steps per revolution if the prediction lies between `MAX_STEPS` and it.
         budget: budget of processor time; an attempt that would exceed it does not start. None means no limit.
 
@@ -154,23 +124,19 @@ def run_within_tolerance(
     def counted(steps: int) -> Attempt[R]:
         nonlocal spent
         current = attempt(steps)
-        spent += current.trials + current.steps
+        spent += current.steps
         return current
 
-    following = _NextSteps(TARGET_FRACTION * tolerance, trial_steps, multiple, max_steps)
+    following = _NextSteps(TARGET_FRACTION * tolerance, trial_steps, max_steps)
     result = refine(counted, first, following, tolerance, budget)
     best = result.best
     reason = "" if best.estimate <= tolerance else reason_text(result.level, best.estimate)
     if reason and result.ended:
         reason = f"{result.ended}; {reason}"
-    report = ToleranceReport(
-        tolerance=tolerance,
-        estimates=best.estimates,
-        order=best.order,
-        trials=spent - best.steps,
-        reason=reason,
+    trials = spent - best.steps
+    return best.run, ToleranceReport(
+        tolerance=tolerance, estimate=best.estimate, trials=trials, reason=reason
     )
-    return best.run, report
 
 
 def steps_for(steps: int, error: float, goal: float, order: float) -> float:
@@ -178,9 +144,9 @@ def steps_for(steps: int, error: float, goal: float, order: float) -> float:
     return steps * ((error / goal) ** (1.0 / order) if np.isfinite(error) else MAX_STEP_FACTOR)
 
 
-def rounded(steps: float, multiple: int = 1, max_steps: int = MAX_STEPS) -> int:
-    """Return the number of steps rounded up to a multiple, at most the maximum."""
-    return multiple * max(1, int(np.ceil(min(steps, max_steps) / multiple - 1e-9)))
+def rounded(steps: float, max_steps: int = MAX_STEPS) -> int:
+    """Return the number of steps rounded up, at most the maximum."""
+    return max(1, int(np.ceil(min(steps, max_steps) - 1e-9)))
 
 
 # limits of the compliance: MuJoCo's minimum, and MuJoCo's default

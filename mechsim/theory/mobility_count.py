@@ -7,7 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.loops.maximal_coordinates import equations
+from mechsim.analytic.loops.constraints import tree_loops
+from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import DofCount, dof_count
 from mechsim.analytic.loops.start import assemble
 from mechsim.errors import AssemblyError, several
@@ -188,22 +189,22 @@ def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) ->
     """
     if count == 0:
         return ()
-    names = [link.name for link in mechanism.links]
-    length = mechanism.characteristic_length
-    columns = np.tile([length] * 3 + [1.0] * 3, len(names))
-    jacobian = equations(mechanism, poses, 0.0).jacobian[0] * columns
-    jacobian /= np.linalg.norm(jacobian, axis=1, keepdims=True)
-    space = np.linalg.svd(jacobian)[2][-count:].T  # (6 links, count)
+    loops, q = tree_loops(mechanism, {name: pose.select(0) for name, pose in poses.items()}, {})
+    _, jacobian, placed = loops.linearise(q)
+    rates = np.zeros((loops.tree.count, count))
+    rates[loops.unknown] = np.linalg.svd(jacobian[:, loops.unknown, 0])[2][-count:].T
+    scale = np.array([mechanism.characteristic_length] * 3 + [1.0] * 3)
+    every = twists(loops.tree, placed, rates * loops.units[:, None])[[*loops.tree.links.values()]]
+    space = np.linalg.qr((every / scale[:, None]).reshape(-1, count))[0]  # (6 links, count)
     motions: list[FreeMotion] = []
-    for vector in _localised(space, len(names)):
-        components = vector.reshape(-1, 6)
-        moving = np.linalg.norm(components, axis=1) > ZERO_COMPONENT * np.linalg.norm(components)
-        twists: dict[str, Twist] = {}
-        for name, component in zip(names, components, strict=True):
-            if moving[names.index(name)]:
-                shift = np.asarray(np.cross(component[3:], poses[name].position[0]), dtype=np.float64)
-                twists[name] = Twist(length * component[:3] - shift, component[3:])
-        motions.append(_named(mechanism, poses, twists))
+    for vector in _localised(space, len(mechanism.links)):
+        components = dict(zip(loops.tree.links, vector.reshape(-1, 6), strict=True))
+        moving = {
+            name: Twist(*np.split(scale * component, 2))
+            for name, component in components.items()
+            if np.linalg.norm(component) > ZERO_COMPONENT * np.linalg.norm(vector)
+        }
+        motions.append(_named(mechanism, poses, moving))
     return tuple(motions)
 
 

@@ -28,7 +28,7 @@ def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
     def attempt(steps: int) -> Attempt[int]:
         attempted.append(steps)
         timer.now += 1e-3 * steps
-        return Attempt(run=steps, steps=steps, estimates={"place": 1.0 / steps}, order=1.0)
+        return Attempt(run=steps, steps=steps, estimate=1.0 / steps, order=1.0)
 
     budget = ProcessorBudget(seconds, timer)
     run, report = run_within_tolerance(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.model.motion import Motion, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
 from mechsim.simulation import loop_jacobian
@@ -88,110 +88,38 @@ def interpolated_motion(
         near_rows: rows close to change points.
         rates: the crank's speed and acceleration at all rows, (n,) each.
     """
-    if near_rows:
-        motion = replace(motion, speed=rates[0], acceleration=rates[1])
-    for entry in near_rows:
-        motion = _interpolated(motion, loops, track, qpos, *entry)
-    return motion
-
-
-def _interpolated(
-    motion: Motion,
-    loops: ModelLoops,
-    track: Track,
-    qpos: Array,
-    change_point: ChangePoint,
-    rows: Rows,
-    reduced: Array,
-) -> Motion:
-    count = len(change_point.states)
-    tangent = loop_jacobian.tangent(loops, loops.linearise(change_point.states)[1])
-    around = States(np.zeros(count), change_point.states, tangent)
-    unit = evaluate(loops, track, around, "pose", crank_acceleration=np.zeros(count))
-    weights = change_point.weights(reduced)
-    interpolation = _Interpolation(rows, weights, motion.speed[rows], motion.acceleration[rows])
-    model = loops.model
-    addresses = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
-    assert motion.closure is not None
-    # a regular pose is added, because singular values that are zero at all states do not count
-    residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
-    closure = np.abs(residual[:-1, loops.point_rows]).max(1, initial=0.0)
-    assert motion.conditioning is not None
+    if not near_rows:
+        return motion
+    cranks, closure, conditioning = np.stack(rates, 1), motion.closure, motion.conditioning
+    assert closure is not None
+    assert conditioning is not None
+    closure, conditioning, time = closure.copy(), conditioning.copy(), motion.time
+    for change_point, rows, reduced in near_rows:
+        count = len(change_point.states)
+        tangent = loop_jacobian.tangent(loops, loops.linearise(change_point.states)[1])
+        for speed, acceleration in np.unique(cranks[rows], axis=0):
+            same = (cranks[rows] == [speed, acceleration]).all(1)
+            around = States(np.zeros(count), change_point.states, speed * tangent)
+            nodes = evaluate(loops, track, around, "pose", crank_acceleration=np.full(count, acceleration))
+            interpolated = weighted_sums(nodes, change_point.weights(reduced[same]))
+            motion = replace_instants(motion, rows[same], interpolated)
+        # a regular pose is added, because singular values that are zero at all states do not count
+        residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
+        closure[rows] = np.abs(residual[:-1, loops.point_rows]).max(1, initial=0.0)
+        conditioning[rows] = loop_jacobian.conditioning(loops, jacobian)[:-1]
+    addresses = {
+        track.name(loops.model.joint(i).name)[0]: int(address)
+        for i, address in enumerate(loops.model.jnt_qposadr)
+    }
     return replace(
         motion,
-        angle=interpolation.put(motion.angle, qpos[rows, loops.crank_address]),
-        points={name: interpolation.point(entry, unit.points[name]) for name, entry in motion.points.items()},
-        links={name: interpolation.link(entry, unit.links[name]) for name, entry in motion.links.items()},
+        angle=qpos[:, loops.crank_address],
+        speed=rates[0],
+        acceleration=rates[1],
+        time=time,
         joints={
-            name: interpolation.joint(entry, unit.joints[name], qpos[rows, addresses[name]])
-            for name, entry in motion.joints.items()
+            name: replace(joint, value=qpos[:, addresses[name]]) for name, joint in motion.joints.items()
         },
-        closure=interpolation.put(motion.closure, closure),
-        conditioning=interpolation.put(motion.conditioning, loop_jacobian.conditioning(loops, jacobian)[:-1]),
+        closure=closure,
+        conditioning=conditioning,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Interpolation:
-    """Writes values interpolated between nodes around a change point into rows of a record.
-
-    Attributes:
-        rows: indices, (k,).
-        weights: of the nodes, (k, nodes); rates at the nodes are per radian of the crank.
-        speed: of the crank in these rows, (k,).
-        acceleration: of the crank in these rows, (k,).
-    """
-
-    rows: Rows
-    weights: Array
-    speed: Array
-    acceleration: Array
-
-    def put(self, recorded: Array, values: Array) -> Array:
-        """Return an array with other values in the rows."""
-        out = recorded.copy()
-        out[self.rows] = values
-        return out
-
-    def point(self, recorded: PointMotion, nodes: PointMotion) -> PointMotion:
-        """Return a point's motion, with rows interpolated from the nodes."""
-        return PointMotion(
-            self._position(recorded.position, nodes.position),
-            self._rate(recorded.velocity, nodes.velocity),
-            self._second_rate(recorded.acceleration, nodes.velocity, nodes.acceleration),
-        )
-
-    def link(self, recorded: LinkMotion, nodes: LinkMotion) -> LinkMotion:
-        """Return a link's motion, with rows interpolated from the nodes."""
-        spin, angular_acceleration = nodes.angular_velocity, nodes.angular_acceleration
-        return LinkMotion(
-            self._position(recorded.position, nodes.position),
-            self._position(recorded.rotation, nodes.rotation),
-            self._rate(recorded.velocity, nodes.velocity),
-            self._rate(recorded.angular_velocity, spin),
-            self._second_rate(recorded.acceleration, nodes.velocity, nodes.acceleration),
-            self._second_rate(recorded.angular_acceleration, spin, angular_acceleration),
-        )
-
-    def joint(self, recorded: JointMotion, nodes: JointMotion, values: Array) -> JointMotion:
-        """Return a joint's motion with values, (k,), and rates interpolated from the nodes."""
-        return replace(
-            recorded,
-            value=self.put(recorded.value, values),
-            rate=self._rate(recorded.rate, nodes.rate),
-            acceleration=self._second_rate(recorded.acceleration, nodes.rate, nodes.acceleration),
-        )
-
-    def _position(self, recorded: Array, nodes: Array) -> Array:
-        return self.put(recorded, np.tensordot(self.weights, nodes, 1))
-
-    def _rate(self, recorded: Array, nodes: Array) -> Array:
-        return self.put(recorded, _times(self.speed, np.tensordot(self.weights, nodes, 1)))
-
-    def _second_rate(self, recorded: Array, first: Array, nodes: Array) -> Array:
-        curved = _times(self.speed**2, np.tensordot(self.weights, nodes, 1))
-        return self.put(recorded, curved + _times(self.acceleration, np.tensordot(self.weights, first, 1)))
-
-
-def _times(rate: Array, values: Array) -> Array:
-    return rate.reshape(-1, *[1] * (values.ndim - 1)) * values
