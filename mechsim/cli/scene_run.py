@@ -10,10 +10,9 @@ from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.plain_settings import PlainSettings
-from mechsim.studies.scene.errors import divergence_reason, start_error
-from mechsim.studies.scene.run import SceneRun, sampled_run
+from mechsim.studies.scene.errors import SceneEvaluator, divergence_reason, sampled_run, start_error
+from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.step_sizes import finer
 
 
 def run_under_controls(
@@ -34,8 +33,8 @@ def run_under_controls(
     """
     tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
     violation = _start_violation(scene, tolerance)
-    fixed = requested is None or bool(violation)
-    run, errors, used = finer(scene, plain, tolerance, fixed=fixed)
+    run = run_scene(scene, plain.applied(scene.model))
+    errors = SceneEvaluator().errors(run)
     if samples is not None:
         run = sampled_run(run, samples)
     outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
@@ -64,7 +63,7 @@ def run_under_controls(
         "seconds": run.seconds,
         "method": "step",
         "note": note,
-        "settings": used.as_dict() | {"timestep": float(run.model.opt.timestep)},
+        "settings": plain.as_dict() | {"timestep": float(run.model.opt.timestep)},
         "mechanism": scene.mechanism.name,
         "output": output,
         "rows": len(run.time),

@@ -9,7 +9,7 @@ from mechsim import files, units
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
-from mechsim.cli.output import Value, number, print_table, print_text, without_noise
+from mechsim.cli.output import Value, print_table, print_text, without_noise
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
@@ -20,7 +20,6 @@ from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_tabl
 from mechsim.studies.sensitivity.tolerance_analysis import (
     SAMPLES,
     ToleranceStudy,
-    path_bands,
     tolerance_study,
 )
 from mechsim.studies.sensitivity.tolerances import (
@@ -193,10 +192,6 @@ def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]
         "distribution": study.tolerances.distribution,
         "monte_carlo": monte_carlo,
         "quantities": {quantity: _deviations(study, quantity) for quantity in table.values},
-        "paths": {
-            path.point: {"worst": float(path.worst.max()), "rss": float(path.squares.max())}
-            for path in path_bands(table, study)
-        },
     }
     return data
 
@@ -257,16 +252,11 @@ def _print_tolerances(study: ToleranceStudy) -> None:
         "contributions",
     )
     print_table(f"{study.table.name}: largest deviations", head, rows)
-    for path in path_bands(study.table, study):
-        print_text(
-            f"path of {path.point}: deviates by at most {number(float(path.worst.max()))} m, "
-            f"{number(float(path.squares.max()))} m by root of squares"
-        )
     sampled = study.sampled
     if sampled is None:
         return
     sampling = sampled.sampling
-    how = {1: "to first order", 2: "to second order", 0: "each solved"}[sampling.order]
+    how = {1: "to first order", 0: "each solved"}[sampling.order]
     note = f"; {sampling.failed} could not be assembled" if sampling.failed else ""
     if sampling.order:
         error = f"{sampling.expansion_error:.2g} standard deviations"

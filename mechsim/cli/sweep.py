@@ -56,9 +56,7 @@ class SweepOptions:
     design: str | None = option(
         None, "Table of designs: one row each, one column for each parameter.", metavar="FILE.csv"
     )
-    sample: str | None = option(
-        None, "Spread N designs over the ranges by sobol, halton, latin or random.", metavar="sobol:N"
-    )
+    sample: str | None = option(None, "Spread N designs over the ranges, as Sobol points.", metavar="sobol:N")
     measure: tuple[str, ...] = option(
         (),
         "Measure range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "

@@ -66,7 +66,7 @@ def _array(values: np.ndarray[Any, Any]) -> str:
 Record = TypeVar("Record")
 # how a motion continues at a change point: smoothly, as with inertia, or in its assembly mode
 ChangePointPolicy = Literal["smooth", "branch"]
-Source = Literal["closed form", "loop equations", "pose", "step", "user"]
+Source = Literal["closed form", "loop equations", "pose", "step"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,16 +56,3 @@ def polynomial(coefficients: Iterable[float], x: Array) -> tuple[Array, Array, A
 
 # largest distance of the ends of a closed path, relative to its extent
 CLOSED = 1e-6
-
-
-def tangents(positions: Array) -> Array:
-    """Return unit tangents of a path of positions (n, k), (n, k); zero where it does not move.
-
-    The two ends of a closed path have the same tangent.
-    """
-    along = np.gradient(positions, axis=0)
-    extent = np.ptp(positions, axis=0).max()
-    if len(positions) > 2 and np.abs(positions[-1] - positions[0]).max() <= CLOSED * extent:
-        along[[0, -1]] = 0.5 * (positions[1] - positions[-2])
-    length = np.sqrt((along**2).sum(1, keepdims=True))
-    return along / np.where(length > 0.0, length, 1.0)

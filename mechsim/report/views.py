@@ -28,10 +28,9 @@ from mechsim.pictures.view.pose_grid import (
 )
 from mechsim.report.driver_views import (
     SHOWN,
-    box_of,
     halved_grid,
+    hand_grids,
     motion_law_grid,
-    slider_grids,
     stepped_ghost,
 )
 from mechsim.studies.drawn_motion import stepped
@@ -98,8 +97,8 @@ def crank_grid(
     start = float(solver.mechanism.start)
     if not angles[0] <= start <= angles[-1]:
         start = angles[0] + (start - angles[0]) % REVOLUTION
-    slider = replace(grid.sliders[0], start=float(np.clip(start, angles[0], angles[-1])))
-    return replace(grid, sliders=(slider,), ghost=_ghost(solver, speed), error=error)
+    slider = replace(grid.slider, start=float(np.clip(start, angles[0], angles[-1])))
+    return replace(grid, slider=slider, ghost=_ghost(solver, speed), error=error)
 
 
 def _others(solver: KinematicSolver) -> list[KinematicSolver]:
@@ -293,7 +292,7 @@ def mechanism_view(
         ]
         return _view(solver, [*grids, *others], facts)
     start = start_poses(solver.mechanism)[1]
-    by_hand = slider_grids(solver, box_of(solver, limits, start))
+    by_hand = hand_grids(solver, limits, start)
     programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]
     return _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
 
@@ -316,7 +315,7 @@ def case_view(case: Validation) -> View | None:
         grid = motion_grid("judged", solver.mechanism, shown, driver=driver, landmarks=landmarks)
     with suppress(MechsimError):
         ghost = None if case.quick else stepped_ghost(solver, case.run.motion)
-        middles, nodes = (0.5 * (along[1:] + along[:-1]) for along in (shown.angle, grid.sliders[0].nodes))
+        middles, nodes = (0.5 * (along[1:] + along[:-1]) for along in (shown.angle, grid.slider.nodes))
         grid = replace(grid, ghost=ghost, error=between(grid, solver.solve_along(middles), nodes))
     fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.verdict.outcome}."
     return View(solver.mechanism, [grid], solver.name, [fact], **drawn_as(solver))

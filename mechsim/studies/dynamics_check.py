@@ -13,7 +13,7 @@ from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.dynamics.statics import with_stops
 from mechsim.analytic.loops.motion import conditioning_of
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
@@ -100,7 +100,6 @@ def crosscheck_free(
     run: FreeRun,
     model: DynamicModel,
     *,
-    tolerance: float | None = None,
     progress: Progress = no_progress,
 ) -> Verdict:
     """Compare the run of a free crank with MuJoCo, as `crosscheck_forward` does.
@@ -108,12 +107,11 @@ def crosscheck_free(
     Args:
         run: of the analytic side.
         model: the model of the run, or another one that the check is to reject.
-        tolerance: requested tolerance of joint angles in MuJoCo, in [rad]; None requests rounding.
         progress: called with a text and the finished fraction of a run in MuJoCo.
     """
     name = model.mechanism.crank.name
     initial = InitialValues({name: float(run.angle[0])}, {name: float(run.speed[0])})
-    return crosscheck_forward(run, model, initial, tolerance=tolerance, progress=progress)
+    return crosscheck_forward(run, model, initial, progress=progress)
 
 
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
@@ -149,7 +147,6 @@ def crosscheck_forward(
     dynamic_model: DynamicModel,
     initial: InitialValues,
     *,
-    tolerance: float | None = None,
     progress: Progress = no_progress,
 ) -> Verdict:
     """Compare a run of forward dynamics with MuJoCo, stepped from the start of each compared segment.
@@ -162,15 +159,8 @@ def crosscheck_forward(
         run: of the analytic side.
         dynamic_model: the model of the run.
         initial: its initial values.
-        tolerance: requested tolerance of joint angles in MuJoCo, in [rad]; other quantities have the same
-            tolerance relative to their largest values, times `_gains`. None requests rounding.
         progress: called with a text and the finished fraction of a run in MuJoCo.
-
-    Raises:
-        InputError: for a tolerance that is not above 0.
     """
-    if tolerance is not None and not 0.0 < tolerance < np.inf:
-        raise InputError(f"tolerance of a free run is {tolerance}; give a finite number above 0")
     dynamic_model = released(dynamic_model)
     segments, checks = compared_segments(run), list[Check]()
     if not segments:
@@ -188,7 +178,7 @@ def crosscheck_forward(
         closed = {gap: float(joints[gap].value[0]) for gap in segment.closed}
         mechanism = without_gaps(dynamic_model.mechanism, closed)
         model = replace(dynamic_model, mechanism=mechanism)
-        compared = _compared_with_mujoco(run, section, model, initial, tolerance, progress)
+        compared = _compared_with_mujoco(run, section, model, initial, progress)
         if isinstance(compared, Verdict):
             return compared
         title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
@@ -201,10 +191,9 @@ def _compared_with_mujoco(
     section: DynamicRun,
     dynamic_model: DynamicModel,
     initial: InitialValues,
-    tolerance: float | None,
     progress: Progress,
 ) -> list[Check] | Verdict:
-    """Return the checks of a section of a run; a verdict if MuJoCo diverges or misses the tolerance."""
+    """Return the checks of a section of a run; a verdict if MuJoCo diverges."""
     # the function: number of steps between two instants -> run in MuJoCo from the section's start
     joints, driving = section.motion.joints, section.driving
     start = start_of(
@@ -227,11 +216,11 @@ def _compared_with_mujoco(
     steps = max(run.steps // STEPS_IN_C, least) if run.executed == "C" else run.steps
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * steps) // intervals
     rubbing = any(friction.dry for friction in dynamic_model.forces.friction)
-    fewest = MIN_WITH_FRICTION if rubbing and tolerance is None else MIN_STEPS_PER_STEP
+    fewest = MIN_WITH_FRICTION if rubbing else MIN_STEPS_PER_STEP
     substeps = max(1, min(most, fewest * steps // intervals))
     coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()
-    floor = _floor(run, dynamic_model, coarse, tolerance)
-    enough = KINKED if tolerance is None and any(a.limited for a in dynamic_model.forces.actuators) else 1.0
+    floor = _floor(dynamic_model, coarse)
+    enough = KINKED if any(a.limited for a in dynamic_model.forces.actuators) else 1.0
     while True:
         fine, substeps = stepped(2 * substeps), 2 * substeps
         valid = not (coarse.diverged or fine.diverged)
@@ -256,24 +245,23 @@ def _compared_with_mujoco(
                 for name, unit, *_ in compared
                 if before.get(name)
             )
-            if converged or ((finest or slow) and tolerance is None):
+            if converged or finest or slow:
                 return [
                     _forward_check(row, times, fine.timestep, errors[row[0]], floors[row[1]])
                     for row in compared
                 ]
             before = changes
         if finest:
-            return _not_converged(fine, tolerance)
+            reason = (
+                f"MuJoCo's state became invalid with steps of {fine.timestep:.3g} s; "
+                "give a shorter run, weaker motors and dampers, or --method none"
+            )
+            return Verdict("diverged", (), reason)
         coarse = fine
 
 
-def _floor(
-    run: DynamicRun, dynamic_model: DynamicModel, stepped: SteppedRun, tolerance: float | None
-) -> float:
+def _floor(dynamic_model: DynamicModel, stepped: SteppedRun) -> float:
     """Return the tolerance relative to the largest value of a quantity, besides the error of the steps."""
-    if tolerance is not None:
-        # the other half is for the steps
-        return 0.5 * tolerance / max(_largest_angle(run), tolerance)
     if any(friction.dry for friction in dynamic_model.forces.friction):
         return FRICTION_TOLERANCE
     return COMPLIANT_TOLERANCE if stepped.compliant else RELATIVE_TOLERANCE
@@ -305,22 +293,6 @@ def _gains(changes: Iterable[tuple[str, float]]) -> dict[str, float]:
 def _remaining(change: float, before: float) -> float:
     """Return the error after halving the step: the change, or less if it falls with high order."""
     return change / (2.0**HIGH_ORDER - 1.0) if change * 2.0**HIGH_ORDER <= before else change
-
-
-def _not_converged(finest: SteppedRun, tolerance: float | None) -> Verdict:
-    """Return the verdict on runs that diverge or miss the tolerance with the shortest steps."""
-    remedy = "give a shorter run, weaker motors and dampers, or --method none"
-    if tolerance is None or finest.diverged:
-        reason = f"MuJoCo's state became invalid with steps of {finest.timestep:.3g} s; {remedy}"
-        return Verdict("diverged", (), reason)
-    reason = f"steps of {finest.timestep:.3g} s do not reach the tolerance of {tolerance:.3g} rad; {remedy}"
-    return Verdict("failed", (), reason)
-
-
-def _largest_angle(run: DynamicRun) -> float:
-    """Return the largest joint angle of a run in [rad]; 0 without revolute joints."""
-    angles = (joint.value for joint in run.motion.joints.values() if joint.unit == "rad")
-    return max((float(np.abs(angle).max()) for angle in angles), default=0.0)
 
 
 def _forward_quantities(

@@ -1,8 +1,7 @@
 """Comparison of a mechanism with reference data of 30 digits, by each method."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -11,12 +10,13 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.force_record import ForceRecord
-from mechsim.model.motion import Motion, PointMotion, select_instants
+from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import CrankProfile, constant
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array, rms
+from mechsim.numerics.arrays import rms
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motions import driven_as, simulated
+from mechsim.subjects.reference_data import ReferenceTable
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.quantities import (
     MOTION,
@@ -33,24 +33,8 @@ COMPARED = tuple(row for row in MOTION if row.name in ("position", "velocity", "
 RELATIVE_TOLERANCE = 1e-11
 
 
-class ReferenceData(Protocol):
-    """Reference data of a motion, such as `subjects.reference_data.ReferenceTable`."""
-
-    @property
-    def speed(self) -> float | None: ...
-
-    @property
-    def first(self) -> Array: ...
-
-    @property
-    def points(self) -> Mapping[str, PointMotion]: ...
-
-    @property
-    def drive_forces(self) -> Mapping[str, Array]: ...
-
-
 def by_reference(
-    solver: KinematicSolver, reference: ReferenceData, closed: KinematicSolver | None = None
+    solver: KinematicSolver, reference: ReferenceTable, closed: KinematicSolver | None = None
 ) -> Verdict:
     """Compare loop equations, MuJoCo's poses and a closed form with reference data.
 
@@ -69,14 +53,14 @@ def by_reference(
     return combined(verdicts)
 
 
-def _solved(solver: KinematicSolver, reference: ReferenceData) -> Motion:
+def _solved(solver: KinematicSolver, reference: ReferenceTable) -> Motion:
     if solver.motion_laws.crank:
         assert reference.speed is not None
         return solver.solve(reference.first, reference.speed)
     return solver.solve(t=reference.first)
 
 
-def _by_equations(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
+def _by_equations(solver: KinematicSolver, reference: ReferenceTable) -> Verdict:
     try:
         motion = _solved(solver, reference)
         study = prescribed_along(
@@ -87,7 +71,7 @@ def _by_equations(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     return _checked(motion, reference, "closed form", study.forces)
 
 
-def _by_poses(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
+def _by_poses(solver: KinematicSolver, reference: ReferenceTable) -> Verdict:
     try:
         acting, profile = dynamic_model(solver), _profile(solver, reference)
         samples = len(reference.first) - solver.motion_laws.crank
@@ -107,7 +91,7 @@ def _by_poses(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     return _checked(select_instants(motion, count), reference, "pose", run.forces)
 
 
-def _profile(solver: KinematicSolver, reference: ReferenceData) -> CrankProfile:
+def _profile(solver: KinematicSolver, reference: ReferenceTable) -> CrankProfile:
     """Return the crank's steady motion over the reference data, or the path of the motion laws."""
     if not solver.motion_laws.crank:
         return solver.motion_laws.path_profile
@@ -117,7 +101,7 @@ def _profile(solver: KinematicSolver, reference: ReferenceData) -> CrankProfile:
 
 
 def _checked(
-    motion: Motion, reference: ReferenceData, method: str, forces: ForceRecord | None = None
+    motion: Motion, reference: ReferenceTable, method: str, forces: ForceRecord | None = None
 ) -> Verdict:
     """Return the verdict over a motion, and its forces, at the instants of the data."""
     exact = replace(motion, points=reference.points, links={}, joints={})
@@ -133,7 +117,7 @@ def _checked(
     return concluded(checks)
 
 
-def _effort_checks(motion: Motion, reference: ReferenceData, forces: ForceRecord) -> Iterator[Check]:
+def _effort_checks(motion: Motion, reference: ReferenceTable, forces: ForceRecord) -> Iterator[Check]:
     """Yield checks of drive forces, relative to the largest root mean square."""
     largest = max(rms(values) for values in reference.drive_forces.values())
     for name, exact in reference.drive_forces.items():

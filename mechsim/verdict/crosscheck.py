@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal, Protocol
 
@@ -11,11 +11,11 @@ import numpy as np
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.force_record import ForceRecord
-from mechsim.model.motion import Motion, PointMotion, Solver
+from mechsim.model.motion import Motion, Solver
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers, require
+from mechsim.numerics.inputs import require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
 from mechsim.verdict.quantities import (
     CRANK_DRIVE,
@@ -29,43 +29,6 @@ from mechsim.verdict.quantities import (
     stroke_of,
 )
 from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
-
-PointFunction = Callable[[Array], Mapping[str, Array]]
-
-# central differences of order eight for first and second derivatives, at 0, +-1 ... +-4 spacings
-FIRST_DIFFERENCES = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
-SECOND_DIFFERENCES = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
-SPACING = 0.01  # rad: balances rounding of 1e-14 and truncation of 1e-16 x (harmonic)^9 for smooth motions
-
-
-def differentiated(function: PointFunction, angle: Array, speed: Array, acceleration: Array) -> Motion:
-    """Return the motion of a function's points at crank angles, speeds and accelerations, (n,) each.
-
-    Raises:
-        InputError: unless the function returns points of the right shape.
-    """
-    around = [function(angle + k * SPACING) for k in range(-4, 5)]
-    points: dict[str, PointMotion] = {}
-    if not isinstance(around[4], Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError(
-            f"the function returns a {type(around[4]).__name__}; return a dictionary of points "
-            "to positions (n, 3)"
-        )
-    for name in around[4]:
-        samples = [numbers(values[name]) for values in around]
-        if {sample.shape for sample in samples} != {(len(angle), 3)}:
-            raise InputError(
-                f"the function returns point {name!r} of shape {samples[4].shape} for {len(angle)} crank "
-                f"angles; return ({len(angle)}, 3)"
-            )
-        values = np.stack(samples)
-        first = np.tensordot(FIRST_DIFFERENCES, values, 1) / SPACING
-        second = np.tensordot(SECOND_DIFFERENCES, values, 1) / SPACING**2
-        points[name] = PointMotion(
-            values[4], first * speed[:, None], second * speed[:, None] ** 2 + first * acceleration[:, None]
-        )
-    return Motion("user", angle, speed, acceleration, points)
-
 
 # a simulation is in another assembly mode if its distance from that mode is below this fraction of its
 # distance from its own (validation/robustness/assembly_detector.py)
@@ -121,7 +84,7 @@ class RunWithTolerance(Protocol):
 
 def crosscheck(
     simulated: Motion | RunWithTolerance,
-    analytic: Motion | Solver | PointFunction,
+    analytic: Motion | Solver,
     *,
     tolerance: float | None = None,
     bounds: Tolerances | None = None,
@@ -132,9 +95,8 @@ def crosscheck(
 
     Args:
         simulated: a run of `simulate`, which has a tolerance if stepped, or any motion.
-        analytic: a closed form; a motion of one, which is solved again at the simulated crank angles and
-            speeds; or a function of crank angles (n,) -> {point: (n, 3)}, whose derivatives are eighth-order
-            differences. A motion without a solver must have the same angles.
+        analytic: a closed form, or a motion of one, which is solved again at the simulated crank angles and
+            speeds. A motion without a solver must have the same angles.
         tolerance: of the position of any point, in [m]; the default is the tolerance of the run, or 1e-4 of
             the stroke for a stepped motion, and rounding for solved poses.
         bounds: tolerances that replace those of `quantities`, by name ("position", "velocity", ...).
@@ -146,9 +108,10 @@ def crosscheck(
         wider where the loops are poorly conditioned, as the errors of any computed motion are.
     """
     motion, tolerance = _motion_and_tolerance(simulated, tolerance)
-    if not (isinstance(analytic, Motion) or hasattr(analytic, "solve") or callable(analytic)):
+    if not (isinstance(analytic, Motion) or hasattr(analytic, "solve")):
         raise InputError(
-            f"the analytic side is of type {type(analytic).__name__}; give a motion or a function"
+            f"the analytic side is of type {type(analytic).__name__}; give a motion or a solver; "
+            "ms.validate(model, against=FUNCTION) compares a formula"
         )
     if len(motion) == 0:
         raise InputError("the simulated motion has no instants; give at least one")
@@ -231,12 +194,7 @@ def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None
     method = "pose" if simulated.source == "pose" and tolerance is None else "step"
     scales = motion_scales(stroke, fastest, reach, quickest, _revolutions(exact) if method == "pose" else 1.0)
     requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
-    allowed = tolerances_of(rows, method, scales, requested)
-    if exact.source == "user":
-        scales = motion_scales(reach, fastest, reach, quickest)
-        for name, tolerance_of_function in tolerances_of(rows, "function", scales, Requested()).items():
-            allowed[name] = max(allowed[name], tolerance_of_function, key=lambda tolerance: tolerance.value)
-    return allowed
+    return tolerances_of(rows, method, scales, requested)
 
 
 def _revolutions(exact: Motion) -> float:
@@ -278,7 +236,7 @@ def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
     return replace(simulated, joints={**simulated.joints, **joints})
 
 
-def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:
+def _solver(analytic: Motion | Solver) -> Solver | None:
     if isinstance(analytic, Motion):
         return analytic.origin
     return analytic if hasattr(analytic, "solve") else None  # pyright: ignore[reportReturnType]
@@ -310,7 +268,7 @@ def _instant_label(motion: Motion, row: int) -> str:
     return f"crank angle {value:.6g} rad" if instants.unit == "rad" else f"t = {value:.6g} s"
 
 
-def _analytic_motion(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
+def _analytic_motion(simulated: Motion, analytic: Motion | Solver) -> Motion:
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
     solver = _solver(analytic)
     if solver is not None:
@@ -324,11 +282,9 @@ def _analytic_motion(simulated: Motion, analytic: Motion | Solver | PointFunctio
             as_driven = getattr(solver, "solve_as", None)
             return solver.solve(t=simulated.time) if as_driven is None else as_driven(simulated)
         return solver.solve(*_crank_motion(simulated))
-    if isinstance(analytic, Motion):
-        _require_same_instants(simulated, analytic)
-        return analytic
-    assert callable(analytic)
-    return differentiated(analytic, *_crank_motion(simulated))
+    assert isinstance(analytic, Motion)
+    _require_same_instants(simulated, analytic)
+    return analytic
 
 
 def _crank_motion(simulated: Motion) -> tuple[Array, Array, Array]:
@@ -343,7 +299,7 @@ def _crank_motion(simulated: Motion) -> tuple[Array, Array, Array]:
     if len(simulated.drivers) > 1 or crank.unit != "rad":
         raise InputError(
             f"motion laws drive {', '.join(simulated.drivers)} in the simulation, and the analytic motion "
-            "is a function of crank angles; give a mechanism under the same laws, or use ms.validate"
+            "depends on a crank angle; give a mechanism under the same laws, or use ms.validate"
         )
     return crank.value, crank.rate, crank.acceleration
 
@@ -356,7 +312,7 @@ def _require_same_instants(simulated: Motion, analytic: Motion) -> None:
     if available.shape != needed.shape or not np.allclose(available, needed, rtol=0.0, atol=1e-12):
         raise InputError(
             f"the analytic motion has other {label} than the simulated one and no solver; "
-            f"give it at the simulated {label}, or give the function itself"
+            f"give it at the simulated {label}"
         )
 
 

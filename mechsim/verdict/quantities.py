@@ -78,7 +78,6 @@ def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "
     return ToleranceRule(reason, eps * EPS, power=power, scale=scale)
 
 
-FUNCTION = "eighth-order differences of the function: rounding {}, harmonics up to the tenth"
 ANGLE_SET = "the crank angle is set, not driven"
 ROTATION = {
     "pose": _rounding(1024, 240, 1),
@@ -110,7 +109,6 @@ MOTION = (
         {
             "pose": _rounding(2048, 220, 3, "reach · crank speed", "a linear solve"),
             "step": ToleranceRule(f"{RATE_GAIN:.0f} {VIBRATION.format('')}", requested=RATE_GAIN, power=2),
-            "function": ToleranceRule(FUNCTION.format("1e-13"), 1e-10),
             "closed form": _rounding(1024, 100, 3, "reach · crank speed", "a linear solve"),
         },
         over=errors.points,
@@ -129,7 +127,6 @@ MOTION = (
                 requested=ACCELERATION_GAIN,
                 power=4,
             ),
-            "function": ToleranceRule(FUNCTION.format("1e-11"), 1e-9),
             "closed form": _rounding(4096, 160, 5, "reach · crank speed²", "two linear solves"),
         },
         over=errors.points,

@@ -88,7 +88,7 @@ def crank_motion(angles, axis=(0.0, 0.0, 1.0)):
     )
     link = LinkMotion(zero, rotation, zero, zero, zero, zero)
     still = np.zeros(len(angles))
-    return mechanism, Motion("user", angles, still, still, {}, {"crank": link})
+    return mechanism, Motion("closed form", angles, still, still, {}, {"crank": link})
 
 
 def decoded(path, size):

@@ -30,7 +30,7 @@ STRAIGHT = np.eye(3)
 def motion(rotation=STRAIGHT, joints=None, points=None, links=("rod",), **more):
     orientation = np.broadcast_to(rotation, (N, 3, 3))
     return Motion(
-        "user",
+        "closed form",
         ANGLE,
         np.full(N, 2.0),
         np.zeros(N),

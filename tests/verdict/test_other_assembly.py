@@ -16,7 +16,7 @@ def motion_through(positions):
     points = {
         name: PointMotion(position, 0.0 * position, 0.0 * position) for name, position in positions.items()
     }
-    return Motion("user", ANGLE, np.ones(N), np.zeros(N), points)
+    return Motion("closed form", ANGLE, np.ones(N), np.zeros(N), points)
 
 
 # P moves along x by 1 m, so that the stroke is half a metre; Q is at rest
@@ -102,7 +102,7 @@ def test_a_long_run_is_sampled_from_start_to_end():
     angle = np.linspace(0.0, 50.0, n)
     flat = np.zeros((n, 3))
     path = np.stack([np.linspace(0.0, 1.0, n), np.zeros(n), np.zeros(n)], 1)
-    still = Motion("user", angle, flat[:, 0], flat[:, 0], {"P": PointMotion(path, flat, flat)})
+    still = Motion("closed form", angle, flat[:, 0], flat[:, 0], {"P": PointMotion(path, flat, flat)})
 
     class Listing:
         def assembly_points(self, q):
@@ -133,6 +133,6 @@ def test_a_change_of_assembly_mode_needs_two_samples():
     for n, reported in ((1, None), (2, ANGLE[0])):
         flat = np.zeros((n, 3))
         path = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n)
-        exact = Motion("user", ANGLE[:n], flat[:, 0], flat[:, 0], {"P": PointMotion(path, flat, flat)})
+        exact = Motion("closed form", ANGLE[:n], flat[:, 0], flat[:, 0], {"P": PointMotion(path, flat, flat)})
         moved = replace(exact, points={"P": PointMotion(flat + np.array([0.0, 0.2, 0.0]), flat, flat)})
         assert elsewhere(moved, exact, Above()) == reported

@@ -20,8 +20,8 @@ POWER = {"pose": (1e-10, 0.0, 5), "step": (4e-7, 0.0, 0), "requested": (1e-8, 1.
 ANGLE = {"pose": (1024 * EPS, 0.0, 1), "step": (0.0, 10.0, 1)}
 DRIVER = {"pose": (20000 * EPS, 0.0, 0), "step": (0.001, 0.0, 0)}
 FUNCTIONS = {
-    "velocity": {"function": (1e-10, 0.0, 0), "closed form": (1024 * EPS, 0.0, 3)},
-    "acceleration": {"function": (1e-9, 0.0, 0), "closed form": (4096 * EPS, 0.0, 5)},
+    "velocity": {"closed form": (1024 * EPS, 0.0, 3)},
+    "acceleration": {"closed form": (4096 * EPS, 0.0, 5)},
 }
 DOCUMENTED = {
     "position": {"pose": (512 * EPS, 0.0, 1), "step": (0.0, 1.0, 0)},

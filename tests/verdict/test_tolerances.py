@@ -148,8 +148,8 @@ def test_explicit_tolerances_have_a_unit_or_are_relative():
     assert result["acceleration"].value == pytest.approx(0.1 * 0.5 * 4.0)
     assert result["acceleration"].unit == "m/s2"
     assert result["accelerations under these forces"].value == 0.1
-    assert set(tolerances_of(rows, "function", scales, Requested())) == {"acceleration"}
-    assert set(tolerances_of(rows, "function", scales, Requested(), {})) == {"acceleration"}
+    assert set(tolerances_of(rows, "closed form", scales, Requested())) == {"acceleration"}
+    assert set(tolerances_of(rows, "closed form", scales, Requested(), {})) == {"acceleration"}
 
 
 def test_a_tolerance_can_have_its_own_scale():
@@ -174,7 +174,7 @@ def test_scales_of_a_motion_are_products_of_its_lengths_and_speeds():
 
 
 def moving(path, **more):
-    return Motion("user", ANGLE, UNIT, 0.0 * UNIT, {"P": PointMotion(path, FLAT, FLAT)}, **more)
+    return Motion("closed form", ANGLE, UNIT, 0.0 * UNIT, {"P": PointMotion(path, FLAT, FLAT)}, **more)
 
 
 def test_stroke_and_reach_of_a_path_are_its_extents():
@@ -269,20 +269,6 @@ def test_solved_configurations_have_a_tolerance_of_rounding():
     assert crosscheck(solved, exact).passed
     assert not crosscheck(close, exact).passed
     assert crosscheck(close, exact, tolerance=1e-8).passed
-
-
-def test_rates_of_user_functions_have_wider_tolerances():
-    simulated = replace(EXACT, source="step")
-    user, closed = (
-        {
-            item.kind: item.tolerance
-            for item in crosscheck(simulated, replace(EXACT, source=by), tolerance=1e-14).checks
-        }
-        for by in ("user", "closed form")
-    )
-    assert user["position"] == closed["position"]
-    assert user["velocity"] > 10.0 * closed["velocity"]
-    assert user["acceleration"] > 10.0 * closed["acceleration"]
 
 
 def test_tolerances_widen_by_the_worse_conditioning_of_both_motions():

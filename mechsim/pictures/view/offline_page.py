@@ -122,14 +122,11 @@ def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Po
 
     poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
     for link in mechanism.links:
-        positions = np.concatenate([grid.position[link.name].reshape(-1, 3) for grid in grids])
-        turns = np.concatenate([grid.quaternion[link.name].reshape(-1, 4) for grid in grids])
+        positions = np.concatenate([grid.position[link.name] for grid in grids])
+        turns = np.concatenate([grid.quaternion[link.name] for grid in grids])
         step = max(1, len(positions) // MAX_POSES)
         positions, turns = positions[::step], turns[::step]
-        stand = np.isfinite(positions).all(1)
-        poses[link.name] = Pose(
-            positions[stand], Rotation.from_quat(turns[stand], scalar_first=True).as_matrix()
-        )
+        poses[link.name] = Pose(positions, Rotation.from_quat(turns, scalar_first=True).as_matrix())
     return poses
 
 
@@ -199,11 +196,11 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
     links = list(grid.position)
     poses = np.stack(
         [np.concatenate([grid.position[link], grid.quaternion[link]], -1) for link in links], -2
-    )  # (*shape, links, 7)
+    )  # (n, links, 7)
     return {
         "name": grid.name,
         "note": grid.note,
-        "sliders": [_slider(slider) for slider in grid.sliders],
+        "sliders": [_slider(grid.slider)],
         "links": links,
         "poses": _packed(poses),
         "readouts": [

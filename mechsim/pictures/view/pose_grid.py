@@ -100,13 +100,13 @@ class GhostTrack:
 
 @dataclass(frozen=True, slots=True)
 class PoseGrid:
-    """One assembly, or one method: poses of all moving links at every node of its sliders.
+    """One assembly, or one method: poses of all moving links at every node of its slider.
 
     Attributes:
         name: name on the page.
-        sliders: one for each driver; the grid is the product of their nodes.
-        position: link -> position of its origin, (*shape, 3) in [m]; NaN where it cannot be assembled.
-        quaternion: link -> its orientation, (*shape, 4), scalar first.
+        slider: the driver that is moved.
+        position: link -> position of its origin, (n, 3) in [m].
+        quaternion: link -> its orientation, (n, 4), scalar first.
         readouts: quantities shown as numbers and as curves.
         ghost: of another method; None without one.
         error: largest position error between the nodes in [m], measured; NaN if it was not.
@@ -114,18 +114,13 @@ class PoseGrid:
     """
 
     name: str
-    sliders: tuple[Slider, ...]
+    slider: Slider
     position: Mapping[str, Array]
     quaternion: Mapping[str, Array]
     readouts: tuple[Readout, ...] = ()
     ghost: GhostTrack | None = None
     error: float = float("nan")
     note: str = ""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Nodes along each slider."""
-        return tuple(len(slider.nodes) for slider in self.sliders)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,25 +194,10 @@ def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
     return indices, weights
 
 
-def interpolated(
-    sliders: Sequence[Slider], values: Array, setting: Sequence[float], *, turns: bool = False
-) -> Array:
-    """Return values of a grid, (*shape, c), at a setting of its sliders, (c,).
-
-    Args:
-        sliders: of the grid.
-        values: at the nodes.
-        setting: a value for each slider.
-        turns: whether the values are quaternions, for which both signs are the same rotation.
-    """
-    stencils = [stencil(slider, value) for slider, value in zip(sliders, setting, strict=True)]
-    block = values[np.ix_(*(nodes for nodes, _ in stencils))]
-    if turns:
-        first = block.reshape(-1, block.shape[-1])[0]
-        block = np.where((block @ first)[..., None] < 0.0, -block, block)
-    for _, weights in stencils:
-        block = np.tensordot(np.array(weights), block, axes=(0, 0))
-    return block / np.linalg.norm(block) if turns else block
+def interpolated(slider: Slider, values: Array, setting: float) -> Array:
+    """Return values at the nodes of a slider, (n, c), at a setting between them, (c,)."""
+    indices, weights = stencil(slider, setting)
+    return np.array(weights) @ values[indices]
 
 
 def motion_grid(
@@ -253,7 +233,7 @@ def motion_grid(
         driver, unit, nodes, returns_to_start(mechanism, motion), float(nodes[0]), tuple(landmarks)
     )
     readouts = (*_readouts(mechanism, motion, speeds), *extra)
-    return PoseGrid(name, (slider,), position, quaternion, readouts)
+    return PoseGrid(name, slider, position, quaternion, readouts)
 
 
 def ascending(motion: Motion) -> slice:
@@ -285,14 +265,14 @@ def between(grid: PoseGrid, exact: Motion, values: Array) -> float:
     """Return the largest position error between the nodes of a slider, in [m].
 
     Args:
-        grid: with one slider.
+        grid: the poses at the nodes.
         exact: the motion solved at values of the slider.
         values: these values, (n,).
     """
     worst = 0.0
     for link, moved in exact.links.items():
         for i, value in enumerate(values):
-            approximate = interpolated(grid.sliders, grid.position[link], [float(value)])
+            approximate = interpolated(grid.slider, grid.position[link], float(value))
             worst = max(worst, float(np.linalg.norm(approximate - moved.position[i])))
     return worst
 

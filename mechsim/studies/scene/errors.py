@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -96,6 +96,21 @@ def cubic_interpolation(nodes: Array, values: Array, time: Array) -> Array:
         weight = np.prod((time[:, None] - x[:, others]) / (x[:, [i]] - x[:, others]), axis=1)
         result += weight.reshape(-1, *(1,) * (values.ndim - 1)) * values[first + i]
     return result
+
+
+def sampled_run(run: SceneRun, samples: int) -> SceneRun:
+    """Return evenly spaced records of a run, both ends included, interpolated between those of all its steps.
+
+    A broken run is returned as it is.
+    """
+    if run.broken:
+        return run
+    every, instants = (
+        run_scene(run.scene, run.model, records=None),
+        np.linspace(0.0, run.scene.duration, samples),
+    )
+    qpos, qvel = (cubic_interpolation(every.time, values, instants) for values in (every.qpos, every.qvel))
+    return replace(run, time=instants, qpos=qpos, qvel=qvel)
 
 
 def start_error(scene: UserScene) -> float:

@@ -178,39 +178,6 @@ def run_scene(
     return SceneRun(scene, model, run.time, run.qpos, run.qvel, run.processor, run.count, broken)
 
 
-@quiet()
-def sampled_run(run: SceneRun, samples: int) -> SceneRun:
-    """Step a run again; record evenly spaced instants, both ends included. A broken run is returned as it is.
-
-    An instant within a step is reached by one shorter step from the state before it.
-    """
-    if run.broken:
-        return run
-    scene, model, within = run.scene, run.model, copy.copy(run.model)
-    data, fork = mujoco.MjData(model), mujoco.MjData(model)
-    if scene.key is not None:
-        mujoco.mj_resetDataKeyframe(model, data, model.key(scene.key).id)
-    data.qpos[:], data.qvel[:] = scene.start
-    step, number = float(model.opt.timestep), 0
-    instants = np.linspace(0.0, scene.duration, samples)
-    records: list[tuple[Array, Array]] = []
-    for instant in instants.tolist():
-        last = int(instant / step + STEP_ROUNDING)
-        *controls, next_control = scene.controls(model, number, last - number + 1)
-        for control in controls:
-            data.ctrl[:], data.qfrc_applied[:] = control[: model.nu], control[model.nu :]
-            mujoco.mj_step(model, data)
-        number, state, rest = last, data, instant - last * step
-        if rest > STEP_ROUNDING * step:
-            state, within.opt.timestep = fork, rest
-            mujoco.mj_copyData(fork, model, data)
-            fork.ctrl[:], fork.qfrc_applied[:] = next_control[: model.nu], next_control[model.nu :]
-            mujoco.mj_step(within, fork)
-        records.append((state.qpos.copy(), state.qvel.copy()))
-    qpos, qvel = (np.array(values) for values in zip(*records, strict=True))
-    return replace(run, time=instants, qpos=qpos, qvel=qvel)
-
-
 def step_times(
     runs: Sequence[tuple[UserScene, mujoco.MjModel]],
     rounds: int = TIMING_ROUNDS,

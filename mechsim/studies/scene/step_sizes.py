@@ -2,29 +2,23 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.simulation.plain_settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
-from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
-from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 
 # time steps that `tune` tries, relative to the file's own
 RATIOS = (16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6, 1.25, 1.0, 0.8, 0.64, 0.5, 0.4, 0.32, 0.25, 0.2)
 SMALL_RATIOS = (0.16, 0.125, 0.1, 0.08, 0.064, 0.05, 0.04, 0.032, 0.025, 0.02, 0.016, 0.0125, 0.01)
-# time steps that `finer` tries, relative to the file's own
-FINER_RATIOS = (1.0, 0.5, 0.25, 0.1, 0.04, 0.016, 0.006, 0.0025, 0.001)
 # smallest number of steps in a motion
 MIN_STEPS = 50
 # cost of a step by integrator, relative to Euler
 COSTS = {"Euler": 1.0, "implicitfast": 1.0, "discrete": 1.2, "implicit": 1.3, "RK4": 3.5}
 SINGLE_STAGE = ("Euler", "implicitfast", "discrete")
-# integrator with implicit springs and servos, tried after a divergence of another integrator
-IMPLICIT = "discrete"
 # time constants of the loops in steps; MuJoCo lengthens those below `SAFE_TIME_CONSTANT` unless refsafe is
 # off
 TIME_CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
@@ -154,56 +148,4 @@ def loop_settings(scene: UserScene, step: float, integrator: str, constant: floa
         refsafe=False if unsafe else None,
         # with tolerance 0 a solver always uses all iterations
         tolerance=None if scene.model.opt.tolerance > 0.0 else scene.solver_tolerance,
-    )
-
-
-class FinerRun(NamedTuple):
-    """A run with settings and its errors."""
-
-    run: SceneRun
-    errors: SceneErrors
-    settings: PlainSettings
-
-
-def finer(scene: UserScene, settings: PlainSettings, tolerance: float, *, fixed: bool = False) -> FinerRun:
-    """Return a run that satisfies a tolerance by closure, or the best run.
-
-    The step is refined until the tolerance is satisfied. A diverged run is repeated with an implicit
-    integrator, unless an integrator was requested; finer steps follow.
-
-    Args:
-        scene: the scene.
-        settings: requested settings; the first run has only these.
-        tolerance: in [m].
-        fixed: whether no other settings are tried.
-    """
-    own = settings.timestep or float(scene.model.opt.timestep)
-    options = [settings]
-    if not fixed:
-        ratios = [ratio for ratio in FINER_RATIOS if scene.duration / (ratio * own) <= MAX_SCENE_STEPS]
-        options += [_with_hard_loops(settings, ratio * own) for ratio in ratios]
-
-    def run_with(option: PlainSettings) -> FinerRun:
-        run = run_scene(scene, option.applied(scene.model))
-        return FinerRun(run, SceneEvaluator().errors(run), option)
-
-    results: list[FinerRun] = []
-    for option in options:
-        result = run_with(option)
-        if result.run.broken and not fixed and settings.integrator is None:
-            result = run_with(replace(option, integrator=IMPLICIT))
-        results.append(result)
-        if result.errors.closure <= tolerance:
-            break
-    return min(results, key=lambda result: result.errors.closure)
-
-
-def _with_hard_loops(settings: PlainSettings, step: float) -> PlainSettings:
-    """Return settings with a step and the least compliant loops that it permits."""
-    return replace(
-        settings,
-        timestep=step,
-        solver=settings.solver or "Newton",
-        solref=settings.solref or (SAFE_TIME_CONSTANT * step, 1.0),
-        solimp=settings.solimp or LOWEST_COMPLIANCE_SOLIMP,
     )

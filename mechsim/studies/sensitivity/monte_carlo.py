@@ -1,8 +1,7 @@
-"""Monte Carlo over tolerances, by expansions in the dimensions that some solved mechanisms verify."""
+"""Monte Carlo over tolerances, by exact derivatives that some solved mechanisms verify."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,100 +66,12 @@ class DesignSolver:
             if fraction
         }
 
-    def text(self, fractions: Array) -> str:
-        """Return the changed dimensions as text."""
-        return ", ".join(f"{name} = {value:.6g}" for name, value in self.dimensions(fractions).items())
-
-
-@dataclass(frozen=True)
-class Expansion:
-    """Deviations to second order: derivative . d + second_derivative . d d, d relative to the tolerances.
-
-    Attributes:
-        derivative: exact, (p, k).
-        pairs: indices of the two dimensions of each second derivative, (b, 2).
-        second_derivative: second differences over the whole tolerances, (b, k); those of one dimension are
-            halved. Empty for an expansion to first order.
-    """
-
-    derivative: Array
-    pairs: NDArray[np.intp]
-    second_derivative: Array
-
-    def features(self, fractions: Array) -> Array:
-        """Return the deviations (n, p) of dimensions and their products, (n, p + b)."""
-        return np.concatenate([fractions, fractions[:, self.pairs[:, 0]] * fractions[:, self.pairs[:, 1]]], 1)
-
-    def blocks(self, fractions: Array) -> Iterator[Block]:
-        """Yield columns of the quantities, and the deviations in them of mechanisms with fractions (n, p)."""
-        features, weights = self.features(fractions), self.weights
-        for first in range(0, weights.shape[1], BATCH_COLUMNS):
-            which = slice(first, first + BATCH_COLUMNS)
-            yield which, features @ weights[:, which]
-
-    @property
-    def order(self) -> int:
-        """Order of the expansion, 1 or 2."""
-        return 2 if len(self.second_derivative) else 1
-
-    @property
-    def weights(self) -> Array:
-        """Coefficients of the features, (p + b, k)."""
-        return np.concatenate([self.derivative, self.second_derivative])
-
-
-def first_order(derivative: Array) -> Expansion:
-    """Return an expansion to first order from derivatives (p, k) by the fractions of the tolerances."""
-    return Expansion(derivative, np.zeros((0, 2), np.intp), np.zeros((0, derivative.shape[1])))
-
-
-def second_order(solved: DesignSolver, derivative: Array, advance: Advance = lambda: None) -> Expansion:
-    """Return an expansion to second order.
-
-    Args:
-        solved: solves the mechanisms.
-        derivative: exact derivatives by the fractions of the tolerances, (p, k).
-        advance: called after each mechanism.
-
-    Raises:
-        InputError: for tolerances that allow no assembly; names the dimensions.
-    """
-    count = len(derivative)
-
-    def deviations(*signed: tuple[int, float]) -> Array:
-        fractions = np.zeros(count)
-        for i, sign in signed:
-            fractions[i] = sign
-        try:
-            return solved.deviations(fractions)
-        except MechsimError as error:
-            raise InputError(
-                f"the tolerances allow no assembly: with {solved.text(fractions)}: {error}"
-            ) from None
-        finally:
-            advance()
-
-    own = [0.5 * (deviations((i, 1.0)) + deviations((i, -1.0))) for i in range(count)]
-    two = [*combinations(range(count), 2)]
-    # mean of both corners with equal signs, minus the effects of each dimension alone
-    both = [
-        0.5 * (deviations((i, 1.0), (j, 1.0)) + deviations((i, -1.0), (j, -1.0))) - own[i] - own[j]
-        for i, j in two
-    ]
-    pairs = np.array([*((i, i) for i in range(count)), *two], dtype=np.intp).reshape(-1, 2)
-    return Expansion(derivative, pairs, np.array([*own, *both]).reshape(len(pairs), derivative.shape[1]))
-
-
-def solves(count: int) -> int:
-    """Return the number of mechanisms that an expansion to second order solves."""
-    return count * (count + 1)
-
 
 # quantiles of the samples at the ends of the reported interval
 QUANTILES = (0.025, 0.975)
-# number of solved samples that verify an expansion, and number solved if no expansion is accurate enough
+# number of solved samples that verify the derivatives, and number solved if they are not accurate enough
 MAX_VERIFIED, MAX_SOLVED = 50, 2000
-# largest accepted error of an expansion, in standard deviations; smallest standard deviation for this,
+# largest accepted error of the derivatives, in standard deviations; smallest standard deviation for this,
 # relative to the largest of the same quantity
 MAX_EXPANSION_ERROR, MIN_RELATIVE_DEVIATION = 0.02, 1e-2
 
@@ -172,8 +83,8 @@ class Sampling:
     Attributes:
         solved: number of solved mechanisms.
         failed: number of these that cannot be assembled.
-        order: order of the expansion, 1 or 2; 0 if each mechanism was solved.
-        expansion_error: largest error of the expansion over the solved mechanisms, in standard deviations.
+        order: 1 if the exact derivatives were used; 0 if each mechanism was solved.
+        expansion_error: largest error of the derivatives over the solved mechanisms, in standard deviations.
         seed: of the random numbers.
     """
 
@@ -220,9 +131,9 @@ def sample_tolerances(
 ) -> Sampled:
     """Return statistics of random mechanisms within tolerances.
 
-    An expansion to first or second order is used if its error, for some solved mechanisms, is below a
-    fiftieth of the standard deviation. If neither is accurate enough, fewer mechanisms are drawn and each is
-    solved. Clearances count to first order.
+    The exact derivatives are used if their error, for some solved mechanisms, is below a fiftieth of the
+    standard deviation. Otherwise fewer mechanisms are drawn and each is solved. Clearances count to first
+    order.
 
     Args:
         solved: solves the mechanisms.
@@ -234,27 +145,36 @@ def sample_tolerances(
         advance: called after each solved mechanism.
 
     Raises:
-        InputError: for tolerances that allow no assembly.
+        InputError: if none of the mechanisms can be assembled.
     """
     random, width = np.random.default_rng(seed), derivative.shape[1]
     fractions = _fractions(random, count, len(derivative), tolerances)
     checked = fractions[: MAX_VERIFIED if len(derivative) else 0]
     exact, failed = _each(solved, checked, advance)
     spread = _spread(derivative * tolerances.spread, len(solved.columns))
-    for expand in (first_order, lambda derivative: second_order(solved, derivative, advance)):
-        expanded = expand(derivative)
-        deviations = expanded.features(checked[~failed]) @ expanded.weights - exact
-        expansion_error = float((np.abs(deviations) / spread).max(initial=0.0))
-        if expansion_error <= MAX_EXPANSION_ERROR and not failed.any():
-            sampling = Sampling(len(checked), 0, expanded.order, expansion_error, seed)
-            return _statistics(expanded.blocks(fractions), count, width, plays, random, sampling)
+    error = float((np.abs(checked[~failed] @ derivative - exact) / spread).max(initial=0.0))
+    if error <= MAX_EXPANSION_ERROR and not failed.any():
+        sampling = Sampling(len(checked), 0, 1, error, seed)
+        return _statistics(_blocks(fractions, derivative), count, width, plays, random, sampling)
     exact, failed = _each(solved, fractions[:MAX_SOLVED], advance)
+    if failed.all():
+        raise InputError(
+            f"none of {len(failed)} random mechanisms within the tolerances can be assembled; give smaller "
+            "tolerances"
+        )
     sampling = Sampling(len(failed), int(failed.sum()), 0, 0.0, seed)
     return _statistics(iter([(ALL_COLUMNS, exact)]), len(exact), width, plays, random, sampling)
 
 
+def _blocks(fractions: Array, derivative: Array) -> Iterator[Block]:
+    """Yield columns of the quantities, and the deviations in them of mechanisms, to first order."""
+    for first in range(0, derivative.shape[1], BATCH_COLUMNS):
+        which = slice(first, first + BATCH_COLUMNS)
+        yield which, fractions @ derivative[:, which]
+
+
 def _spread(derivative: Array, columns: int) -> Array:
-    """Return standard deviations that scale errors of an expansion, (k,); infinite without deviation."""
+    """Return standard deviations that scale errors of the derivatives, (k,); infinite without deviation."""
     spread = np.sqrt((derivative**2).sum(0)).reshape(columns, -1)
     least = np.maximum(spread, MIN_RELATIVE_DEVIATION * spread.max(1, keepdims=True, initial=0.0)).ravel()
     return np.where(least > 0.0, least, np.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,7 +30,6 @@ from mechsim.subjects.toml_values import suggestion
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-    from xarray import Dataset
 
 # selects every dimension
 ALL = "all"
@@ -93,30 +92,6 @@ class Sensitivity:
         with needs("tables"):
             from pandas import DataFrame as PandasDataFrame
         return PandasDataFrame(dict(self.columns()))
-
-    def to_xarray(self) -> Dataset:
-        """Return quantities over instants, and derivatives "QUANTITY/" over instants and dimensions.
-
-        Raises:
-            MissingToolError: if xarray is not installed.
-        """
-        over, instants = self.moved.over
-        variables: dict[str, Any] = {}
-        for quantity, values in self.values.items():
-            unit = self.units[quantity]
-            variables[quantity] = (over, values, {"units": unit})
-            rows = np.array([*self.derivatives(quantity).values()])
-            about = {"long_name": f"derivative of {quantity}", "units": f"{unit} per unit of the dimension"}
-            variables[f"{quantity}/"] = (("dimension", over), rows, about)
-        coordinates = {
-            over: (over, instants, {"units": "rad" if over == "angle" else "s"}),
-            "dimension": [*self.by],
-            "unit": ("dimension", [dimension.unit for dimension in self.dimensions.values()]),
-            "value": ("dimension", [dimension.value for dimension in self.dimensions.values()]),
-        }
-        with needs("tables"):
-            from xarray import Dataset as XarrayDataset
-        return XarrayDataset(variables, coordinates, {"mechanism": self.name})
 
 
 def per(unit: str, by: str) -> str:

@@ -9,14 +9,14 @@ import numpy as np
 
 from mechsim.model.motion import short_repr
 from mechsim.model.progress import Progress, no_progress
-from mechsim.numerics.arrays import Array, tangents
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.monte_carlo import (
+    MAX_SOLVED,
     MAX_VERIFIED,
     Advance,
     DesignSolver,
     Sampled,
     sample_tolerances,
-    solves,
 )
 from mechsim.studies.sensitivity.sensitivity import Sensitivity
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, parsed_tolerances
@@ -64,19 +64,6 @@ class ToleranceStudy:
         variances = {name: float(self._variance(name, quantity).sum()) for name in self.contributions}
         total = sum(variances.values())
         return {name: variance / total if total > 0.0 else 0.0 for name, variance in variances.items()}
-
-    def across(self, quantities: Sequence[str], direction: Array) -> list[Array]:
-        """Return the largest deviation along a direction from each tolerance, (n,) each.
-
-        Args:
-            quantities: k quantities, as the coordinates of a point.
-            direction: unit vectors, (n, k).
-        """
-
-        def along(row: Mapping[str, Array]) -> Array:
-            return (direction * np.column_stack([row[name] for name in quantities])).sum(1)
-
-        return [np.sqrt(np.sum([along(row) ** 2 for row in own], 0)) for own in self.contributions.values()]
 
     def _squared(self, name: str, quantity: str) -> Array:
         return np.sum([row[quantity] ** 2 for row in self.contributions[name]], 0)
@@ -171,7 +158,7 @@ def tolerance_study(
         angular = np.repeat([table.units[column] == "rad" for column in columns], len(table))
         solved = DesignSolver(moved, columns, requested.bounds, values, angular)
         loose = [np.array([_row(row, columns) for row in own]) for own in plays.values()]
-        advance = _counted(progress, MAX_VERIFIED + (solves(len(derivative)) if len(derivative) else 0))
+        advance = _counted(progress, MAX_VERIFIED + MAX_SOLVED)
         monte_carlo = sample_tolerances(solved, derivative, loose, requested, samples, seed, advance)
     contributions |= {joint + CLEARANCE: own for joint, own in plays.items()}
     return ToleranceStudy(table, requested, contributions, monte_carlo)
@@ -190,45 +177,3 @@ def _counted(progress: Progress, total: int) -> Advance:
         progress(f"{count} of {total} mechanisms", min(1.0, count / total))
 
     return advance
-
-
-@dataclass(frozen=True, slots=True)
-class PathDeviation:
-    """A path, and the lateral deviation of its point in the plane closest to the path.
-
-    Attributes:
-        point: its name.
-        positions: (n, 3) in [m].
-        worst: worst case, to first order, (n,) in [m].
-        squares: root sum of squares, (n,) in [m].
-    """
-
-    point: str
-    positions: Array
-    worst: Array
-    squares: Array
-
-
-def path_bands(table: Sensitivity, study: ToleranceStudy) -> list[PathDeviation]:
-    """Return the deviations of the points that move and whose three coordinates are in a study."""
-    bands: list[PathDeviation] = []
-    for point in table.moved.solver.mechanism.points:
-        columns = [f"{point}.{axis}" for axis in "xyz"]
-        if not all(column in table.values for column in columns):
-            continue
-        positions = np.column_stack([table.values[column] for column in columns])
-        if np.ptp(positions, axis=0).max() == 0.0:
-            continue
-        deviations = study.across(columns, _across(positions))
-        total, squares = np.sum(deviations, 0), np.sqrt(np.sum(np.square(deviations), 0))
-        bands.append(PathDeviation(point, positions, total, squares))
-    return bands
-
-
-def _across(positions: Array) -> Array:
-    """Return unit normals of a path in the plane closest to it, (n, 3)."""
-    middle = positions - positions.mean(0)
-    normal = np.linalg.svd(middle, full_matrices=False)[2][2]
-    across = np.cross(normal, tangents(middle))
-    length = np.sqrt((across**2).sum(1, keepdims=True))
-    return across / np.where(length > 0.0, length, 1.0)

@@ -211,22 +211,21 @@ def _row(name: str, value: object, model: str, parameters: Mapping[str, str]) ->
 def sampled_designs(
     text: str, spans: Mapping[str, object], model: str, parameters: Mapping[str, str]
 ) -> Designs:
-    """Return designs sampled between bounds of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
+    """Return designs sampled between bounds of parameters: `sobol:N`.
 
     Args:
-        text: sampling method and number of designs.
+        text: "sobol:" and the number of designs.
         spans: parameter -> (low, high) in SI.
         model: name of the subject.
         parameters: parameter -> unit.
 
     Raises:
-        InputError: for an unknown method, or an invalid number.
+        InputError: for another text, or an invalid number.
     """
     word, _, number = text.partition(":")
     count = int(number) if number.isdigit() else 0
-    if word not in ("sobol", "halton", "latin", "random") or not 1 <= count <= MAX_LISTED:
-        words = suggestion(word, ("sobol", "halton", "latin", "random"))
-        raise InputError(f"--sample {text!r} is not one of{words}; write sobol:N with N up to {MAX_LISTED:,}")
+    if word != "sobol" or not 1 <= count <= MAX_LISTED:
+        raise InputError(f"--sample is {text!r}; write sobol:N with N up to {MAX_LISTED:,}")
     if not spans:
         raise InputError(f"no parameter of {model} varies; give --vary {SPAN}")
     ends = {name: _row(name, values, model, parameters) for name, values in spans.items()}
@@ -238,23 +237,12 @@ def sampled_designs(
     require_memory(
         f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: reduce the number"
     )
-    points = _points(word, len(ends), count)
-    values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
-    return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {SEED}")
-
-
-def _points(word: str, dimensions: int, count: int) -> Array:
-    """Return points in the unit cube, (count, dimensions)."""
     from scipy.stats import qmc
 
-    if word == "random":
-        return np.random.default_rng(SEED).random((count, dimensions))
-    if word == "sobol":
-        # a power of two keeps the points balanced; the first are used
-        engine = qmc.Sobol(dimensions, scramble=True, rng=SEED)
-        return engine.random_base2(max(0, (count - 1).bit_length()))[:count]
-    kinds = {"halton": qmc.Halton, "latin": qmc.LatinHypercube}
-    return kinds[word](dimensions, rng=SEED).random(count)
+    # a power of two keeps the points balanced; the first are used
+    points = qmc.Sobol(len(ends), scramble=True, rng=SEED).random_base2((count - 1).bit_length())[:count]
+    values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
+    return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {SEED}")
 
 
 def read_designs(

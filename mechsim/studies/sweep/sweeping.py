@@ -87,7 +87,7 @@ def sweep(
         measure: such as "range:rocker", "max:P3.vx", "stroke:P3", "at:90deg:rocker", "crank_range",
             "FILE.py:FUNC" (see `measures.measure`).
         design: parameter -> values in SI, one for each design, or a CSV file of them; in place of `vary`.
-        sample: "sobol:N", "halton:N", "latin:N" or "random:N".
+        sample: "sobol:N", N Sobol points over the ranges.
         set: parameter -> its value if it does not vary, as for `load`.
         samples: number of poses in a revolution, or over the motion laws of drivers; None for 72.
         speed: crank speed in [rad/s], or text, as "600rpm".

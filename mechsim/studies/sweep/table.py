@@ -1,6 +1,5 @@
 """The result of a sweep as an `xarray.Dataset`, and as a file."""
 
-import math
 import warnings
 from collections.abc import Mapping
 from importlib import import_module
@@ -131,65 +130,22 @@ def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
 
 
 def read_sweep(path: str | Path) -> "Dataset":
-    """Return a sweep from a file. A .csv file has no units, and its grids become lists.
+    """Return a sweep from a file with units.
 
     Raises:
-        InputError: for a missing file, or a file without a sweep.
+        InputError: for a missing file, a file without a sweep, or one in .csv.
     """
-    kind, xarray = suffix_of(path), library("xarray")
+    if suffix_of(path) == ".csv":
+        raise InputError(f"{path} has no units and no grid; write the sweep to a file .nc and name that")
     if not Path(path).exists():
         raise InputError(f"there is no file {path}; name the output of a sweep")
     require_libraries(path)
     try:
-        if kind == ".nc":
-            with xarray.open_dataset(path, engine="netcdf4") as file:
-                result = file.load()
-        else:
-            result = _from_columns(_read_csv(path))
+        with library("xarray").open_dataset(path, engine="netcdf4") as file:
+            result = file.load()
     except (OSError, ValueError, KeyError, TypeError) as error:
         line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} contains no sweep: {cut(line, 120)}") from None
     if "outcome" not in result:
         raise InputError(f"{path} contains no sweep: it has no column outcome")
     return result
-
-
-def _read_csv(path: str | Path) -> dict[str, Any]:
-    texts = library("pandas").read_csv(path, dtype=str, keep_default_na=False)
-    return {
-        name: column.to_numpy(object) if name in TEXTS else column.replace("", "nan").to_numpy(float)
-        for name, column in texts.items()
-    }
-
-
-def _from_columns(columns_read: Mapping[str, Any]) -> "Dataset":
-    # parameter names contain no colon, unlike measures
-    measured = [name for name in columns_read if name in TEXTS or ":" in name or name in FACT_NAMES]
-    parameters = {name: column for name, column in columns_read.items() if name not in measured}
-    if grid := _grid_of(parameters):
-        axes = {name: np.unique(column) for name, column in parameters.items()}
-        shape = tuple(len(column) for column in axes.values())
-        variables = {name: (grid, columns_read[name].reshape(shape)) for name in measured}
-    else:
-        variables = {name: ("design", columns_read[name]) for name in measured}
-        axes = {name: ("design", column) for name, column in parameters.items()}
-    result = library("xarray").Dataset(variables, axes)
-    for name in result.variables:
-        if name not in TEXTS:
-            result[name].attrs["units"] = "1"
-    return result
-
-
-def _grid_of(parameter_names: Mapping[str, Any]) -> list[str]:
-    """Return the dimensions of columns that form a grid row by row; empty for others."""
-    axes = [np.unique(column) for column in parameter_names.values()]
-    if not axes or math.prod(len(column) for column in axes) != len(next(iter(parameter_names.values()))):
-        return []
-    broadcast = np.meshgrid(*axes, indexing="ij")
-    is_grid = all(
-        np.array_equal(a.ravel(), b) for a, b in zip(broadcast, parameter_names.values(), strict=True)
-    )
-    return [*parameter_names] if is_grid else []
-
-
-FACT_NAMES = ("crank_range", "dead_centres", "assemblies")

@@ -102,12 +102,3 @@ def test_drive_torques_are_requested_by_the_driven_joint():
     assert [*result.values] == ["torque"]
     with pytest.raises(InputError, match="no quantity 'torque:rocker'"):
         derivative_table(moved("four_bar"), ["torque:rocker"])
-
-
-@pytest.mark.long
-def test_a_table_is_a_dataset_with_units():
-    xarray = pytest.importorskip("xarray")
-    data = derivative_table(moved("four_bar"), ["rocker"], ["crank", "arm_angle"]).to_xarray()
-    assert isinstance(data, xarray.Dataset)
-    assert data["rocker.q/"].dims == ("dimension", "angle")
-    assert list(data["unit"].values) == ["m", "rad"]

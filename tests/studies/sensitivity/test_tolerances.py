@@ -1,15 +1,15 @@
 """Tolerances from text and tables; worst case, root sum of squares and Monte Carlo compared."""
 
 from functools import cache
-from itertools import product
 
 import numpy as np
 import pytest
 
 from mechsim.errors import InputError
+from mechsim.studies.sensitivity import monte_carlo
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sensitivity.sensitivity import derivative_table
-from mechsim.studies.sensitivity.tolerance_analysis import path_bands, tolerance_study
+from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances, written_tolerances
 from mechsim.subjects.readers import parametric_model
 
@@ -58,32 +58,7 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
 
 
 @pytest.mark.long
-def test_large_tolerances_use_second_order():
-    names = ("crank", "arm", "ground")
-    result = table("hoeken", quantities=("rocker",))
-    study = tolerance_study(result, dict.fromkeys(names, 2e-3), samples=20_000)
-    assert study.sampled.sampling.order == 2
-    assert study.sampled.sampling.expansion_error <= 0.02
-    values, solved, weights = result.moved.designs.values(), [], []
-    # Gauss points, three per dimension, are exact for terms up to the fifth order
-    for nodes in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
-        samples_off = {name: values[name] + 2e-3 * node for name, (node, _) in zip(names, nodes, strict=True)}
-        solved.append(result.moved.values(["rocker.q"], samples_off)["rocker.q"])
-        weights.append(np.prod([0.5 * weight for _, weight in nodes]))
-    mean = np.average(solved, 0, weights)
-    deviation = np.sqrt(np.average((solved - mean) ** 2, 0, weights))
-    random = study.random("rocker.q")
-    # 20,000 samples estimate a deviation within 0.5 %
-    assert np.abs(random["std"] / deviation - 1.0).max() <= 0.015
-    assert np.abs(random["mean"] - (mean - result.values["rocker.q"])).max() <= 0.03 * deviation.max()
-    # to first order the mean would not change
-    assert np.abs(random["mean"]).max() > 0.01 * deviation.max()
-
-
-@pytest.mark.long
 def test_samples_are_solved_if_the_expansion_is_inaccurate(monkeypatch):
-    from mechsim.studies.sensitivity import monte_carlo
-
     monkeypatch.setattr(monte_carlo, "MAX_SOLVED", 20)
     monkeypatch.setattr(monte_carlo, "MAX_VERIFIED", 8)
     result = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
@@ -108,16 +83,6 @@ def test_a_radial_clearance_moves_a_point_by_its_radius():
     assert np.abs(study.random("B.x")["std"] / (0.5e-5 / np.cos(rod_angle)) - 1.0).max() <= 0.02
 
 
-def test_the_band_of_a_path_is_normal_to_it():
-    mechanism = MovedFamily(parametric_model("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
-    result = derivative_table(mechanism, ["A"])
-    study = tolerance_study(result, {"crank": 1e-5}, samples=0)
-    (band,) = path_bands(result, study)
-    # A moves on a circle whose radius is the crank length;
-    # the band is correct also at the closing point of the path
-    assert np.abs(band.worst - 1e-5).max() <= 1e-12
-
-
 def test_a_table_of_tolerances_is_read(tmp_path):
     path = tmp_path / "tolerances.csv"
     path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
@@ -129,8 +94,8 @@ def test_a_table_of_tolerances_is_read(tmp_path):
 
 
 def test_tolerances_without_an_assembly_are_rejected():
-    with pytest.raises(InputError, match="the tolerances allow no assembly: with crank = "):
-        tolerance_study(table(), {"crank": 0.06}, samples=100)
+    with pytest.raises(InputError, match="none of 60 random mechanisms within the tolerances"):
+        tolerance_study(table(), {"crank": 1000.0}, samples=60)
 
 
 def test_a_slide_has_no_radial_clearance():

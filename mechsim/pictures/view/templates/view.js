@@ -36,42 +36,27 @@ function bracket(nodes, value) {
   return low;
 }
 
-function stencil(slider, value, most) {
-  const nodes = slider.nodes, n = nodes.length, low = bracket(nodes, value), count = Math.min(most, n);
-  const back = most > 2 ? 1 : 0, at = [], where = [];
+function stencil(slider, value) {
+  const nodes = slider.nodes, n = nodes.length, low = bracket(nodes, value), count = Math.min(4, n);
+  const at = [], where = [];
   if (slider.ring) {
     const period = nodes[n - 1] - nodes[0];
-    for (let i = low - back; i < low - back + count; i++) {
+    for (let i = low - 1; i < low - 1 + count; i++) {
       const revolution = Math.floor(i / (n - 1)), index = i - revolution * (n - 1);
       at.push(index);
       where.push(nodes[index] + period * revolution);
     }
   } else {
-    const first = Math.min(Math.max(low - back, 0), n - count);
+    const first = Math.min(Math.max(low - 1, 0), n - count);
     for (let i = first; i < first + count; i++) { at.push(i); where.push(nodes[i]); }
   }
   const weights = where.map((a, j) => where.reduce((w, b, k) => (k === j ? w : w * (value - b) / (a - b)), 1));
-  return { at, weights };
-}
-
-function blend(grid, values, most) {
-  let index = [0], weight = [1];
-  grid.sliders.forEach((slider, i) => {
-    const { at, weights } = stencil(slider, values[i], most), nextIndex = [], nextWeight = [];
-    for (let j = 0; j < index.length; j++)
-      for (let k = 0; k < at.length; k++) {
-        nextIndex.push(index[j] * slider.nodes.length + at[k]);
-        nextWeight.push(weight[j] * weights[k]);
-      }
-    index = nextIndex;
-    weight = nextWeight;
-  });
-  return { index, weight };
+  return { index: at, weight: weights };
 }
 
 function posesAt(grid, values) {
   if (grid.solver) return grid.posesAt(values);
-  return posesFrom(grid, blend(grid, values, 4)) || posesFrom(grid, blend(grid, values, 2));
+  return posesFrom(grid, stencil(grid.sliders[0], values[0]));
 }
 
 function posesFrom(grid, { index, weight }) {
@@ -95,14 +80,11 @@ function posesFrom(grid, { index, weight }) {
 
 function readAt(grid, readout, values) {
   if (grid.solver) return grid.read(readout, values);
-  const width = readout.parts.length;
-  for (const most of [4, 2]) {
-    const { index, weight } = blend(grid, values, most), out = new Array(width).fill(0);
-    for (let j = 0; j < index.length; j++)
-      for (let k = 0; k < width; k++) out[k] += weight[j] * readout.values[index[j] * width + k];
-    if (out.every(Number.isFinite)) return out;
-  }
-  return new Array(width).fill(NaN);
+  const width = readout.parts.length, out = new Array(width).fill(0);
+  const { index, weight } = stencil(grid.sliders[0], values[0]);
+  for (let j = 0; j < index.length; j++)
+    for (let k = 0; k < width; k++) out[k] += weight[j] * readout.values[index[j] * width + k];
+  return out;
 }
 
 /* ---- settings ---- */
