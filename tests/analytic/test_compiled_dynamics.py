@@ -276,17 +276,33 @@ def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
     assert fast.energy_error <= 1e-11
 
 
-def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(monkeypatch):
+FILTER = Actuator("filter", {"crank": 1.0}, control_law("0.01+0.01*t", "filter"), inflow=(1e6, -1e6, 0, 0))
+STIFF = {
     # the speed of the crank approaches that of the motor within 1.2e-5 s
+    "motor": ("rssr", Forces(motor=TorqueSpeedLine(1.0, 62.8)), 0.03),
+    "damper": ("four_bar", Forces(springs=(Spring("B", ("ground", (0.3, -0.2, 0)), 5.0, 0.1, 1e4),)), 0.3),
+    "actuator": ("four_bar", Forces(actuators=(FILTER,)), 0.1),
+}
+
+
+@pytest.mark.parametrize("name", STIFF)
+def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(name, monkeypatch):
+    model, forces, duration = STIFF[name]
+
     def run():
-        return ms.dynamics.run("rssr", Forces(motor=TorqueSpeedLine(1.0, 62.8)), duration=0.03, samples=20)
+        return ms.dynamics.run(model, forces, duration=duration, samples=20)
 
     fast = run()
     monkeypatch.setattr(in_c, "SUPPORTED", {})
     slow = run()
     assert (fast.executed, slow.executed) == ("C", "numpy")
+    fastest = np.abs(slow.motion.speed).max()
     assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-12
-    assert np.abs(fast.motion.speed - slow.motion.speed).max() <= 1e-10 * 62.8
+    assert np.abs(fast.motion.speed - slow.motion.speed).max() <= 1e-10 * fastest
+    exchanged = max(slow.kinetic.max(), np.ptp(slow.potential))
+    for energies in ((fast.work, slow.work), (fast.lost, slow.lost)):
+        assert np.abs(energies[0] - energies[1]).max() <= 1e-10 * exchanged
+    assert fast.steps <= 1.5 * slow.steps
 
 
 def row_of_parallel_cranks(count):

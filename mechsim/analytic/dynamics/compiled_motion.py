@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from mechsim.analytic.dynamics.initial_state import StateLayout, projected
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide
 from mechsim.errors import FrictionError
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.gauss_collocation import STIFF_NODES, TAIL, rule
 
 FINISHED, FULL, BLOCKED, FAILED = range(4)
 # largest relative difference of the derivatives by C and by numpy: rounding near a singular configuration
@@ -23,8 +25,8 @@ _REALS = (
     *("time", "end", "tolerance", "length", "longest", "nearest", "fastest"),
     *("energy", "correction", "largest", "drift"),
 )
-_INTS = ("rank", "balanced", "resting", "max_steps", "steps", "evaluations", "status")
-_POINTERS = ("at_rest", "phase", "sliding", "scale", "state", "step", "dense")
+_INTS = ("rank", "implicit", "resting", "max_steps", "steps", "evaluations", "status")
+_POINTERS = ("at_rest", "phase", "sliding", "scale", "rule", "state", "step", "dense")
 
 
 class RunData(ctypes.Structure):
@@ -39,7 +41,7 @@ class RunData(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True)
 class DenseSteps:
-    """The solution of successive steps, by polynomials of degree 7.
+    """The solution of successive steps, by polynomials of degree 7, or 12 where collocation took them.
 
     y = y0 + x (F0 + (1 - x) (F1 + x (F2 + ...))) with x from 0 to 1 in the step (Hairer, Norsett, Wanner I,
     section II.10).
@@ -47,7 +49,7 @@ class DenseSteps:
     Attributes:
         starts: starts of the steps in [s], (m,).
         durations: durations of the steps in [s], (m,).
-        coefficients: y0 and F0 to F6 of each step, (m, 8, size).
+        coefficients: y0 and F0 to F6 or F11 of each step, (m, 8 or 13, size).
     """
 
     starts: Array
@@ -60,6 +62,11 @@ class DenseSteps:
         return float(self.starts[-1])
 
     @property
+    def degree(self) -> int:
+        """Degree of the polynomials."""
+        return self.coefficients.shape[1] - 1
+
+    @property
     def knots(self) -> Array:
         """Ends of the steps in [s], (m + 1,)."""
         return np.append(self.starts, self.starts[-1] + self.durations[-1])
@@ -68,7 +75,7 @@ class DenseSteps:
         """Return the state (size,) at a time in [s], or the states (n, size) at n times."""
         times = np.atleast_1d(np.asarray(time, dtype=np.float64))
         k = np.clip(np.searchsorted(self.starts, times, side="right") - 1, 0, None)
-        states = self._evaluated(k, times, 7)
+        states = self._evaluated(k, times, self.degree)
         return states if np.ndim(time) else states[0]
 
     def beyond(self, times: Array) -> Array:
@@ -95,7 +102,8 @@ class StepSettings:
         nearest: smallest pivot of the loop constraints at which the C code continues.
         mode: the contact mode.
         at_rest: indices of the coordinates that friction or stops hold.
-        balanced: whether rates are scaled to the energy.
+        implicit: whether Newton's method solves the stiff equations of a step; if not, rates are scaled to
+            the energy.
     """
 
     tolerance: float
@@ -105,7 +113,7 @@ class StepSettings:
     nearest: float
     mode: ContactMode
     at_rest: Sequence[int]
-    balanced: bool
+    implicit: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +138,23 @@ class StepsInC:
     balances: Array
     length: float
     evaluations: int
+
+
+@cache
+def collocation_rule() -> Array:
+    """Return the numbers of Gauss collocation on [0, 1] that the C code reads, one after the other.
+
+    These are the nodes, the integrals to them, and two matrices of the differences between the states at the
+    nodes and that at the start: coefficients of `DenseSteps`, and last coefficients of Legendre's series.
+    """
+    table = rule(STIFF_NODES)
+    nodes, integrals = 0.5 * (1.0 + table.nodes), 0.5 * table.to_nodes
+    basis = [nodes]
+    for k in range(2, STIFF_NODES + 1):
+        basis.append(basis[-1] * (nodes if k % 2 else 1.0 - nodes))
+    dense: Array = np.linalg.inv(np.stack(basis, 1)).astype(np.float64)
+    tail = 0.5 * table.to_integral[-TAIL:] @ np.linalg.inv(integrals)
+    return np.concatenate([nodes, integrals.ravel(), dense.ravel(), tail.ravel()])
 
 
 def integrated(
@@ -157,7 +182,8 @@ def integrated(
         length: duration of the first step in [s]; 0 selects one.
     """
     state = state.copy()
-    numbers, dense = np.empty((max_steps, STEP)), np.empty((max_steps, 8, len(state)))
+    coefficients = STIFF_NODES + 1 if settings.implicit else 8
+    numbers, dense = np.empty((max_steps, STEP)), np.empty((max_steps, coefficients, len(state)))
     scale = np.ascontiguousarray(settings.scale, dtype=np.float64)
     sliding, phase, at_rest = _arrays(settings.mode, settings.at_rest)
     correction, largest, drift, fastest = balance
@@ -174,13 +200,14 @@ def integrated(
         largest=largest,
         drift=drift,
         rank=settings.rank,
-        balanced=settings.balanced,
+        implicit=settings.implicit,
         resting=len(at_rest),
         max_steps=max_steps,
         at_rest=at_rest.ctypes.data,
         phase=phase.ctypes.data,
         sliding=sliding.ctypes.data,
         scale=scale.ctypes.data,
+        rule=collocation_rule().ctypes.data,
         state=state.ctypes.data,
         step=numbers.ctypes.data,
         dense=dense.ctypes.data,

@@ -47,7 +47,7 @@ from mechsim.errors import AssemblyError, FrictionError, MissingToolError, Outpu
 from mechsim.model.finding import Outcome
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
+from mechsim.numerics.gauss_collocation import STIFF_NODES, GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
 
 # what evaluates the equations of motion
@@ -109,8 +109,9 @@ WITHIN_RUN = 0.37
 # towards the start, where a stop may be hit again right after an impact
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
 
-# the same within each step in C, which is a tenth as long: one instant per variation of the dense output
-WITHIN = 4
+# the same within each step in C, which is a tenth as long: one instant per variation of the dense output; and
+# within one by collocation
+WITHIN, WITHIN_STIFF = 4, 16
 # numbers of steps that C takes before events are searched: few at first, since those beyond an event are lost
 FEW_STEPS, MANY_STEPS = 8, 512
 # difference of the instants of simultaneous events, relative to the longest interval of the search: rounding
@@ -122,10 +123,8 @@ SINGULAR = 2e-2
 # number of time constants of the fastest decay within a run above which an implicit method is used: the
 # iteration of collocation needs about one step for every four
 MAX_DECAYS = 1e3
-# the same in C, whose explicit steps of 0.02 ms last `STABLE` time constants at most: the budget suffices for
-# 9e4. They would be stable up to six, but rates then vibrate by 5e-10 of themselves, by 1e-11 at three (rssr
-# whose motor decays within 1.2e-5 s, against the implicit method)
-MAX_DECAYS_IN_C, STABLE = 5e4, 3.0
+# the same in C: twice as fast as explicit steps for four_bar whose motor decays 500 times in eight turns
+MAX_DECAYS_IN_C = 3e2
 # the same above which the motion is not computed, since the decay multiplies the rounding of the rates: the
 # energy lost by a creeping rod is correct to 1e-5 at 1e11, and wrong at 1e12
 # (tests/analytic/test_stiff_runs.py)
@@ -326,12 +325,10 @@ class Integration:
         return self.compiled
 
     def _find_stiffness(self, duration: float) -> None:
-        """Set the fastest decay in [1/s], and whether numpy needs the implicit method, or must run it."""
+        """Set the fastest decay in [1/s], and whether it needs the implicit method."""
         derivatives = self.right.derivatives if self.compiled is None else self._derivatives_in_c
         self.decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0), derivatives)
-        self.implicit = self.decay * duration > MAX_DECAYS
-        if self.compiled is not None and self.decay * duration > MAX_DECAYS_IN_C:
-            self.compiled, self.note = None, "the motion is stiff, and its implicit method runs in numpy"
+        self.implicit = self.decay * duration > (MAX_DECAYS if self.compiled is None else MAX_DECAYS_IN_C)
 
     def _derivatives_in_c(self, times: Array, states: Array) -> Array:
         """Return the derivatives of n states."""
@@ -344,8 +341,8 @@ class Integration:
     def longest(self) -> float:
         """Longest step in C in [s]."""
         # forces over time may be short pulses
-        pulses = np.inf if self.equations.steady else self.duration / LEAST_STEPS_IN_C
-        return min(pulses, STABLE / self.decay) if self.implicit else pulses
+        least = LEAST_STEPS if self.implicit else LEAST_STEPS_IN_C
+        return np.inf if self.equations.steady else self.duration / least
 
     def nearest_pivot(self) -> float:
         """Return the smallest pivot of the loop constraints at which C continues."""
@@ -376,10 +373,12 @@ class Integration:
         """
         self.executed, self.passing = "C", True
         nearest, rank = self.nearest_pivot(), self.equations.rank
-        mode, balanced = self.right.mode, not self.implicit
+        mode = self.right.mode
         start = evaluated(model, self.state[None], np.array([self.time]), mode, locked)
-        scale = scale_of(self.layout, start, self.fastest, self.duration)
-        settings = StepSettings(self.tolerance, scale, self.longest, rank, nearest, mode, locked, balanced)
+        scale = self._with_energies(scale_of(self.layout, start, self.fastest, self.duration))
+        settings = StepSettings(
+            self.tolerance, scale, self.longest, rank, nearest, mode, locked, self.implicit
+        )
         eventful = bool(self.ends or self.contacts.stops or self.equations.frictions or mode.phases)
         max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
         while self.time < duration:
@@ -597,9 +596,13 @@ class Integration:
         # rate for a start at rest without forces: one unit during the run
         slow = 1.0 / self.duration
         rate = max(self.fastest, float(np.sqrt(np.abs(acceleration).max(initial=0.0))), slow)
-        scale = self.layout.scale(rate)
+        return self._with_energies(self.layout.scale(rate))
+
+    def _with_energies(self, scale: Array) -> Array:
+        """Return the scale of a state with that of work and loss, which count in implicit steps only."""
         if self.implicit:
-            scale[-2:] = float(np.trace(self.equations.mass(kinematics)[0])) * rate**2
+            rate = float(scale[self.layout.positions])
+            scale[-2:] = float(np.trace(self.equations.mass(self.kinematics())[0])) * rate**2
         return scale
 
     def _first_event(
@@ -675,8 +678,9 @@ def search_instants(solution: StepSolution | DenseSteps, before: float, after: f
     if isinstance(solution, StepSolution):
         return before + (after - before) * INSTANTS
     knots = solution.knots
-    inner = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(1, WITHIN + 1) / WITHIN
-    early = knots[0] + (knots[1] - knots[0]) * INSTANTS[: int(np.searchsorted(INSTANTS, 1.0 / WITHIN))]
+    within = WITHIN if solution.degree < STIFF_NODES else WITHIN_STIFF
+    inner = knots[:-1, None] + np.diff(knots)[:, None] * np.arange(1, within + 1) / within
+    early = knots[0] + (knots[1] - knots[0]) * INSTANTS[: int(np.searchsorted(INSTANTS, 1.0 / within))]
     return np.clip(np.concatenate([early, inner.ravel()]), before, after)
 
 

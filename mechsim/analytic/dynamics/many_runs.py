@@ -170,7 +170,7 @@ def _in_c(
     nearest = first.nearest_pivot()
     unlocked = first.right.mode, ()
     settings = StepSettings(
-        tolerance, first.state, first.longest, equations.rank, nearest, *unlocked, not first.implicit
+        tolerance, first.state, first.longest, equations.rank, nearest, *unlocked, first.implicit
     )
     blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
     states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)

@@ -114,13 +114,19 @@ class RightHandSide:
     def fastest_decay(
         self, time: float, state: Array, rate: float, derivatives: Derivatives | None = None
     ) -> float:
-        """Return the largest eigenvalue of the accelerations' derivative by the free rates, in [1/s]."""
-        basis = independent_rates(self.equations, self.layout.unpack(state)[0])
-        rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
-        free = self.equations.free
+        """Return the fastest decay of free rates and of states of actuators, in [1/s].
+
+        It is the largest eigenvalue of the derivative of their rates of change by them.
+        """
+        tangents = independent_rates(self.equations, self.layout.unpack(state)[0])
+        (n, free), rates = tangents.shape, self.layout.positions
+        states = np.arange(rates + self.layout.count, len(state) - 2)
+        columns = np.concatenate([rates + self.equations.free, states])
+        basis = np.zeros((len(columns), free + len(states)))
+        basis[:n, :free], basis[n:, free:] = tangents, np.eye(len(states))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             jacobian = self.jacobians(np.array([time]), state[None], rate, derivatives)[0]
-            reduced = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
+            reduced = basis.T @ jacobian[np.ix_(columns, columns)] @ basis
         if not np.isfinite(reduced).all():
             forces = self.equations.model.forces
             names = ", ".join(

@@ -1,9 +1,10 @@
 
-/* Integration of the equations by Dormand and Prince's method of order 8, with error control, dense output of
-   order 7, and projection of each state onto the loops.
+/* Integration of the equations by Dormand and Prince's method of order 8 with dense output of order 7, or by Gauss
+   collocation if they are stiff, with error control and projection of each state onto the loops.
 
    Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), sections
-   II.5, II.6 and II.10. A state holds coordinates in units, quaternions of ball joints, rates, states of actuators, work and loss. */
+   II.5, II.6 and II.10, and II (1996), section IV.8. A state holds coordinates in units, quaternions of ball joints,
+   rates, states of actuators, work and loss. */
 
 /* coefficients of DOP853 by E. Hairer; stages 13 to 15 are those of the dense output */
 static const double STAGES[16][15] = {
@@ -67,13 +68,26 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 #define ITERATIONS 10
 /* kinetic energy relative to the largest below which rates are not scaled */
 #define SLOW 1e-2
+/* of collocation, as mechsim.numerics.gauss_collocation: nodes, last coefficients that are the error, iterations;
+   ratio of changes and multiple of the tolerance beyond which a change is rounding; next step */
+#define NODES 12
+#define TAIL 3
+#define NEWTON_ITERATIONS 20
+#define SHRINKING 0.5
+#define STIFF_ROUNDING 30.0
+#define STIFF_SAFETY 0.85
+#define STIFF_LARGEST 3.0
+/* degree of the polynomial that continues the last step, and difference of rates relative to the fastest */
+#define CONTINUED 9
+#define DIFFERENCE 1e-7
 
 typedef struct {
     double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
-    int rank, balanced, resting, max_steps, steps, evaluations, status;
+    int rank, implicit, resting, max_steps, steps, evaluations, status;
     const int *at_rest, *phase;
-    const double *sliding, *scale;
-    /* state; numbers of each step (STEP); start state and seven coefficients of each step */
+    /* rule: `collocation_rule` of compiled_motion.py */
+    const double *sliding, *scale, *rule;
+    /* state; numbers of each step (STEP); start state and coefficients of each step */
     double *state, *step, *dense;
 } Run;
 
@@ -201,7 +215,7 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
 /* scales the rates of a state to its energy, as EnergyBalance of forward_dynamics.py */
 static void balance(const Model *m, Work *w, Run *run, double *state) {
     double *rates = state + positions(m), *energies = rates + m->count + m->states, gained = energies[0] - energies[1];
-    if (run->balanced) {
+    if (!run->implicit) {
         set_velocities(m, w, rates);
         set_forces(m, w, rates, run->sliding, run->phase);
         double target = run->energy + gained - w->potential;
@@ -259,13 +273,37 @@ static void set_dense(int size, double length, const double *state, const double
     }
 }
 
+/* moves the end of a step onto the loops and the balance of energy; sets its derivative */
+static int close_step(const Model *m, Work *w, Run *run, double length, double *after, double *slope) {
+    if (project(m, w, run, after)) return FAILED;
+    w->time = run->time + length;
+    balance(m, w, run, after);
+    return derive(m, w, run, run->time + length, after, slope, 0);
+}
+
+static void accept(Run *run, int size, double length, const double *after) {
+    double *numbers = run->step + run->steps * STEP;
+    numbers[0] = run->time, numbers[1] = length;
+    numbers[2] = run->correction, numbers[3] = run->largest, numbers[4] = run->drift;
+    numbers[5] = run->fastest;
+    run->time = length == run->end - run->time ? run->end : run->time + length;
+    memcpy(run->state, after, size * sizeof(double));
+}
+
+/* length of the next trial: the end is not approached by a step that is much shorter than the others */
+static double trial_length(const Run *run) {
+    double remaining = run->end - run->time, length = fmin(run->length, run->longest);
+    return length > 0.99 * remaining ? remaining : fmin(length, 0.5 * remaining);
+}
+
+static int too_short(const Run *run, double length) { return !(length > SPACINGS * 2.3e-16 * fabs(run->time)); }
+
 /* one accepted step; slopes[0] is the derivative at its start */
 static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *after, double *trial) {
     int size = size_of(m), status = FINISHED;
     for (int rejected = 0;; rejected = 1) {
-        double remaining = run->end - run->time, length = fmin(run->length, run->longest);
-        length = length > 0.99 * remaining ? remaining : fmin(length, 0.5 * remaining);
-        if (!(length > SPACINGS * 2.3e-16 * fabs(run->time))) return status ? status : FAILED;
+        double length = trial_length(run);
+        if (too_short(run, length)) return status ? status : FAILED;
         status = FINISHED;
         for (int s = 1; s < 12 && status == FINISHED; s++) {
             stage(size, s, length, run->state, slopes, trial);
@@ -283,23 +321,234 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
             run->length = fmin(run->length, 0.9 * length);
             continue;
         }
-        double *numbers = run->step + run->steps * STEP, *dense = run->dense + (size_t)run->steps * 8 * size;
+        double *dense = run->dense + (size_t)run->steps * 8 * size;
         memcpy(trial, after, size * sizeof(double));
-        if (project(m, w, run, trial)) return FAILED;
-        w->time = run->time + length;
-        balance(m, w, run, trial);
-        if ((status = derive(m, w, run, run->time + length, trial, slopes + 12 * size, 0))) return status;
+        if ((status = close_step(m, w, run, length, trial, slopes + 12 * size))) return status;
         for (int s = 13; s < 16; s++) {
             stage(size, s, length, run->state, slopes, dense);
             if ((status = derive(m, w, run, run->time + node(s) * length, dense, slopes + s * size, 1))) return status;
         }
         set_dense(size, length, run->state, after, slopes, dense);
-        numbers[0] = run->time, numbers[1] = length;
-        numbers[2] = run->correction, numbers[3] = run->largest, numbers[4] = run->drift;
-        numbers[5] = run->fastest;
-        run->time = length == remaining ? run->end : run->time + length;
-        memcpy(run->state, trial, size * sizeof(double));
+        accept(run, size, length, trial);
         memcpy(slopes, slopes + 12 * size, size * sizeof(double));
+        return FINISHED;
+    }
+}
+
+/* Gauss collocation. Newton's method takes the derivatives of the tangents' accelerations by the rates along them, and
+   those of the actuators' states; nothing else is stiff. Of node i: tangents B_i, reduced Jacobian K_i, and
+   c_i = B_i' (change of its rates). With the residuals R and the matrix A of the integrals,
+   c_i - sum_j A_ij B_i' B_j K_j c_j = B_i' R_i, and the changes are R_i + sum_j A_ij B_j K_j c_j. */
+typedef struct {
+    /* numbers of tangents and of stiff variables */
+    int tangents, count, *pivots;
+    double *states, *slopes, *residuals, *bases, *jacobians, *matrix, *change, *moved;
+} Nodes;
+
+static Nodes *nodes_of(const Model *m, int tangents) {
+    int size = size_of(m), p = tangents + m->states;
+    size_t one = (size_t)NODES * size, parts[] = {one, one, one, (size_t)NODES * tangents * m->free,
+        (size_t)NODES * (p + 2) * p, (size_t)NODES * NODES * p * p, (size_t)2 * NODES * (p + 2), (size_t)2 * size};
+    size_t total = 0, count = sizeof parts / sizeof *parts;
+    for (size_t i = 0; i < count; i++) total += parts[i];
+    Nodes *x = malloc(sizeof(Nodes) + total * sizeof(double) + NODES * p * sizeof(int));
+    if (!x) return NULL;
+    double *next = (double *)(x + 1), **arrays = &x->states;
+    for (size_t i = 0; i < count; i++) arrays[i] = next, next += parts[i];
+    x->tangents = tangents, x->count = p, x->pivots = (int *)next;
+    return x;
+}
+
+/* solves L U x = b with row exchanges, in place; `factored` tells whether `a` holds L and U */
+static int solve_general(int n, double *a, int *pivots, double *b, int factored) {
+    for (int k = 0; k < n && !factored; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(a[i * n + k]) > fabs(a[best * n + k])) best = i;
+        if (!(fabs(a[best * n + k]) > 0.0)) return 0;
+        pivots[k] = best;
+        for (int j = 0; j < n && best != k; j++) {
+            double kept = a[k * n + j];
+            a[k * n + j] = a[best * n + j], a[best * n + j] = kept;
+        }
+        for (int i = k + 1; i < n; i++) {
+            a[i * n + k] /= a[k * n + k];
+            if (a[i * n + k] != 0.0) add_scaled(n - k - 1, -a[i * n + k], a + k * n + k + 1, a + i * n + k + 1);
+        }
+    }
+    for (int k = 0; k < n; k++) {
+        double kept = b[k];
+        b[k] = b[pivots[k]], b[pivots[k]] = kept;
+    }
+    for (int i = 0; i < n; i++) b[i] -= inner(i, a + i * n, b);
+    for (int i = n - 1; i >= 0; i--) b[i] = (b[i] - inner(n - 1 - i, a + i * n + i + 1, b + i + 1)) / a[i * n + i];
+    return 1;
+}
+
+/* stiff variables of a state, or of its change: rates along tangents, states of actuators; then work and loss, which
+   follow from them */
+static void reduce(const Model *m, const Nodes *x, const double *basis, const double *state, double *out) {
+    const double *rates = state + positions(m);
+    for (int a = 0; a < x->tangents; a++) {
+        out[a] = 0.0;
+        for (int k = 0; k < m->count; k++)
+            if (m->coordinates[k].column >= 0) out[a] += basis[a * m->free + m->coordinates[k].column] * rates[k];
+    }
+    memcpy(out + x->tangents, rates + m->count, (m->states + 2) * sizeof(double));
+}
+
+/* adds a multiple of stiff variables to a state */
+static void expand(const Model *m, const Nodes *x, const double *basis, double factor, const double *change,
+                   double *state) {
+    double *rates = state + positions(m);
+    for (int a = 0; a < x->tangents; a++)
+        for (int k = 0; k < m->count; k++)
+            if (m->coordinates[k].column >= 0)
+                rates[k] += factor * change[a] * basis[a * m->free + m->coordinates[k].column];
+    add_scaled(m->states + 2, factor, change + x->tangents, rates + m->count);
+}
+
+/* tangents and reduced Jacobian of a node, by differences */
+static int linearise_node(const Model *m, Work *w, Run *run, Nodes *x, double time, int node) {
+    int size = size_of(m), p = x->count;
+    double *basis = x->bases + node * x->tangents * m->free, *slope = x->slopes + node * size, *moved = x->moved;
+    int status = derive(m, w, run, time, x->states + node * size, slope, 1);
+    if (status) return status;
+    if (m->free - w->rank != x->tangents) return FAILED;
+    memcpy(basis, w->basis, x->tangents * m->free * sizeof(double));
+    for (int a = 0; a < p; a++) {
+        double step = DIFFERENCE * (a < x->tangents ? fmax(run->fastest, 1.0) : 1.0);
+        double *unit = x->change, *by = unit + p + 2;
+        memset(unit, 0, (p + 2) * sizeof(double));
+        unit[a] = step;
+        memcpy(moved, x->states + node * size, size * sizeof(double));
+        expand(m, x, basis, 1.0, unit, moved);
+        if ((status = derive(m, w, run, time, moved, moved + size, 1))) return status;
+        add_scaled(size, -1.0, slope, moved + size);
+        reduce(m, x, basis, moved + size, by);
+        for (int b = 0; b < p + 2; b++) x->jacobians[(node * (p + 2) + b) * p + a] = by[b] / step;
+    }
+    return FINISHED;
+}
+
+/* matrix of Newton's method */
+static void set_newton_matrix(const Model *m, const Nodes *x, double length, const double *integrals) {
+    int p = x->count, t = x->tangents, n = m->free;
+    for (int i = 0; i < NODES; i++)
+        for (int j = 0; j < NODES; j++)
+            for (int a = 0; a < p; a++)
+                for (int b = 0; b < p; b++) {
+                    const double *column = x->jacobians + j * (p + 2) * p + b;
+                    double sum = a >= t ? column[a * p] : 0.0;
+                    for (int c = 0; c < t && a < t; c++)
+                        sum += inner(n, x->bases + (i * t + a) * n, x->bases + (j * t + c) * n) * column[c * p];
+                    x->matrix[((i * p + a) * NODES + j) * p + b] =
+                        (i == j && a == b) - length * integrals[i * NODES + j] * sum;
+                }
+}
+
+/* replaces the residuals at the nodes by the changes of Newton's method */
+static int newton_changes(const Model *m, Nodes *x, double length, const double *integrals, int factored) {
+    int size = size_of(m), p = x->count, t = x->tangents;
+    double *bend = x->change + NODES * (p + 2);
+    for (int i = 0; i < NODES; i++)
+        reduce(m, x, x->bases + i * t * m->free, x->residuals + i * size, x->change + i * p);
+    if (!solve_general(NODES * p, x->matrix, x->pivots, x->change, factored)) return 0;
+    for (int j = 0; j < NODES; j++)
+        for (int a = 0; a < p + 2; a++)
+            bend[j * (p + 2) + a] = inner(p, x->jacobians + (j * (p + 2) + a) * p, x->change + j * p);
+    for (int i = 0; i < NODES; i++)
+        for (int j = 0; j < NODES; j++)
+            expand(m, x, x->bases + j * t * m->free, length * integrals[i * NODES + j], bend + j * (p + 2),
+                   x->residuals + i * size);
+    return 1;
+}
+
+/* states at the nodes; the last change relative to the tolerance, NAN without a solution */
+static double collocate(const Model *m, Work *w, Run *run, Nodes *x, double length, int *status) {
+    int size = size_of(m);
+    const double *nodes = run->rule, *integrals = nodes + NODES;
+    double before = INFINITY;
+    for (int i = 0; i < NODES; i++)
+        if ((*status = linearise_node(m, w, run, x, run->time + nodes[i] * length, i))) return NAN;
+    set_newton_matrix(m, x, length, integrals);
+    for (int k = 0; k < NEWTON_ITERATIONS; k++) {
+        for (int i = 0; k && i < NODES; i++) {
+            double time = run->time + nodes[i] * length;
+            if ((*status = derive(m, w, run, time, x->states + i * size, x->slopes + i * size, 1))) return NAN;
+        }
+        for (int i = 0; i < NODES; i++) {
+            double *residual = x->residuals + i * size;
+            for (int c = 0; c < size; c++) residual[c] = run->state[c] - x->states[i * size + c];
+            for (int j = 0; j < NODES; j++)
+                add_scaled(size, length * integrals[i * NODES + j], x->slopes + j * size, residual);
+        }
+        if (!newton_changes(m, x, length, integrals, k)) return NAN;
+        double change = 0.0;
+        for (int i = 0; i < NODES; i++)
+            for (int c = 0; c < size; c++) {
+                double tolerance = run->tolerance * (run->scale[c] + fabs(run->state[c]));
+                double relative = fabs(x->residuals[i * size + c]) / tolerance;
+                change = relative <= change ? change : relative;
+            }
+        add_scaled(NODES * size, 1.0, x->residuals, x->states);
+        if (!(change < INFINITY)) return NAN;
+        if (change < 1.0 || (SHRINKING * before < change && change < STIFF_ROUNDING)) return change;
+        before = change;
+    }
+    return NAN;
+}
+
+/* first states at the nodes: those of the last step's polynomial, or along the derivative at the start */
+static void predict(const Run *run, const Nodes *x, int size, double length, const double *slope) {
+    const double *last = run->steps ? run->dense + (size_t)(run->steps - 1) * (NODES + 1) * size : NULL;
+    for (int i = 0; i < NODES; i++) {
+        double *state = x->states + i * size, ahead = run->rule[i] * length;
+        memcpy(state, run->state, size * sizeof(double));
+        if (!last) add_scaled(size, ahead, slope, state);
+        double at = 1.0 + ahead / (last ? run->step[(run->steps - 1) * STEP + 1] : 1.0);
+        for (int c = 0; last && c < size; c++) {
+            double sum = 0.0;
+            for (int k = CONTINUED; k > 0; k--) sum = (sum + last[k * size + c]) * (k % 2 ? at : 1.0 - at);
+            state[c] += sum - last[size + c];
+        }
+    }
+}
+
+/* one accepted step by collocation; `slope` is the derivative at its start */
+static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, double *slope) {
+    int size = size_of(m), status = FINISHED;
+    const double *to_dense = run->rule + NODES + NODES * NODES, *to_tail = to_dense + NODES * NODES;
+    for (;;) {
+        double length = trial_length(run), error = 0.0, *dense = run->dense + (size_t)run->steps * (NODES + 1) * size;
+        if (too_short(run, length)) return status ? status : FAILED;
+        predict(run, x, size, length, slope);
+        double change = collocate(m, w, run, x, length, &status);
+        if (status == SINGULAR) return status;
+        run->length = 0.5 * length;
+        if (!(change < INFINITY)) continue;
+        memcpy(dense, run->state, size * sizeof(double));
+        memset(dense + size, 0, (size_t)NODES * size * sizeof(double));
+        for (int i = 0; i < NODES; i++) add_scaled(size, -1.0, run->state, x->states + i * size);
+        for (int k = 0; k < NODES; k++)
+            for (int j = 0; j < NODES; j++)
+                add_scaled(size, to_dense[k * NODES + j], x->states + j * size, dense + (k + 1) * size);
+        for (int c = 0; c < size; c++)
+            for (int k = 0; k < TAIL; k++) {
+                double sum = 0.0, tolerance = run->tolerance * (run->scale[c] + fabs(run->state[c]));
+                for (int j = 0; j < NODES; j++) sum += to_tail[k * NODES + j] * x->states[j * size + c];
+                error = fmax(error, fabs(sum) / tolerance);
+            }
+        /* a shorter step does not reduce rounding */
+        double ratio = STIFF_SAFETY * pow(fmax(error, 1e-16), -1.0 / NODES);
+        ratio = 1.0 < error && error <= change ? 1.0 : fmin(fmax(ratio, LEAST), STIFF_LARGEST);
+        int accepted = error <= fmax(1.0, change);
+        run->length = length * (accepted ? ratio : fmin(ratio, 0.5));
+        if (!accepted) continue;
+        memcpy(x->moved, run->state, size * sizeof(double));
+        add_scaled(size, 1.0, dense + size, x->moved);
+        if ((status = close_step(m, w, run, length, x->moved, slope))) return status;
+        accept(run, size, length, x->moved);
         return FINISHED;
     }
 }
@@ -316,12 +565,17 @@ int integrate(const Model *m, Run *run) {
         for (int i = 0; i < size; i++) change = fmax(change, fabs(slopes[i]) / run->scale[i]);
         run->length = change > 0.0 ? FIRST_CHANGE / change : run->end - run->time;
     }
+    Nodes *x = run->status == FINISHED && run->implicit ? nodes_of(m, m->free - w->rank) : NULL;
+    if (run->status == FINISHED && run->implicit && !x) run->status = FAILED;
     while (run->status == FINISHED && run->time < run->end) {
         double *after = slopes + 16 * size, *trial = after + size;
-        run->status = run->steps == run->max_steps ? FULL : take_step(m, w, run, slopes, after, trial);
+        run->status = run->steps == run->max_steps ? FULL
+                    : run->implicit                ? take_implicit_step(m, w, run, x, slopes)
+                                                   : take_step(m, w, run, slopes, after, trial);
         run->steps += run->status == FINISHED;
     }
     free(slopes);
+    free(x);
     free(w);
     return run->status;
 }
