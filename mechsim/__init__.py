@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from mechsim.studies.closed_configurations import closed_qpos as closed_qpos
     from mechsim.studies.closed_configurations import sample as sample
     from mechsim.studies.export import export as export
+    from mechsim.studies.identification import identify as identify
     from mechsim.studies.reduction.reduce_model import reduce as reduce
     from mechsim.studies.robots.joint_map import joint_map as joint_map
     from mechsim.studies.scene.tune_model import tune as tune
@@ -115,6 +116,7 @@ _NAMES = {
     "studies.check": "check",
     "studies.closed_configurations": "closed_qpos sample",
     "studies.export": "export",
+    "studies.identification": "identify",
     "studies.reduction.reduce_model": "reduce",
     "studies.robots.joint_map": "joint_map",
     "studies.scene.tune_model": "tune",

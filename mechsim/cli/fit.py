@@ -1,27 +1,35 @@
-"""Command `mechsim fit`: dimensions from measured motion, with their uncertainty."""
+"""Command `mechsim fit`: dimensions from measured motion, or masses and friction from measured torques."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
 from mechsim import files, units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, Without, command
-from mechsim.cli.options import SPEED, ModelOptions
+from mechsim.cli.options import SPEED, ModelOptions, changed_parameters
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
+from mechsim.studies.identification import Identification, identify
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily
 from mechsim.units import crank_speed, option
 
 # significant digits of an identified dimension
 MAX_DIGITS = 9
-
+# options of a motion that a log of torques contains
+FROM_LOG = ("drive", "duration")
+# names of parameters that torques determine
+INERTIAL = re.compile(
+    r".+\.(mass|com(\.[xyz])?|inertia(\.[xyz]{2})?|(viscous|coulomb)(_turn)?)|(.+\.)?motor\.constant"
+)
 
 # relative difference between the given and the measured speed that is reported as an error
 SPEED_DIFFERENCE = 0.1
@@ -39,7 +47,8 @@ class FitOptions:
     )
     vary: tuple[str, ...] = option(
         (),
-        "Dimensions to identify; CRANK.offset is the zero of the crank's encoder.",
+        "Dimensions to identify, and CRANK.offset, the zero of the crank's encoder; or, from torques or "
+        "currents: LINK.mass, LINK.com.x, LINK.inertia.zz, JOINT.viscous, JOINT.coulomb, motor.constant.",
         read=units.parse_names,
         metavar="P,...",
     )
@@ -54,6 +63,18 @@ class FitOptions:
         if not self.vary:
             raise InputError("--vary is missing; name the dimensions to identify, as in --vary crank,coupler")
         return self.to
+
+    @property
+    def inertial(self) -> bool:
+        """Whether masses, friction or motor constants are to be identified; InputError for a mixture."""
+        own = [name for name in self.vary if INERTIAL.fullmatch(name)]
+        others = [name for name in self.vary if name not in own]
+        if own and others:
+            raise InputError(
+                f"--vary names dimensions ({', '.join(others)}) and {', '.join(own)}; fit the dimensions to "
+                "the motion first, then the others to the torques"
+            )
+        return bool(own)
 
 
 class FittedDimension(TypedDict):
@@ -94,8 +115,8 @@ def fit(
         str | None,
         output_file("Result to write: .json, or residuals as .csv or .npz.", ".json", ".csv", ".npz"),
     ] = None,
-) -> Result[FitJson]:
-    """Identify dimensions from measured motion, with their uncertainty; report which are indistinguishable.
+) -> Result[FitJson | Identification]:
+    """Identify dimensions from measured motion, or masses and friction from torques, with their uncertainty.
 
     The search starts from the present dimensions: give others with --set. -o writes the result as .json, or
     measured and fitted quantities row by row as .csv.
@@ -103,8 +124,12 @@ def fit(
     Examples:
     mechsim fit slider_crank --to measured.csv --vary crank,rod
     mechsim fit arm.toml --to measured.csv --vary reach,crank.offset -o fit.json
+    mechsim fit arm.toml --to log.csv --vary forearm.mass,elbow.viscous,elbow.coulomb
     """
     table = options.table_path()
+    if options.inertial:
+        stated.exclude(["speed", *FROM_LOG], "on parameters from torques")
+        return _identify(source, options.vary, table, output)
     parametric = source.load_parametric()
     solver = parametric.make({})
     measured = measured_of(files.read(table), solver, table)
@@ -142,6 +167,39 @@ def _crank_speed(requested: str | None, measured: MeasuredMotion, solver: Kinema
             "leave --speed out"
         )
     return speed
+
+
+def _identify(source: ModelOptions, vary: Sequence[str], table: str, output: str | None) -> Any:
+    """Return the result of masses, friction and motor constants from a log."""
+    if output is not None and not output.lower().endswith(".json"):
+        raise InputError(f"-o is {output}; parameters from torques are written as .json")
+    arguments = {name: value for name, value in source.as_arguments().items() if name not in FROM_LOG}
+    arguments["set"] = changed_parameters(source.sets)
+    with progress("fit", None):
+        result = identify(source.model, files.read(table), vary, where=table, **arguments)
+    if output is not None:
+        files.write_json(output, result)
+    return Result(result, lambda: _print_identified(result), result.outcome == "fitted", [output])
+
+
+def _print_identified(result: Identification) -> None:
+    names = [name for name in result.values if name not in result.without_effect]
+    _print_values(f"{result.mechanism}: {result.outcome}", "parameter", result, names)
+    for combination in result.combinations:
+        value, deviation = number(combination.value), number(combination.deviation, 2)
+        print_text(f"only together: {combination.text} = {value} ± {deviation}")
+    if result.without_effect:
+        print_text(f"no torque depends on {', '.join(result.without_effect)}")
+    if result.impossible:
+        print_text(f"{', '.join(result.impossible)} cannot be negative; check signs, units and the model")
+    errors = ", ".join(
+        f"{name} {number(result.prediction_error[name], 3)} ({number(value, 3)} where fitted)"
+        for name, value in result.rms.items()
+    )
+    fitted, predicted = result.rows
+    print_text(f"root mean square error of the last {predicted} rows, predicted from {fitted}: {errors}")
+    if result.unused:
+        print_text(f"{len(result.unused)} columns without a use: {', '.join(result.unused[:4])} ...")
 
 
 def _write(path: str, result: Fit, measured: MeasuredMotion, data: FitJson) -> None:
@@ -193,20 +251,7 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
             if len(group) > 1
             else f"no measured quantity depends on {', '.join(group)}"
         )
-    within = result.within()
-    rows = [
-        (
-            name,
-            _to_digit_of(value, result.deviations.get(name)),
-            _deviation(result.deviations.get(name)),
-            _deviation(within.get(name)),
-            result.start[name],
-            result.units[name],
-        )
-        for name, value in result.values.items()
-    ]
-    head = ("dimension", "value", "± (1 sigma)", "± (95 %)", "start", "unit")
-    print_table(f"{result.moved.designs.name}: {result.outcome}", head, rows)
+    _print_values(f"{result.moved.designs.name}: {result.outcome}", "dimension", result, [*result.values])
     strongest = max(result.correlations.items(), key=lambda pair: abs(pair[1]), default=None)
     if strongest is not None:
         (a, b), value = strongest
@@ -219,6 +264,23 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
         print_text(
             f"that is {number(result.spread, 3)} of the given deviations; about 1 if these are correct"
         )
+
+
+def _print_values(title: str, what: str, result: Fit | Identification, names: Sequence[str]) -> None:
+    """Print a table of values with their deviations."""
+    within = result.within()
+    rows = [
+        (
+            name,
+            _to_digit_of(result.values[name], result.deviations.get(name)),
+            _deviation(result.deviations.get(name)),
+            _deviation(within.get(name)),
+            result.start[name],
+            result.units[name],
+        )
+        for name in names
+    ]
+    print_table(title, (what, "value", "± (1 sigma)", "± (95 %)", "start", "unit"), rows)
 
 
 def _deviation(value: float | None) -> str:

@@ -83,7 +83,7 @@ def column_in_si(header: str, where: str) -> tuple[str, float]:
     match = _UNIT.fullmatch(header)
     if match is None:
         return header, 1.0
-    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N", "N m", "s"):
+    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N", "N m", "s", "A"):
         try:
             return match[1], units.parse(f"1 {match[2]}", unit)
         except InputError:

@@ -103,7 +103,7 @@ REACHED = {
 }
 # studies that are features: they import the core and what is shared, and of each other only this
 FEATURES = (
-    *("agreement", "calibration", "certify", "extremes", "reduction", "robots", "scene"),
+    *("agreement", "calibration", "certify", "extremes", "identification", "reduction", "robots", "scene"),
     *("sensitivity", "sweep", "tradeoff"),
 )
 BETWEEN_FEATURES = {

@@ -14,7 +14,7 @@ PAGES = [path for path in PAGES if "_generated" not in path.parts]
 MEAN, MAX = 16.0, 35
 # words in README and docs together: 18,400, half of what they had before they were rewritten, and those of
 # pages on later commands (map, check, inverse kinematics, resets, vibrations, control, code, proofs, loops,
-MAX_WORDS = 27_600
+MAX_WORDS = 27_850
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -117,6 +117,22 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
     return np.swapaxes(vt[:, :rank], 1, 2) @ projected, np.swapaxes(vt[:, rank:], 1, 2), sound
 
 
+def _linear_multipliers(unit: UnitMotion, needed: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return multipliers that exert sets of wrenches (n, L, 6, k), (n, m, k); null space, where complete."""
+    jacobian = unit.locked_rows.jacobian
+    columns, rows = _scales(unit.mechanism, jacobian.shape[1])
+    scaled = np.swapaxes(jacobian * columns, 1, 2) * rows
+    right = needed.reshape(len(unit), -1, needed.shape[-1]) * columns[:, None]
+    solution, slack, sound = _least_norm(scaled, right)
+    return solution * rows[:, None], slack * rows[:, None], sound
+
+
+def linear_drives(unit: UnitMotion, needed: Array) -> Array:
+    """Return torques and forces of the drivers that exert sets of wrenches (n, L, 6, k), (n, drivers, k)."""
+    multipliers, _, _ = _linear_multipliers(unit, needed)
+    return multipliers[:, multipliers.shape[1] - len(unit.mechanism.drivers) :]
+
+
 def linear_reactions(
     unit: UnitMotion, needed: Array, joints: Sequence[Joint]
 ) -> list[tuple[Array, Array, NDArray[np.bool_]]]:
@@ -131,12 +147,8 @@ def linear_reactions(
         For each joint the wrenches on link b about its point, (n, 6, k), those of self-stresses, (n, 6, s),
         and whether these are all, (n,). Tooth forces that separate wheels are linear about the state.
     """
-    mechanism, jacobian = unit.mechanism, unit.locked_rows.jacobian
-    columns, rows = _scales(mechanism, jacobian.shape[1])
-    scaled = np.swapaxes(jacobian * columns, 1, 2) * rows
-    right = needed.reshape(len(unit), -1, needed.shape[-1]) * columns[:, None]
-    solution, slack, sound = _least_norm(scaled, right)
-    multipliers, slack = solution * rows[:, None], slack * rows[:, None]
+    mechanism = unit.mechanism
+    multipliers, slack, sound = _linear_multipliers(unit, needed)
     spans = dict(zip([joint.name for joint in mechanism.joints], _spans(mechanism), strict=True))
     result: list[tuple[Array, Array, NDArray[np.bool_]]] = []
     for joint in joints:
