@@ -23,7 +23,7 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
     drivers = len(mechanism.drivers)
     words = [
         "spatial" if hinged_normals(mechanism) is None else "planar",
-        f"{len(mechanism.links) + 1} links",
+        f"{sum(link.is_body for link in mechanism.links) + 1} links",
         f"{drivers if dofs is None else dofs} DOF",
     ]
     if dofs not in (None, drivers):

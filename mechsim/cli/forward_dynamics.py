@@ -258,11 +258,9 @@ def _result(
 
 def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[str, QuantityJson]) -> None:
     """Print the ranges of coordinates, quantities and drive forces."""
-    extents = {
-        name: QuantityJson(**_extent(joint.value), unit=joint.unit)
-        for name, joint in result.motion.joints.items()
-    }
-    ends = {name: float(joint.rate[-1]) for name, joint in result.motion.joints.items()}
+    joints = result.motion.written_joints
+    extents = {name: QuantityJson(**_extent(joint.value), unit=joint.unit) for name, joint in joints.items()}
+    ends = {name: float(joint.rate[-1]) for name, joint in joints.items()}
     rows: list[tuple[Value, ...]] = []
     for quantity, extent in [*extents.items(), *quantities.items()]:
         numbers = without_noise([extent["least"], extent["largest"], extent["final"]])

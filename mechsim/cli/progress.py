@@ -128,7 +128,7 @@ def progress(task: str, total: int | None, *, at_least: bool = False) -> Generat
     Args:
         task: name of the work.
         total: number of pieces; None if it is unknown.
-        at_least: whether reported fractions are lower bounds, so that the time left is an upper bound.
+        at_least: whether reported fractions are lower bounds, from which no time left follows.
     """
     count, by_pieces, by_fraction = 0, TimeLeft(time.monotonic()), TimeLeft()
     with (_bar if sys.stderr.isatty() else _lines)(task, total, at_least) as show:
@@ -175,13 +175,12 @@ def _lines(task: str, total: int | None, at_least: bool) -> Generator[Show]:
 
     def show(count: int, message: str, fraction: float | None, rest: float | None) -> None:
         nonlocal due, silent
-        now, remaining = time.monotonic(), in_words(rest)
+        now, remaining = time.monotonic(), "" if at_least else in_words(rest)
         # work that is almost finished needs no line
         if now < due or (silent and not remaining and now <= start + INTERVAL):
             return
         pieces = f"{count} of {total}" if fraction is None and total else ""
-        limit = " at the most" if remaining and at_least else ""
-        print_stderr(f"{task}: {', '.join(filter(None, [pieces, message, remaining + limit]))}")
+        print_stderr(f"{task}: {', '.join(filter(None, [pieces, message, remaining]))}")
         _Shown.latest = now
         due, silent = now + INTERVAL, False
 

@@ -10,6 +10,8 @@ from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import plot_file, table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
+from mechsim.model.limits import Ranges
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.pictures import plots
 from mechsim.report.assemblies import (
     SAMPLES,
@@ -71,7 +73,8 @@ def trace(
 
     A curve holds the poses that are reached without a jump. The result lists the extreme values of joint
     coordinates, the dead centres of the crank, and where curves meet. Locked joints stay locked; drivers are
-    released. A curve that is unbounded along a slide or a screw, or longer than 3,000 segments, is an error.
+    released; limits of joints do not end a curve. One that is unbounded along a slide or a screw, or longer
+    than 3,000 segments, is an error.
     The table has the columns component, arc, angle of the crank, J.q of joints and P.x, P.y, P.z of points.
 
     Examples:
@@ -93,10 +96,10 @@ def trace(
         if output is not None:
             files.write_table(output, joined(tables))
     data: Any = {**trace_record(curves), "output": output, "plot": plot}
-    return Result(data, lambda: _print(curves), files=[output, plot])
+    return Result(data, lambda: _print(curves, solver.ranges), files=[output, plot])
 
 
-def _print(trace: AssemblyTrace) -> None:
+def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
     first = trace.curves[0]
     driver = "crank" if first.driver.unit == "rad" else first.driver.coordinate
     rows: list[tuple[Value, ...]] = [
@@ -120,6 +123,7 @@ def _print(trace: AssemblyTrace) -> None:
         )
         for i, curve in enumerate(trace.curves)
         for point in curve.turning_points
+        if not point.coordinate.startswith(VIRTUAL_PREFIX)
     ]
     head = ("component", "coordinate", "", "value", "arc", driver)
     print_table("Extreme values of coordinates", head, rows)
@@ -129,6 +133,16 @@ def _print(trace: AssemblyTrace) -> None:
         print_text(f"assemblies meet at {driver} {angle}: component {locations}")
     for line in trace.left_out:
         print_text(line)
+    exceeded = {
+        point.coordinate.removesuffix(".q")
+        for curve in trace.curves
+        for point in curve.turning_points
+        for low, high in [ranges.get(point.coordinate.removesuffix(".q"), (-math.inf, math.inf))]
+        if not low <= point.value <= high
+    }
+    if exceeded:
+        names = ", ".join(sorted(exceeded))
+        print_text(f"the curves continue beyond the limits of {names}, which solve and show keep")
     print_text(
         f"complete: every assembly of the Assur groups at {trace.complete_at} crank angles is on a component"
         if trace.complete_at

@@ -85,13 +85,15 @@ class CurveAxis:
         return self.curve.interval
 
     def __call__(self, s: Array) -> tuple[Array, Array, Array]:
-        """Return the value and its first two derivatives at s; NaN beyond the ends of the curve."""
-        jet, (low, high) = self.curve.jets(np.asarray(s))[self.axis], self.curve.interval
+        """Return the value and its first two derivatives at s; beyond the ends those of the tangents."""
+        s, (low, high) = np.asarray(s), self.curve.interval
         if not self.curve.bounded:
+            jet = self.curve.jets(s)[self.axis]
             return jet.value, jet.rate, jet.second
-        inside = (low <= np.real(s)) & (np.real(s) <= high)
-        value, rate, second = (np.where(inside, entry, np.nan) for entry in (jet.value, jet.rate, jet.second))
-        return value, rate, second
+        inside = (low <= s.real) & (s.real <= high)
+        nearest = np.where(inside, s, np.clip(s.real, low, high))
+        jet = self.curve.jets(nearest)[self.axis]
+        return jet.value + jet.rate * (s - nearest), jet.rate, np.where(inside, jet.second, 0.0)
 
 
 CouplingFunction = WrittenFunction | TabledFunction | CurveAxis | SegmentedLaw

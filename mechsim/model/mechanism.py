@@ -15,7 +15,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import MAX_GUESS_ERROR, Coupling, End, Gear, Joint, guessed_frame
-from mechsim.model.links import GROUND, IDENTITY, MAX_COORDINATE, Link, Pose, Vector
+from mechsim.model.links import GROUND, IDENTITY, MAX_COORDINATE, VIRTUAL_PREFIX, Link, Pose, Vector
 from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -339,6 +339,30 @@ class Mechanism:
             )
         return max(centres) or 1.0
 
+    @cached_property
+    def inner_joints(self) -> frozenset[str]:
+        """The joints that replace one on a curve or cam, without the one that transmits its force."""
+        names = (joint.name for joint in self.joints)
+        return frozenset(name for name in names if name.startswith(VIRTUAL_PREFIX) or name in self.contacts)
+
+    @property
+    def written_joints(self) -> list[Joint]:
+        """The joints of the file; one on a curve or cam is its coordinate between the links that it joins."""
+        result, forces = list[Joint](), {contact.force_joint for contact in self.contacts.values()}
+        for joint in self.joints:
+            contact = self.contacts.get(joint.name)
+            if contact is not None:
+                end = self.joint(contact.force_joint).b
+                result.append(replace(joint, a=replace(joint.a, link=contact.carrier), b=end))
+            elif joint.name not in self.inner_joints and joint.name not in forces:
+                result.append(joint)
+        return result
+
+    def contact_of(self, law: Coupling) -> str:
+        """Return the joint on a curve or cam whose shape a coupling states; empty for other couplings."""
+        joint = law.name.rpartition(".")[0]
+        return joint if joint in self.contacts else ""
+
     def with_guess(self, guess: Mapping[str, Pose], start: float) -> Mechanism:
         """Return the same mechanism with another guess at another crank angle in [rad]."""
         return replace(self, guess=dict(guess), start=start)
@@ -347,6 +371,11 @@ class Mechanism:
 def require_polynomials(mechanism: Mechanism, what: str) -> None:
     """Raise InputError for a coupling by a function where only polynomials can be handled."""
     for law in mechanism.laws:
+        if joint := mechanism.contact_of(law):
+            raise InputError(
+                f"{mechanism.name}: joint {joint!r} follows a curve, and only polynomials can be {what}; "
+                "solve, simulate, validate and dynamics take curves"
+            )
         if law.function is not None:
             raise InputError(
                 f"{mechanism.name}: coupling {law.name!r} is a function, and only polynomials can be {what}; "

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import needs
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:
@@ -184,6 +185,11 @@ class Motion:
     def __len__(self) -> int:
         return len(self.angle)
 
+    @property
+    def written_joints(self) -> dict[str, JointMotion]:
+        """The joint coordinates without those of virtual joints, which are parts of one in a file."""
+        return {name: own for name, own in self.joints.items() if not name.startswith(VIRTUAL_PREFIX)}
+
     def position_errors(self, other: Motion) -> dict[str, Array]:
         """Return the distance of each point from that in another motion at the same instants, (n,) in [m]."""
         gaps = {name: self.points[name].position - point.position for name, point in other.points.items()}
@@ -241,7 +247,7 @@ class Motion:
             for prefix, unit, values in rates:
                 for axis, column in zip("xyz", values.T, strict=True):
                     yield f"{name}.{prefix}{axis}", column, unit
-        for name, joint in self.joints.items():
+        for name, joint in self.written_joints.items():
             called, number = name, ""
             if joint.index is not None:
                 called, number = name.rpartition(".")[0], str(joint.index)

@@ -11,6 +11,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
 from mechsim.model.belts import belts_of
 from mechsim.model.force_record import ForceRecord, Reaction
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -96,9 +97,9 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
         "about": about(solver),
         "parameters": {name: {"value": value, "unit": unit, "doc": doc} for name, (value, unit, doc) in rows},
         "points": list(mechanism.points),
-        "links": [link.name for link in mechanism.links],
-        "joints": mechanism.joints,
-        "couplings": mechanism.laws,
+        "links": [link.name for link in mechanism.links if link.is_body],
+        "joints": mechanism.written_joints,
+        "couplings": [law for law in mechanism.laws if not mechanism.contact_of(law)],
         "belts": {b.name: {"length": b.length, "wraps": b.wraps.tolist()} for b in belts_of(mechanism)},
         "locked": dict(mechanism.locked),
         "limits": {
@@ -206,7 +207,7 @@ def study_facts(study: "InverseDynamics") -> dict[str, Any]:
         "actuators": by_coordinate(result.actuators),
         "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
         / torque_scale,
-        **_reaction_facts(result, peak),
+        **_reaction_facts(result, peak, study.model.mechanism),
         "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,
         "shaking_force": peak(lengths(study.shaking_force)),
@@ -219,7 +220,9 @@ def study_facts(study: "InverseDynamics") -> dict[str, Any]:
     }
 
 
-def _reaction_facts(result: ForceRecord, peak: Callable[[Array], dict[str, float]]) -> dict[str, Any]:
+def _reaction_facts(
+    result: ForceRecord, peak: Callable[[Array], dict[str, float]], mechanism: Mechanism
+) -> dict[str, Any]:
     """Return the peaks of reactions, and of sums of undetermined ones between the same two links."""
     largest = max(
         (float(lengths(reaction.force).max()) for reaction in result.reactions.values()), default=0.0
@@ -241,7 +244,8 @@ def _reaction_facts(result: ForceRecord, peak: Callable[[Array], dict[str, float
             "partly_determined": list(reaction.partly_undetermined),
         }
 
-    reactions = {name: carried(reaction) for name, reaction in result.reactions.items()}
+    inner = mechanism.inner_joints
+    reactions = {name: carried(own) for name, own in result.reactions.items() if name not in inner}
     undetermined = [
         {own["on"], own["by"]}
         for own in reactions.values()
@@ -262,6 +266,8 @@ def _coupling_facts(
     result, mechanism = study.forces, study.model.mechanism
     threads, facts = threads_of(mechanism), dict[str, dict[str, Any]]()
     for name, law in mechanism.named_laws.items():
+        if mechanism.contact_of(law):
+            continue
         own: dict[str, Any] = {"effort": peak(result.gears[name])}
         own["unit"] = "N" if name in result.straight else "N m"
         own["determined"] = name not in result.undetermined

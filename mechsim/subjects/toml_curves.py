@@ -24,6 +24,7 @@ from mechsim.subjects.toml_cams import GuidedJoint, cam_joints, cam_of
 from mechsim.subjects.toml_links import MASSLESS
 from mechsim.subjects.toml_values import Values, written_function
 
+CURVE_KEYS = {"kind", "a", "b", "roller", "side", "limits"}
 # side of a roller -> sign of its offset to the left; of closed curves relative to their outside
 _SIDES = {"left": 1.0, "right": -1.0, "outside": 1.0, "inside": -1.0}
 
@@ -73,17 +74,23 @@ def _curve_joints(
     """Return the joints of a joint on a curve."""
     side = dict(joint["a"])
     key = side.pop("curve", "")
-    if key not in curves or {*side} != {"link"} or not {*joint} <= {"kind", "a", "b", "roller", "side"}:
+    if key not in curves or {*side} != {"link"} or not {*joint} <= CURVE_KEYS:
         raise InputError(
             f"joint {name!r} is of kind curve; give only a = {{ link, curve }}, b = {{ link, at }}, "
-            f"roller and side, with a curve of the file ({', '.join(curves) or 'it has none'})"
+            f"roller, side and limits, with a curve of the file ({', '.join(curves) or 'it has none'})"
         )
     curve = _with_roller(curves[key], name, read_joint)
     require_followable(curve)
     carrier, force_joint = f"{VIRTUAL_PREFIX}{name}", f"{name}.point"
     along = {"link": f"{carrier}.s", "axis": [1.0, 0.0, 0.0]}
+    slide: dict[str, Any] = {"kind": "prismatic", "a": {**along, "link": GROUND}, "b": along}
+    if "limits" in joint:
+        slide["limits"] = joint["limits"]
+    elif curve.bounded:
+        # a point stops at the ends of its curve
+        slide["limits"] = dict(zip(("lower", "upper"), (f"{end!r} m" for end in curve.interval), strict=True))
     joints = {
-        name: {"kind": "prismatic", "a": {**along, "link": GROUND}, "b": along},
+        name: slide,
         carrier: {"kind": "cartesian", "a": side, "b": {"link": carrier}},
         force_joint: {"kind": "spherical", "a": {"link": carrier}, "b": joint["b"]},
     }

@@ -65,6 +65,8 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         return _assemblies_of(angle, listed, True, reason)
     try:
         # every assembly at the driver positions of the solver's own
+        if solver.mechanism.contacts:
+            raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
         if plane_normal(solver.mechanism) is None:
             raise UnsolvedGroupError("it is not planar")
         if solver.mechanism.couplings:

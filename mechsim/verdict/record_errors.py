@@ -48,7 +48,7 @@ gears, meshes = _determined("gears"), _determined("meshes")
 
 def joints(computed: Motion, exact: Motion) -> Iterable[str]:
     """Return the joints of both records, without the crank."""
-    return [name for name in exact.joints if name in computed.joints and name != "crank"]
+    return [name for name in exact.written_joints if name in computed.joints and name != "crank"]
 
 
 def links(computed: Motion, exact: Motion) -> Iterable[str]:

@@ -142,9 +142,8 @@ def test_long_work_reports_its_remaining_time(
         "work: 2 steps, about 18 h left",
         "work: 3 steps, about 17 h left",
     ]
-    assert lines(parted, at_least=True)[1:] == [
-        f"work: {i} steps, about {hours} h left at the most" for i, hours in ((2, 18), (3, 17))
-    ]
+    # a lower bound of the finished part determines no remaining time
+    assert lines(parted, at_least=True)[1:] == ["work: 2 steps", "work: 3 steps"]
     assert lines(short) == []
     assert [progress.in_words(rest) for rest in (1.0, 100.0, 1e4, 1e6)] == [
         "",

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, model_text
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.optimize import fsolve
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
@@ -151,20 +152,23 @@ def test_a_structure_finds_where_its_arm_meets_the_curve(tmp_path):
 BEAD = model_text("toml_curves_bead.toml")
 
 
+def bead_falls(_, state):
+    # c'.c' s'' = c'.(g - c'' s'^2)
+    s, v = state
+    first = np.array([-0.2 * np.sin(s), 0.1 * np.cos(s), 0.04 * np.cos(2 * s)])
+    second = np.array([-0.2 * np.cos(s), -0.1 * np.sin(s), -0.08 * np.sin(2 * s)])
+    return v, first @ (np.array([0.0, -9.81, 0.0]) - second * v**2) / (first @ first)
+
+
 @pytest.mark.long
 def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration(tmp_path):
     (tmp_path / "bead.toml").write_text(BEAD)
     model = ms.load(str(tmp_path / "bead.toml"), still=True)
     run = ms.dynamics.run(model, initial={"rail.q": 0.3}, duration=1.0, samples=10)
 
-    def falling(_, state):
-        # c'.c' s'' = c'.(g - c'' s'^2)
-        s, v = state
-        first = np.array([-0.2 * np.sin(s), 0.1 * np.cos(s), 0.04 * np.cos(2 * s)])
-        second = np.array([-0.2 * np.cos(s), -0.1 * np.sin(s), -0.08 * np.sin(2 * s)])
-        return v, first @ (np.array([0.0, -9.81, 0.0]) - second * v**2) / (first @ first)
-
-    exact = solve_ivp(falling, (0, 1), [0.3, 0.0], method="DOP853", rtol=1e-13, atol=1e-13, t_eval=run.time)
+    exact = solve_ivp(
+        bead_falls, (0, 1), [0.3, 0.0], method="DOP853", rtol=1e-13, atol=1e-13, t_eval=run.time
+    )
     assert np.abs(run.motion.joints["rail"].value - exact.y[0]).max() < 1e-11
     assert run.energy_error < 1e-11
     # constraints that yielded by the inverse of negligible masses gave 3e-2 in MuJoCo
@@ -172,3 +176,52 @@ def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration(tmp_pa
     times = run.time[:2]
     stepped = stepped_run(released.mechanism, released.forces, {"rail": 0.3}, {"rail": 0.0}, times, 40)
     assert abs(stepped.motion.joints["rail"].value[-1] - exact.y[0, 1]) < 1e-9
+
+
+def test_a_bead_bounces_at_the_end_of_its_wire_as_an_independent_integration(tmp_path):
+    wire = BEAD.replace("[curves.wire]\n", "[curves.wire]\nrange = [-0.4, 0.9]\n")
+    (tmp_path / "bead.toml").write_text(
+        wire + 'limits = { lower = "-0.4 m", upper = 0.9, restitution = 0.6 }\n'
+    )
+    end = lambda _, state: state[0] + 0.4  # noqa: E731
+    end.terminal, end.direction = True, -1
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+    before = solve_ivp(bead_falls, (0, 1), [0.3, 0.0], events=end, **options)
+    impact = before.t_events[0][0]
+    last = impact + 0.03
+    after = solve_ivp(bead_falls, (impact, last), [-0.4, -0.6 * before.y_events[0][0, 1]], **options)
+    model = ms.load(str(tmp_path / "bead.toml"), still=True)
+    run = ms.dynamics.run(model, initial={"rail.q": 0.3}, duration=last, samples=10)
+    assert run.events == pytest.approx([impact], abs=1e-11)
+    assert run.motion.joints["rail"].value[-1] == pytest.approx(after.y[0, -1], abs=1e-10)
+    # without limits of its own, the point stops at the ends of the curve
+    (tmp_path / "bead.toml").write_text(wire)
+    assert ms.load(str(tmp_path / "bead.toml"), still=True).ranges == {"rail": (-0.4, 0.9)}
+
+
+def test_a_window_on_a_rail_of_the_frame_stops_at_its_end():
+    model = ms.load(str(FOLDER / "window_regulator.toml"))
+    run = ms.dynamics.run(model, duration=0.3)
+
+    def gaps(values):
+        # the guide is 0.15 m from the slot at s = 0; the pin is level with the point 0.05 m along the glass
+        s, arm = values
+        guide = np.array([0.02 * np.sin(np.pi * s / 0.6), s])
+        pin = np.array([0.25 - 0.3 * np.cos(arm), 0.2 - 0.3 * np.sin(arm)])
+        return guide @ guide - 0.15**2, pin @ guide / 0.15 - 0.05
+
+    arm = fsolve(gaps, [0.15, 0.5], xtol=1e-14)[1]
+    assert run.outcome == "stopped"
+    assert run.motion.joints["arm"].value[-1] == pytest.approx(arm, abs=1e-12)
+    # the frame carries the rail: the force of the glass on it is normal to the curve
+    study = prescribed(dynamic_model(model), [0.1, 0.3], 1.0)
+    s = model.solve([0.1, 0.3]).joints["slot"].value
+    tangent = np.stack([0.02 * np.pi / 0.6 * np.cos(np.pi * s / 0.6), np.ones(2)], 1)
+    force = study.forces.reactions["slot.point"].force[:, :2]
+    assert np.abs((force * tangent).sum(1)).max() < 1e-11 * np.abs(force).max()
+
+
+def test_the_parts_of_a_joint_on_a_curve_are_not_shown(mechsim):
+    for command in ("show", "dynamics inverse", "solve"):
+        result = mechsim(*command.split(), str(FOLDER / "window_regulator.toml"))
+        assert (result.code, "~" in result.out) == (0, False)

@@ -17,6 +17,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+from mechsim.analytic.loops.record import link_or_ground_motion
 from mechsim.model.cams import Cam
 from mechsim.model.contacts import Contact
 from mechsim.model.joints import Coupling
@@ -166,6 +167,7 @@ def _normal_force(
     normals = contact.normals(values)
     study = prescribed_along(model, parameter, rate, second, time=times)
     reaction = study.forces.reactions[contact.force_joint].force
-    directions = (motion.links[contact.frame].rotation @ normals[..., None])[..., 0]
+    carrier = link_or_ground_motion(contact.frame, motion.links)
+    directions = (carrier.rotation @ normals[..., None])[..., 0]
     levers = contact.shape.lever(values) if isinstance(contact.shape, Cam) else None
     return (reaction * directions).sum(-1), levers
