@@ -22,6 +22,7 @@ from mechsim.analytic.dynamics import (
 from mechsim.analytic.dynamics.dynamic_run import Initial
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
+from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, print_text, without_noise
@@ -205,7 +206,18 @@ def statics(
     if loaded is not None:
         names = ("load", "displacement", "stable", "limit_points")
         data["curve"] = {name: getattr(loaded, name).tolist() for name in names}
-    return with_masses(model, Result(data, text, agreed), verbose)
+    return _with_masses(model, Result(data, text, agreed), verbose)
+
+
+def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None = None) -> Result[Any]:
+    """Return a result with its masses, and a note of the states of motors that it does not contain."""
+    stated = [actuator.name for actuator in model.forces.actuators if actuator.inflow is not None]
+    if stated:
+        notes.append(
+            f"{', '.join(stated)}: the state is steady: a current or a filter follows at once, and an "
+            "integral keeps its initial value"
+        )
+    return with_masses(model, result, verbose)
 
 
 def _verdicts(model: DynamicModel, solutions: Sequence[Equilibrium]) -> dict[str, Verdict]:
@@ -356,7 +368,7 @@ def modes(
         title = f"{name}: modes about the {state} equilibrium at {position}"
         print_table(title, ("frequency [Hz]", "damping ratio", "s [1/s]", "shape"), rows)
 
-    return with_masses(model, Result(_equilibrium_facts(equilibrium), text, equilibrium.stable is True))
+    return _with_masses(model, Result(_equilibrium_facts(equilibrium), text, equilibrium.stable is True))
 
 
 def _mode_columns(modes: Sequence[Mode]) -> dict[str, Array]:
@@ -419,4 +431,4 @@ def response(
         f"{number(magnitude[peak])} {result.unit} at {number(frequency[peak])} Hz"
     )
     data = {"load": result.load, "quantity": result.quantity, "unit": result.unit, "response": table}
-    return with_masses(model, Result(data, lambda: print_text(text)))
+    return _with_masses(model, Result(data, lambda: print_text(text)))

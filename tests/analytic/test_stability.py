@@ -55,6 +55,20 @@ def test_damping_does_not_hide_an_unstable_root(equilibria, viscous):
         assert crosscheck_equilibrium(state, model).passed
 
 
+def test_the_current_of_a_motor_is_steady_in_both_methods(equilibria):
+    # J s2 + (gear constant)2 / R s + moment = 0: without its inductance the motor damps
+    gear, constant, resistance = 50.0, 0.05, 0.8
+    motor = (
+        f'motors.m = {{ kind = "dc", joint = "h", voltage = 0, resistance = {resistance}, inductance = 1e-3, '
+        f"constant = {constant}, gear = {gear} }}"
+    )
+    model, (below, _) = equilibria(WEIGHT + motor)
+    damping = (gear * constant) ** 2 / resistance
+    exact = np.sort(np.roots([J, damping, MOMENT]).real)
+    assert np.sort([mode.eigenvalue.real for mode in below.modes]) == pytest.approx(exact, rel=1e-12)
+    assert crosscheck_equilibrium(below, model).passed
+
+
 def test_a_short_spring_has_its_frequency(equilibria):
     # K = k r1 r2 (L - L0) / L with lever arms r1 = 1, r2 = 1.003 and length L = 0.003
     _, (rest, _) = equilibria(
