@@ -20,15 +20,11 @@ from mechsim.units import option
 
 
 class RemovedJson(TypedDict):
-    """A removed element: the error of its removal alone, and of all removals so far."""
+    """A removed element, and the error of the scene after its removal."""
 
     what: str
     category: str
     error: float
-    time_ratio: float
-    together: float
-    torque: float
-    energy: float
 
 
 class Cost(TypedDict):
@@ -95,24 +91,14 @@ def reduce(
 
 
 def _print(result: Reduction, model: str, tolerance: float, unit: str) -> None:
-    rows = [
-        (
-            element.candidate.what,
-            *(number(value, 2) for value in (element.alone_errors.by(result.by), element.error)),
-            number(element.time_ratio, 3),
-            *(number(value, 2) for value in (element.alone_errors.torque, element.alone_errors.energy)),
-        )
-        for element in result.left_out
-    ]
-    head = ("removed", f"alone [{unit}]", f"together [{unit}]", "time", "effort", "energy [J]")
-    print_table(f"{model}: errors of what was removed, relative time of a step", head, rows)
+    rows = [(element.candidate.what, number(element.error, 2)) for element in result.left_out]
+    print_table(f"{model}: what was removed, one after another", ("removed", f"error [{unit}]"), rows)
     for what in result.undone:
         print_text(f"restored, since the whole was beyond the tolerance: {what}")
     for motion, errors in zip(("its motion", "a second motion"), result.errors, strict=True):
         print_text(
             f"over {motion}: within {number(errors.by(result.by), 2)} {unit} of the full scene (tolerance "
-            f"{number(tolerance, 3)} {unit}); efforts within {number(errors.torque, 2)}, energy within "
-            f"{number(errors.energy, 2)} J"
+            f"{number(tolerance, 3)} {unit}); efforts within {number(errors.torque, 2)}"
         )
     print_text(
         f"{number(result.speedup, 3)} times as fast: {number(1e3 * result.time / result.speedup, 3)} instead "

@@ -63,7 +63,7 @@ class SensitivityOptions:
         None,
         "Tolerances of dimensions (crank=±0.02mm), clearances of joints (P3.clearance=0.01mm), or a table "
         "with columns dimension, tolerance.",
-        metavar="FILE.csv|P=BOUND,...",
+        metavar="P=BOUND,...",
     )
     distribution: str = option(
         "uniform", f"Distribution of dimensions within their bounds: {', '.join(DISTRIBUTIONS)}."

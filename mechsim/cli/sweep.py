@@ -60,7 +60,7 @@ class SweepOptions:
     measure: tuple[str, ...] = option(
         (),
         "Measure range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
-        "(at:TIME:QUANTITY under motion laws), crank_range, dead_centres, assemblies, frequency:N or "
+        "(at:TIME:QUANTITY under motion laws), crank_range, frequency:N or "
         "damping_ratio:N of mode N, settling:QUANTITY or peak:QUANTITY of a run from an initial state, or "
         "FILE.py:FUNC of a Motion, which is code and is run. Quantities are J, J.v, J.a, P.x, P.vx, P.ax, "
         "speed:P, acceleration:P, distance:P,Q, angle:LINK,LINK, expr:EXPRESSION, torque, force:J, moment:J, "

@@ -21,20 +21,13 @@ from mechsim.studies.budget import Budget
 from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.subject import COMPARED, subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
-from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, advice, write_csv
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, command_of, write_csv
 from mechsim.units import crank_speed, option
 
 # maximum number of printed families of settings without a trial
 MAX_FAMILIES = 3
 # steps per revolution at which MuJoCo's defaults are printed
 DEFAULTS_STEPS = (72, 720, 7200)
-
-
-class Advice(TypedDict):
-    """Use of a setting on the command line and in a file."""
-
-    command: str
-    xml: str | None
 
 
 class PointJson(TypedDict):
@@ -56,7 +49,7 @@ class Recommendation(TypedDict):
 
     limit: float
     point: PointJson | None
-    advice: Advice | None
+    command: str | None
 
 
 class TradeoffJson(TypedDict):
@@ -114,7 +107,7 @@ def tradeoff(
     data: dict[str, Any] = result.as_dict(by)
     for row in data["recommended"]:
         point = result.choice(row["limit"], by)
-        row["advice"] = None if point is None else advice(point, model, subject.speed)
+        row["command"] = None if point is None else command_of(point, model, subject.speed)
     data |= {"budget": timer.seconds, "output": output, "plot": plot}
 
     def text() -> None:
@@ -161,13 +154,10 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
     for limit in BOUNDS:
         point = result.choice(limit, by)
         if point is not None:
-            how = advice(point, model, result.subject.speed)
-            lines = [how["command"], how["xml"]]
-            bounds_of.setdefault("\n".join(filter(None, lines)), []).append(f"{limit:.0e}")
+            bounds_of.setdefault(command_of(point, model, result.subject.speed), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")
-        for line in filter(None, text.splitlines()):
-            typer.echo("\n".join(_shell_lines(line)) if line.startswith("mechsim") else f"  {line}")
+        typer.echo("\n".join(_shell_lines(text)))
 
 
 def _shell_lines(line: str) -> list[str]:

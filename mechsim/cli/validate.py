@@ -32,7 +32,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.studies.agreement.noise import Noise
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, Validation, validate_all
-from mechsim.subjects import catalog, gallery, reference_data
+from mechsim.subjects import catalog, gallery
 from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.readers import load
 from mechsim.subjects.scene_findings import scene_findings
@@ -48,9 +48,7 @@ class ValidateOptions:
     reference: bool = option(
         False, "Compare both methods with the 30-digit reference data.", name="--reference"
     )
-    report: str | None = option(
-        None, "Write a page with plots, pictures and videos to this folder.", metavar="DIR"
-    )
+    report: str | None = option(None, "Write a page with plots and pictures to this folder.", metavar="DIR")
     speed: Speed = "600rpm"
     budget: str = option(f"{BUDGET:g}s", "Processor time for the stepped runs of each mechanism.")
     against: str | None = option(
@@ -349,6 +347,7 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
         InputError: if a name has no data, or data differ from their checksum.
     """
     from mechsim.studies.reference import by_reference
+    from mechsim.subjects import reference_data
 
     folder = reference_data.folder()
     tables = [reference_data.read(folder, name) for name in models or reference_data.names(folder)]

@@ -52,7 +52,7 @@ def requested_columns(mechanism: Mechanism, requested: Sequence[str]) -> list[st
     """Return the requested columns of a plot; a joint's name selects its coordinate.
 
     Raises:
-        InputError: for a name that is no column, with the nearest that is, or not two or three of them.
+        InputError: for a name that is no column, with the nearest that is, or not two of them.
     """
     columns = ["angle", *(column.name for column in joint_columns(mechanism))]
     moving = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
@@ -64,8 +64,8 @@ def requested_columns(mechanism: Mechanism, requested: Sequence[str]) -> list[st
                 f"{mechanism.name} has no coordinate {name!r} to plot over{catalog.nearest(name, columns)}"
             )
         chosen.append(name if name in columns else f"{name}.q")
-    if len(chosen) not in (2, 3):
-        raise InputError(f"--of names {len(chosen)} coordinates ({', '.join(requested)}); name two or three")
+    if len(chosen) != 2:
+        raise InputError(f"--of names {len(chosen)} coordinates ({', '.join(requested)}); name two")
     return chosen
 
 

@@ -7,7 +7,7 @@ import tempfile
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from mechsim.numerics.angles import REVOLUTION
 
@@ -329,25 +329,7 @@ def motion_html(motion: Motion) -> str:
     return _table((), rows) + (picture or "")
 
 
-class Shown(Protocol):
-    """The interface of a run for display."""
-
-    @property
-    def motion(self) -> Motion:
-        """The motion."""
-        ...
-
-    @property
-    def outcome(self) -> str:
-        """The outcome."""
-        ...
-
-    def summary(self) -> dict[str, Any]:
-        """Return the result and the settings."""
-        ...
-
-
-def run_html(run: Shown) -> str:
+def run_html(run: Any) -> str:
     """Return a run as its result, its settings, and a plot of its motion."""
     from mechsim.pictures import plots
 

@@ -25,8 +25,6 @@ NUMBERS = "validate.json"
 LIBRARIES = ("mujoco", "numpy", "scipy", "matplotlib", "mediapy")
 # a check that uses less of its tolerance is listed in the long table only
 UNUSED = 1e-3
-# the sparkline of a section shows error / tolerance from this value to 1 on a logarithmic scale
-SPARK_FLOOR = 1e-6
 # what a finding says without a place or a remedy
 NO_FINDING: Mapping[str, Any] = {"severity": "note", "file": "", "line": None, "remedy": ""}
 # outcomes of a case in words
@@ -58,7 +56,6 @@ class Section:
         cause: the most likely cause of a failure; empty without one.
         facts: name of a property -> value, or list of lines.
         picture: one pose, WebP or PNG; None if it could not be drawn.
-        video: name of a video file in the same folder; empty for none.
         view: name of the interactive 3-D page in the same folder; empty for none.
         plots: (caption, WebP, PNG or SVG bytes).
         checks: of the verdict.
@@ -71,7 +68,6 @@ class Section:
     cause: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
     picture: bytes | None = None
-    video: str = ""
     view: str = ""
     plots: Sequence[tuple[str, bytes]] = ()
     checks: Sequence[Check] = ()
@@ -272,7 +268,6 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "tightest": _tightest(section.checks),
         "checks_passed": sum(check.passed for check in section.checks),
         "worst": max(section.checks, key=lambda check: check.severity, default=None),
-        "spark": _sparkline(section.checks),
         "seconds": seconds,
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
     }
@@ -292,16 +287,6 @@ def _tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
             worst[kind] = row, check
     selected = list(worst.values())
     return [pair for pair in selected if not pair[1].passed or pair[1].severity >= UNUSED] or selected
-
-
-def _sparkline(checks: Sequence[Check]) -> str:
-    """Return the path of an SVG, 60 wide and 12 high: a bar per check, the logarithm of error / tolerance."""
-    bars: list[str] = []
-    for i, check in enumerate(checks):
-        share = min(max(check.severity, SPARK_FLOOR), 1.0)
-        height = 12.0 * (1.0 - math.log10(share) / math.log10(SPARK_FLOOR))
-        bars.append(f"M{60.0 * (i + 0.5) / len(checks):.1f} 12v{-max(height, 0.5):.1f}")
-    return "".join(bars)
 
 
 def _this_command() -> str:

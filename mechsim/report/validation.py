@@ -3,9 +3,7 @@
 import io
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -15,7 +13,6 @@ from numpy.typing import NDArray
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
-from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.progress import Progress, no_progress
 from mechsim.pictures import plots
@@ -30,13 +27,11 @@ from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.validate import Validation
 
 if TYPE_CHECKING:
-    from mechsim.pictures.render import Look
+    pass
 
 Drawing = TypeVar("Drawing")
-# pixels of a video; its frames per revolution and per second: a revolution lasts two seconds
+# pixels of a picture
 RESOLUTION = (640, 480)
-FRAMES_PER_TURN = 36
-FRAMES_PER_SECOND = 18.0
 # the plot of a case that was not time-stepped
 UNSTEPPED_PLOTS = ("curve",)
 # colours of a plot, and quality of a picture, in WebP: over the mechanisms of the default run the plots take
@@ -49,9 +44,6 @@ MAX_PLOTS = 4
 # fraction of a difference from which a single component is not drawn: it is the whole difference
 ONE_SHARE = 0.99
 
-# time to write a video, in times of the rest of a section (measured on the default report)
-VIDEO_TIME = 4.5
-
 
 def write_validation_report(
     folder: Path,
@@ -59,7 +51,7 @@ def write_validation_report(
     results: Mapping[str, Any],
     progress: Progress = no_progress,
 ) -> list[str]:
-    """Write a page with its pictures and plots inside, and views and videos in files of their own.
+    """Write a page with its pictures and plots inside, and views in files of their own.
 
     Args:
         folder: made if it is not there.
@@ -74,27 +66,15 @@ def write_validation_report(
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
     sections: list[Section] = []
-    videos: dict[str, Future[str]] = {}
-    whole = len(cases) + VIDEO_TIME * sum(not case.quick for case in cases.values())
-    # videos take half of the time, so another process writes them
-    with ProcessPoolExecutor(1, get_context("spawn")) as other:
-        for name, case in cases.items():
-            sections.append(_section(folder, name, case, notes))
-            if sections[-1].picture is not None and not case.quick:
-                videos[name] = other.submit(_write_video, *_video(folder, name, case))
-            finished = sum(video.done() for video in videos.values())
-            progress(name, (len(sections) + VIDEO_TIME * finished) / whole)
-        for finished, _ in enumerate(as_completed(videos.values()), 1):
-            progress("videos", (len(sections) + VIDEO_TIME * finished) / whole)
-    for i, section in enumerate(sections):
-        if section.name in videos:
-            sections[i] = replace(section, video=_drawn(videos[section.name].result, notes) or "")
+    for name, case in cases.items():
+        sections.append(_section(folder, name, case, notes))
+        progress(name, len(sections) / len(cases))
     write_report(folder, results, sections, notes=notes)
     return notes
 
 
 def _section(folder: Path, name: str, case: Validation, notes: list[str]) -> Section:
-    """Return the section of a mechanism without its video, and write its interactive view."""
+    """Return the section of a mechanism, and write its interactive view."""
     return Section(
         name=name,
         title=name,
@@ -125,24 +105,6 @@ def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes
 
     look = Look(size=RESOLUTION, **drawn_as(solver))
     return _drawn(lambda: _webp(still(solver.mechanism, motion, look, paths="whole")), notes)
-
-
-def _video(folder: Path, name: str, case: Validation) -> tuple[Path, Mechanism, Motion, "Look"]:
-    """Return path, mechanism, motion and look of the video of a time-stepped run."""
-    from mechsim.pictures.render import Look
-    from mechsim.pictures.render.drawn_model import drawn_as
-
-    look = Look(size=RESOLUTION, **drawn_as(case.solver))
-    return folder / f"{stem_of(name)}.mp4", case.solver.mechanism, case.run.motion, look
-
-
-def _write_video(path: Path, mechanism: Mechanism, motion: Motion, look: "Look") -> str:
-    """Write a video of a time-stepped run and return its file's name."""
-    from mechsim.pictures.render import turn_angles, write_video
-
-    angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
-    write_video(path, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
-    return path.name
 
 
 def _write_view(folder: Path, name: str, case: Validation) -> str:

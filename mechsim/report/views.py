@@ -27,8 +27,6 @@ from mechsim.pictures.view.pose_grid import (
     motion_grid,
 )
 from mechsim.report.driver_views import (
-    SHOWN,
-    halved_grid,
     hand_grids,
     motion_law_grid,
     stepped_ghost,
@@ -36,8 +34,6 @@ from mechsim.report.driver_views import (
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.validate import Validation
 from mechsim.subjects.model_source import ModelSource
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve, even_motion
-from mechsim.theory.continuation.mechanism_trace import trace
 
 # intervals of a turn, and of an arc that the crank swings over
 SAMPLES = 360
@@ -174,72 +170,8 @@ def _called(solver: KinematicSolver) -> str:
     return ", ".join(chosen) or "its assembly"
 
 
-# random starts from which curves are sought
-STARTS = 60
-MAX_CURVES = 6
-
-
-def curve_grids(solver: KinematicSolver) -> tuple[list[PoseGrid], str]:
-    """Return a grid for each curve of assemblies besides that which the crank's own slider shows whole.
-
-    Returns:
-        The grids, and a sentence on what was sought; empty where no curve could be followed.
-    """
-    arcs = solver.crank_range()
-    own_alone, swings = solver.assemblies(arcs.start()) is not None, not arcs.full
-    if own_alone and not swings:
-        return [], ""
-    try:
-        traced = trace(solver, starts=0 if own_alone else STARTS)
-    except MechsimError as error:
-        return [], f"Other assemblies are not shown: {error}"
-    grids: list[PoseGrid] = []
-    for i, curve in enumerate(traced.curves[:MAX_CURVES]):
-        if i == 0 and not swings:
-            continue
-        name = "round its dead centres" if i == 0 else f"assembly {i + 1}"
-        grids.append(_turning(solver, name, curve) if curve.turns else _round(solver, name, curve))
-    sentence = (
-        f"Assemblies were sought from {traced.starts} random starts; {len(traced.curves)} curves were found."
-    )
-    return grids, "" if own_alone else sentence
-
-
-def _turning(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid:
-    """Return the poses of a curve over which the crank turns fully, over its angle."""
-    motion = even_motion(curve, 2 * SAMPLES * abs(curve.turns), 1.0)
-    if motion.angle[-1] < motion.angle[0]:
-        motion = select_instants(motion, slice(None, None, -1))
-    driver = solver.mechanism.crank.name
-    return halved_grid(name, solver.mechanism, motion, motion.angle, driver=driver, speeds=False)
-
-
-def _round(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid:
-    """Return the poses of a curve over which the crank swings, over a slider that goes round it evenly."""
-    motion = even_motion(curve, 2 * SAMPLES, 1.0)
-    along = np.linspace(0.0, 100.0, len(motion))
-    landmarks = [
-        Landmark(100.0 * turning_point.arc / curve.length, "dead centre", "dead")
-        for turning_point in curve.crank_turns
-    ]
-    grid = halved_grid(
-        name,
-        solver.mechanism,
-        replace(motion, joints={}),
-        along,
-        driver="along the curve",
-        unit="%",
-        landmarks=sorted(landmarks, key=lambda landmark: landmark.value),
-        extra=[Readout(solver.mechanism.crank.name, "rad", {"": motion.angle[SHOWN]})],
-        speeds=False,
-    )
-    return replace(grid, note="at an even pace round the curve of assemblies")
-
-
 # solved motions that a live page holds besides its solver, so that it stays below 1.5 MB
 LIVE_GRIDS = 3
-# of a scene that says where it starts
-NOT_SOUGHT = "Other assemblies than that in which the file starts were not sought."
 
 
 def model_view(solver: KinematicSolver, speed: float, up: Up | None = None) -> View:
@@ -276,21 +208,19 @@ def mechanism_view(
     Args:
         solver: what moves.
         speed: of its crank in [rad/s], for speeds and for the run that is the ghost.
-        limits: joint -> its range in SI, where an MJCF file states it; its other assemblies are not sought.
+        limits: joint -> its range in SI, where an MJCF file states it.
 
     Raises:
         AssemblyError: where it closes nowhere.
     """
-    searched, limits = limits is None, limits or {}
+    limits = limits or {}
     if solver.mechanism.has_crank and solver.motion_laws.crank:
         grids = crank_grids(solver, speed, limits.get(solver.mechanism.crank.name))
-        others, sentence = curve_grids(solver) if searched else ([], NOT_SOUGHT)
         facts = [
             f"Solved by its {solver.method}; speeds are at a crank speed of "
-            f"{speed * 60.0 / REVOLUTION:g} rpm.",
-            sentence,
+            f"{speed * 60.0 / REVOLUTION:g} rpm; `mechsim trace` finds other assemblies.",
         ]
-        return _view(solver, [*grids, *others], facts)
+        return _view(solver, grids, facts)
     start = start_poses(solver.mechanism)[1]
     by_hand = hand_grids(solver, limits, start)
     programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]

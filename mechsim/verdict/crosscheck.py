@@ -147,7 +147,6 @@ def crosscheck_forces(
     exact: ForceRecord,
     *,
     method: Literal["pose", "step"],
-    tolerance: float | None = None,
     bounds: Tolerances | None = None,
     conditioning: Array | None = None,
 ) -> Verdict:
@@ -157,7 +156,6 @@ def crosscheck_forces(
         computed: the record to check.
         exact: the reference record.
         method: method of the computed record: "pose" or "step".
-        tolerance: requested relative tolerance of a stepped run; None for no request.
         bounds: tolerances that replace those of `FORCES`, by name; fractions of the scale if their unit is
             "1".
         conditioning: conditioning of the loops at each instant, (n,), which widens tolerances; None if
@@ -169,9 +167,7 @@ def crosscheck_forces(
         rigid links do not determine are left out, and so are forces at instants where a joint with Coulomb
         friction stands still, and the torque if the crank does.
     """
-    requested = Requested() if tolerance is None else Requested(tolerance)
-    by = "requested" if tolerance is not None else method
-    allowed = tolerances_of(FORCES, by, force_scales(exact), requested, bounds)
+    allowed = tolerances_of(FORCES, method, force_scales(exact), Requested(), bounds)
     return concluded(checks_of(FORCES, computed, exact, allowed, conditioning))
 
 

@@ -240,37 +240,28 @@ SPRINGS = ToleranceRule(
     1e-10,
     power=5,
 )
-REQUESTED = ToleranceRule(f"{FRACTION_OF}requested", requested=1.0)
-AS_TORQUE = ToleranceRule(
-    f"{FRACTION_OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, requested=1.0
-)
 SHARED = ToleranceRule("redundant constraints share forces by their compliance: 1e-4", 1e-3)
 TORQUE = {
     "pose": replace(SPRINGS, scale="torque, as a difference of moments"),
     "step": ToleranceRule(
         f"{FRACTION_OF}error of 1,000 steps per turn, fourth order: measured 6e-8 at most", 1e-6
     ),
-    "requested": REQUESTED,
 }
 REACTION = {
     "pose": SPRINGS,
     "step": ToleranceRule(f"{FRACTION_OF}as the torque, with forces that cancel in it: 1.5e-7", 1e-5),
-    "requested": REQUESTED,
 }
 ENERGY = {
     "pose": ToleranceRule(f"{FRACTION_OF}rounding: measured 1e-14", 1e-12, power=3),
     "step": ToleranceRule(f"{FRACTION_OF}rates of closed loops: measured 1e-9", 1e-8),
-    "requested": AS_TORQUE,
 }
 POWER = {
     "pose": SPRINGS,
     "step": ToleranceRule(f"{FRACTION_OF}rates of loops closed to 1e-8: measured 4e-9", 4e-7),
-    "requested": AS_TORQUE,
 }
 RESIDUAL = {
     "pose": ToleranceRule("rounding times the condition of the mass matrix; measured 1e-10", 1e-8),
     "step": SHARED,
-    "requested": SHARED,
 }
 
 FORCES = (

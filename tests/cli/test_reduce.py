@@ -25,7 +25,7 @@ def test_reduce_writes_a_scene_and_reports_each_removed_element(mechsim, finger,
     assert output.code == 0, output.err
     reported = json.loads(output.out)
     assert reported["error"] <= 7e-6
-    assert {"what", "error", "time_ratio"} <= set(reported["left_out"][0])
+    assert {"what", "category", "error"} <= set(reported["left_out"][0])
     text = (tmp_path / "out.xml").read_text()
     assert text.startswith("<!--")
     assert all(item["what"] in text for item in reported["left_out"])

@@ -51,7 +51,7 @@ def test_tolerances_are_reported_and_their_bands_written(sensitivity, tmp_path):
         (["four_bar"], "--of is missing; name the quantities"),
         (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
         (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
-        (["four_bar", "--of", "C", "--tolerances", "none.csv"], "there is no file none.csv"),
+        (["four_bar", "--of", "C", "--tolerances", "none.csv"], "which is not NAME=BOUND"),
         (
             ["four_bar", "--of", "C", "--distribution", "normal"],
             "--distribution has no effect without --tolerances",

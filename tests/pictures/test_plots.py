@@ -138,9 +138,9 @@ def test_assembly_curves_are_split_at_full_turns():
     assert np.isnan(x).sum() == 1
     assert 0.0 <= np.nanmin(x) < np.nanmax(x) <= 360.0
     assert np.nanmax(y) == pytest.approx(np.rad2deg(7.0))
-    assert plots.assembly_plot(table, ("turn", "swing", "P.x")).axes[0].name == "3d"
-    with pytest.raises(InputError, match="1 coordinates to plot over"):
-        plots.assembly_plot(table, ("turn",))
+    for names in (("turn",), ("turn", "swing", "P.x")):
+        with pytest.raises(InputError, match=f"{len(names)} coordinates to plot over"):
+            plots.assembly_plot(table, names)
 
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):

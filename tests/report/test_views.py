@@ -25,17 +25,15 @@ def test_a_view_contains_every_distinct_assembly_mode():
 
 
 @pytest.mark.long
-def test_a_swinging_crank_has_dead_centres_and_a_closed_curve():
+def test_a_swinging_crank_has_dead_centres():
     linkage = ms.catalog.make("four_bar", crank=0.09)
-    first_mode, second_mode, both_modes = mechanism_view(linkage, SPEED).grids
+    first_mode, second_mode = mechanism_view(linkage, SPEED).grids
     slider = first_mode.slider
     dead = [landmark.value for landmark in slider.landmarks if landmark.kind == "dead"]
     assert len(dead) == 2
     assert not slider.ring
     np.testing.assert_allclose(sorted(dead), [slider.nodes[0], slider.nodes[-1]], atol=1e-5)
     assert first_mode.error < 1e-8
-    assert both_modes.slider.ring
-    assert len([landmark for landmark in both_modes.slider.landmarks if landmark.kind == "dead"]) == 2
     # at a dead centre the assembly modes coincide
     turns = [grid.quaternion["rocker"] for grid in (first_mode, second_mode)]
     same = np.abs((turns[0] * turns[1]).sum(1))

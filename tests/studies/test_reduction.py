@@ -179,7 +179,6 @@ def test_the_evaluator_rejects_a_scene_without_a_needed_element(cluttered):
     wrong = evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, heavy)))
     assert wrong.trajectory > LIMIT
     assert wrong.torque > 1e-3
-    assert wrong.energy > 1e-5
 
 
 def test_driven_elements_cannot_be_removed(cluttered):

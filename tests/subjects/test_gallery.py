@@ -9,8 +9,8 @@ import pytest
 from mechsim.numerics.rounding import EPS
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import values_of_function
+from mechsim.studies.agreement.comparison import candidate_check, formula_tolerance, scales_of
 from mechsim.studies.agreement.evaluation_points import evaluation_points
-from mechsim.studies.agreement.misfit import candidate_check, formula_tolerance, scales_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import catalog, gallery
 from mechsim.subjects.python_object import run_object

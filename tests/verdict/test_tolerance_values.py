@@ -14,9 +14,9 @@ from mechsim.verdict.quantities import (
 )
 
 # method -> fraction of the scale, factor of the requested tolerance, power of the conditioning
-FORCE = {"pose": (1e-10, 0.0, 5), "step": (1e-5, 0.0, 0), "requested": (0.0, 1.0, 0)}
-ENERGY = {"pose": (1e-12, 0.0, 3), "step": (1e-8, 0.0, 0), "requested": (1e-8, 1.0, 0)}
-POWER = {"pose": (1e-10, 0.0, 5), "step": (4e-7, 0.0, 0), "requested": (1e-8, 1.0, 0)}
+FORCE = {"pose": (1e-10, 0.0, 5), "step": (1e-5, 0.0, 0)}
+ENERGY = {"pose": (1e-12, 0.0, 3), "step": (1e-8, 0.0, 0)}
+POWER = {"pose": (1e-10, 0.0, 5), "step": (4e-7, 0.0, 0)}
 ANGLE = {"pose": (1024 * EPS, 0.0, 1), "step": (0.0, 10.0, 1)}
 DRIVER = {"pose": (20000 * EPS, 0.0, 0), "step": (0.001, 0.0, 0)}
 FUNCTIONS = {
@@ -35,7 +35,6 @@ DOCUMENTED = {
     "accelerations under these forces": {
         "pose": (1e-8, 0.0, 0),
         "step": (0.001, 0.0, 0),
-        "requested": (0.001, 0.0, 0),
     },
     **dict.fromkeys(("angle", "orientation"), ANGLE),
     **dict.fromkeys(("driver angle", "driver displacement"), DRIVER),

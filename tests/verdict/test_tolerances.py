@@ -353,12 +353,12 @@ def test_nonfinite_numbers_are_reported_as_a_diverged_run(field):
     assert crosscheck(replace(EXACT, broken="why"), exact).reason == "why"
 
 
-def test_forces_have_the_requested_or_default_tolerance():
+def test_forces_have_the_tolerance_of_their_method():
     exact = forces_of(FLAT + 1.0)
-    for route, tolerance, limit in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
+    for route, limit in (("pose", 1e-10), ("step", 1e-6)):
         for fraction, passed in ((0.99, True), (1.01, False)):
             result = replace(exact, torque=exact.torque + fraction * limit * np.sqrt(5.0))
-            assert crosscheck_forces(result, exact, method=route, tolerance=tolerance).passed == passed
+            assert crosscheck_forces(result, exact, method=route).passed == passed
 
 
 def test_the_largest_error_is_relative_to_its_scale():

@@ -78,7 +78,6 @@ def row(name: str, case: Case, folder: Path) -> dict[str, object]:
         "second": second.trajectory,
         "outside": third,
         "effort": max(first.torque, second.torque),
-        "energy": max(first.energy, second.energy),
         "ms/s": f"{1e3 * result.time:.3g}",
         "faster": f"{result.speedup:.2f}",
         "s": f"{process_time() - began:.0f}",

@@ -160,17 +160,6 @@ def draw_curves(
     return factor, shown
 
 
-def in_perspective(ax: Any, zoom: float) -> None:
-    """Set the look of axes in three dimensions; `zoom` is the size of their cube."""
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.set_pane_color("#f5f6f8")
-    # by default this label rotates with the axis and may be upside down
-    ax.zaxis.set_rotate_label(False)
-    ax.zaxis.label.set_rotation(90.0)
-    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
-    ax.view_init(elev=22.0, azim=35.0)
-
-
 def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
     """Return the points to plot: the requested ones, else all."""
     names = list(motion.points) if points is None else list(points)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.errors import InputError, needs
+from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import hinged_normals, moved_links
@@ -25,7 +25,6 @@ from mechsim.pictures.plots.figure import (
     STYLES,
     blank,
     chosen,
-    in_perspective,
     label_of,
     locator,
     styled,
@@ -246,20 +245,19 @@ class AssemblyTable:
 
 @styled()
 def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
-    """Draw all curves over two or three coordinates: dead centres as dots, branch points as rings.
+    """Draw all curves over two coordinates: dead centres as dots, branch points as rings.
 
     Args:
         table: data of the plot.
-        columns: two or three columns of it.
+        columns: two columns of it.
 
     Raises:
         InputError: for another number of them.
     """
-    if len(columns) not in (2, 3):
-        raise InputError(f"{len(columns)} coordinates to plot over ({', '.join(columns)}); give two or three")
+    if len(columns) != 2:
+        raise InputError(f"{len(columns)} coordinates to plot over ({', '.join(columns)}); give two")
     scales = [_Scale(table, name) for name in columns]
-    kind = {"projection": "3d"} if len(columns) == 3 else {}
-    figure, axes = blank(1, 1, (6.0, 4.6) if kind else (6.0, 3.8), subplot_kw=kind)
+    figure, axes = blank(1, 1, (6.0, 3.8))
     ax: Any = axes[0, 0]
     for i, curve in enumerate(table.curves):
         line = _broken([scale.drawn(curve[scale.name]) for scale in scales])
@@ -272,19 +270,13 @@ def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
     ):
         if marked and len(marked[columns[0]]):
             ax.plot(*(scale.drawn(marked[scale.name]) for scale in scales), "o", label=label, **look)
-    for axis, scale in zip("xyz", scales, strict=False):
+    for axis, scale in zip("xy", scales, strict=True):
         getattr(ax, f"set_{axis}label")(f"{scale.label} [{scale.unit}]" if scale.unit else scale.label)
-        ticks = scale.ticks(sparse=bool(kind))
-        if ticks is not None:
-            getattr(ax, f"{axis}axis").set_major_locator(ticks)
-    lengths = {table.units[name] for name in columns} == {"m"}
-    if len(columns) == 3:
-        _in_space(ax, scales if lengths else None)
-        figure.legend(loc="outside upper left", ncols=3)
-    else:
-        if lengths:
-            ax.set_aspect("equal", adjustable="datalim")
-        ax.legend(**LEGEND_RIGHT)
+        if step := scale.interval:
+            getattr(ax, f"{axis}axis").set_major_locator(locator(step))
+    if {table.units[name] for name in columns} == {"m"}:
+        ax.set_aspect("equal", adjustable="datalim")
+    ax.legend(**LEGEND_RIGHT)
     return figure
 
 
@@ -313,15 +305,11 @@ class _Scale:
             values = self.low + np.mod(values - self.low + ROUNDING, REVOLUTION) - ROUNDING
         return values / self.factor
 
-    def ticks(self, *, sparse: bool) -> Any:
-        """Return a tick locator; None for the default of the axis."""
-        with needs("pictures"):
-            from matplotlib.ticker import MaxNLocator
-
+    @property
+    def interval(self) -> float:
+        """Step of the ticks of an angle in degrees; 0 for the default of the axis."""
         spread = float(np.ptp(self.every))
-        if self.cut and spread > 90.0:
-            return locator((90.0 if sparse else 60.0) if spread > 200.0 else 30.0)
-        return MaxNLocator(4) if sparse else None
+        return (60.0 if spread > 200.0 else 30.0) if self.cut and spread > 90.0 else 0.0
 
 
 def _cut(values: Array) -> float:
@@ -345,13 +333,3 @@ def _broken(columns: Sequence[Array]) -> list[Array]:
         leaps |= steps > 0.5 * max(float(np.ptp(column)), 1e-300)
     jumps = np.flatnonzero(leaps) + 1
     return [np.insert(column, jumps, np.nan) for column in columns]
-
-
-def _in_space(ax: Any, alike: Sequence[_Scale] | None) -> None:
-    """Set up axes in perspective; three lengths share one scale."""
-    if alike is not None:
-        middles = [0.5 * (scale.every.min() + scale.every.max()) for scale in alike]
-        half = 0.55 * max(float(np.ptp(scale.every)) for scale in alike)
-        for axis, middle in zip("xyz", middles, strict=True):
-            getattr(ax, f"set_{axis}lim")(middle - half, middle + half)
-    in_perspective(ax, 0.92)

@@ -231,7 +231,7 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
     A pivot at which a tracked point always stands goes by the point's name.
     """
     points = drawn.frames.points
-    positions = {name: path[frame] for name, path in points.items() if name not in drawn.distant.names}
+    positions = {name: path[frame] for name, path in points.items()}
     for joint in drawn.mechanism.joints if not drawn.look.bodies else ():
         for end in (joint.a, joint.b):
             position = np.array(end.point)
@@ -245,8 +245,6 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
 def legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
     """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
     lines: list[tuple[str, Ink]] = [(drawn.look.caption, INK)] if drawn.look.caption else []
-    if drawn.distant.label:
-        lines.append((drawn.distant.label, INK))
     if drawn.ghost:
         lines.append((drawn.ghost.legend, INK))
     lines += [arrow_set.legend for arrow_set in drawn.arrows]

@@ -16,7 +16,7 @@ from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
-from mechsim.pictures.render.frame_poses import FramePoses, Ghost, far_paths
+from mechsim.pictures.render.frame_poses import FramePoses, Ghost
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import GREY, arrows
@@ -216,7 +216,6 @@ class DrawnModel:
         up: unit vector that points up, (3,).
         normals: normals of links that all move in one plane; None for others.
         arrows: arrows of each requested kind.
-        distant: paths that go far beyond the links and are cut.
     """
 
     def __init__(self, mechanism: Mechanism, frames: FramePoses, look: Look, ghost: Ghost | None = None):
@@ -226,10 +225,7 @@ class DrawnModel:
         self.forward = bool(frames.angle[-1] >= frames.angle[0])
         self.shapes = self._shapes()
         balls, radii = self._extent()
-        self.distant = far_paths(frames, balls, radii)
-        self.frames = frames = self.distant.cut(frames)
-        paths = [path for name, path in frames.paths.items() if name not in self.distant.names]
-        balls = np.vstack([balls, *paths])
+        balls = np.vstack([balls, *frames.paths.values()])
         radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
         self.up = cameras.upright(mechanism, look.up)
@@ -244,7 +240,7 @@ class DrawnModel:
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera, look.up, look.angles)
         self._clear_walls()
-        lines = bool(look.caption) + bool(self.distant.label) + (ghost is not None) + len(self.arrows)
+        lines = bool(look.caption) + (ghost is not None) + len(self.arrows)
         free = foot(look.size, lines) if look.notes else 0.0
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
         self.grid_step = cameras.nice(self.camera.height / 9.0)
@@ -259,7 +255,7 @@ class DrawnModel:
 
     def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
         """Use other frames of the same motion; camera and scales stay."""
-        self.frames, self.ghost = self.distant.cut(frames), ghost
+        self.frames, self.ghost = frames, ghost
         self.arrows = [
             replace(arrow_set, vectors=self.frames.vectors[arrow_set.kind]) for arrow_set in self.arrows
         ]

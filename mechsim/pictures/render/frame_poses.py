@@ -1,7 +1,7 @@
 """Poses of every link in every frame, and of a ghost: the links with a magnified error of the run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,6 +55,8 @@ def errors(
     Returns:
         Link -> displacement of its first joint, (n, 3) in [m], and turn as a vector, (n, 3) in [rad].
     """
+    from scipy.spatial.transform import Rotation
+
     deviations: dict[str, tuple[Array, Array]] = {}
     for link in mechanism.links:
         run_pose, exact_pose = run[link.name], exact[link.name]
@@ -63,7 +65,8 @@ def errors(
             line = _line(mechanism, link.name)
             rotation = np.cross(run_pose.rotation @ line, exact_pose.rotation @ line)
         else:
-            rotation = rotation_vectors(exact_pose.rotation @ np.swapaxes(run_pose.rotation, 1, 2))
+            relative = exact_pose.rotation @ np.swapaxes(run_pose.rotation, 1, 2)
+            rotation = Rotation.from_matrix(relative).as_rotvec()
         deviations[link.name] = exact_pose.point(anchor) - run_pose.point(anchor), rotation
     return deviations
 
@@ -101,14 +104,6 @@ def _line(mechanism: Mechanism, link: str) -> Array:
     first, *others = (np.asarray(end.point) for end in mechanism.ends(link))
     line = max((other - first for other in others), key=lambda along: float(np.linalg.norm(along)))
     return line / np.linalg.norm(line)
-
-
-def rotation_vectors(rotation: Array) -> Array:
-    """The vector of rotations, (n, 3, 3) -> (n, 3), to full relative accuracy for small ones."""
-    twice = rotation[:, [2, 0, 1], [1, 2, 0]] - rotation[:, [1, 2, 0], [2, 0, 1]]  # 2 sin(angle) x axis
-    sine = 0.5 * np.sqrt((twice**2).sum(1))
-    angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0))
-    return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
 
 
 # number of points of a path for which it looks smooth, and from twice of which samples are left out
@@ -313,60 +308,3 @@ def mixed(values: Array, indices: Array) -> Array:
     high = np.minimum(low + 1, len(values) - 1)
     share = (indices - low).reshape(-1, *[1] * (values.ndim - 1))
     return (1.0 - share) * values[low] + share * values[high]
-
-
-# largest distance of a path from the middle of the links, in spans of the links, and the distance at which
-# longer ones are cut
-FAR_SPANS, CUT_SPANS = 12.0, 6.0
-
-
-@dataclass(frozen=True, slots=True)
-class FarPaths:
-    """The cut paths, and the limits.
-
-    Attributes:
-        low: corner of the box beyond which nothing of them is drawn, (3,) in [m].
-        high: the opposite one.
-        names: tracked point -> largest distance in spans of the links; empty without distant paths.
-    """
-
-    low: Array
-    high: Array
-    names: dict[str, float]
-
-    def cut(self, frames: FramePoses) -> FramePoses:
-        """Return frames whose distant points stay at the box, outside the picture, without arrows."""
-        if not self.names:
-            return frames
-        paths, points = (
-            {
-                name: np.clip(position, self.low, self.high) if name in self.names else position
-                for name, position in positions.items()
-            }
-            for positions in (frames.paths, frames.points)
-        )
-        return replace(
-            frames,
-            paths=paths,
-            points=points,
-            starts={name: start for name, start in frames.starts.items() if name not in self.names},
-            vectors={
-                kind: {name: vector for name, vector in vectors.items() if name not in self.names}
-                for kind, vectors in frames.vectors.items()
-            },
-        )
-
-    @property
-    def label(self) -> str:
-        """Note on cut paths, in one line; empty without any."""
-        text = ", ".join(f"{name} ({times:,.0f} times as far)" for name, times in self.names.items())
-        return f"framed on the links; cut: the path of {text}" if text else ""
-
-
-def far_paths(frames: FramePoses, centres: Array, radii: Array) -> FarPaths:
-    """Return which paths go far beyond the balls that hold the links, (k, 3) and (k,)."""
-    low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
-    middle, span = 0.5 * (low + high), float((high - low).max())
-    away = {name: float(np.abs(path - middle).max()) / span for name, path in frames.paths.items()}
-    names = {name: times for name, times in away.items() if times > FAR_SPANS}
-    return FarPaths(middle - CUT_SPANS * span, middle + CUT_SPANS * span, names)

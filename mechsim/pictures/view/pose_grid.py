@@ -24,8 +24,7 @@ def quaternions(rotation: Array) -> Array:
     return flat.reshape(*rotation.shape[:-2], 4)
 
 
-# unit of a slider; "%" is the position on a closed curve of assemblies
-SliderUnit = Literal["rad", "m", "s", "%"]
+SliderUnit = Literal["rad", "m", "s"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,17 +22,8 @@ from mechsim.model.quantities import quantity
 from mechsim.model.quantity import record_columns
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
-from mechsim.studies.agreement.candidate import (
-    Candidate,
-    QuantityReader,
-    points_of_table,
-    read_table,
-    values_of_function,
-    values_of_table,
-)
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
-from mechsim.studies.agreement.misfit import (
-    Misfit,
+from mechsim.studies.agreement.candidate import Candidate, QuantityReader, values_of_function
+from mechsim.studies.agreement.comparison import (
     candidate_check,
     candidate_errors,
     formula_tolerance,
@@ -40,6 +31,7 @@ from mechsim.studies.agreement.misfit import (
     noise_in,
     scales_of,
 )
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
 from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import parametric_model as dimension_family
@@ -232,6 +224,7 @@ def agreement(
     findings: tuple[Finding, ...] = ()
     if diagnose and not verdict.passed:
         from mechsim.studies.agreement.diagnosis import diagnosis
+        from mechsim.studies.agreement.misfit import Misfit
 
         among = dimension_family(evaluation.solver) if designs is None else designs
         resolution = tuple(formula_tolerance(candidate, scales, tolerance) for candidate in candidates)
@@ -293,6 +286,8 @@ def _candidates(
 ) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
     """Return a formula or a table: its name, evaluation points, values there, and the function to call."""
     if isinstance(against, str | Path) and str(against).lower().endswith(".csv"):
+        from mechsim.studies.agreement.candidate_table import points_of_table, read_table, values_of_table
+
         source, table = str(against), read_table(str(against))
         evaluation, used = points_of_table(solver, table, speed, source)
         return (

@@ -15,8 +15,8 @@ from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.settings import Settings
 from mechsim.studies.agreement.candidate import Candidate
+from mechsim.studies.agreement.comparison import Scales, candidate_errors
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.studies.agreement.misfit import Scales, candidate_errors
 from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.errors import cubic_interpolation
 from mechsim.studies.scene.own_settings import published_scene

@@ -9,12 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.derivatives.dimensions import changes
-from mechsim.analytic.derivatives.motion import TracedMotion, followed_motion, motion_derivatives
-from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import AssemblyError, InputError, MechsimError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
@@ -25,6 +22,7 @@ from mechsim.studies.motions import profile_of
 from mechsim.verdict.tolerances import RecordInstants
 
 if TYPE_CHECKING:
+    from mechsim.analytic.derivatives.motion import TracedMotion
     from mechsim.analytic.dynamics.model import DynamicModel
 
 Values = Sequence[Array]
@@ -87,7 +85,6 @@ def sized(
     *,
     starts: Sequence[float] = (0.0,),
     tier: float = NAMED,
-    by: Callable[[float], float] = float,
     derivative: Callable[[], Values] | None = None,
 ) -> Hypothesis:
     """Return a hypothesis with one fitted size; arguments as for `Hypothesis`."""
@@ -97,7 +94,6 @@ def sized(
         tier,
         lambda p: predict(float(p[0])),
         lambda p: text(float(p[0])),
-        lambda p: by(float(p[0])),
         starts=tuple((start,) for start in starts),
         steps=(step,),
         derivative=derivative,
@@ -153,7 +149,9 @@ class EvaluationPoints:
         return self.solver.solve_along(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def _perturbed(self) -> TracedMotion | None:
+    def _perturbed(self) -> "TracedMotion | None":
+        from mechsim.analytic.derivatives.motion import followed_motion
+
         with suppress(AssemblyError):
             return followed_motion(self.solver, self.angle, self.speed, self.acceleration)
         return None
@@ -289,21 +287,6 @@ class EvaluationPoints:
     def all(self, quantities: Sequence[Quantity]) -> list[Array]:
         """Return the values of quantities, (n, k) each in SI."""
         return [self.exact(quantity) for quantity in quantities]
-
-
-def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> dict[str, Motion]:
-    """Return the derivatives of a motion by all dimensions that can change on their own."""
-    change: dict[str, Array] = {}
-    for name in designs.dimensions:
-        try:
-            change |= changes(designs, [name])
-        except (MechsimError, ValueError):
-            continue
-    change = {name: derivative for name, derivative in change.items() if derivative.any()}
-    derivatives = motion_derivatives(
-        evaluation.solver, change, evaluation.angle, evaluation.speed, evaluation.acceleration, torn=True
-    )
-    return dict(derivatives.by)
 
 
 def evaluation_points(solver: KinematicSolver, speed: float, samples: int = INSTANTS) -> EvaluationPoints:

@@ -54,7 +54,7 @@ class ReducedModel:
         result = self.reduction
         first, second = result.errors
         return {
-            "left_out": [_removed(element, result.by) for element in result.left_out],
+            "left_out": [_removed(element) for element in result.left_out],
             "error": max(first.by(result.by), second.by(result.by)),
             "speedup": result.speedup,
             "motion": first,
@@ -113,13 +113,9 @@ def reduce(
     return ReducedModel(result, limit, text, notes)
 
 
-def _removed(element: RemovedElement, by: By) -> dict[str, Any]:
+def _removed(element: RemovedElement) -> dict[str, Any]:
     return {
         "what": element.candidate.what,
         "category": element.candidate.category,
-        "error": element.alone_errors.by(by),
-        "time_ratio": element.time_ratio,
-        "together": element.error,
-        "torque": element.alone_errors.torque,
-        "energy": element.alone_errors.energy,
+        "error": element.error,
     }

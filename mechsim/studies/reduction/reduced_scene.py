@@ -124,9 +124,9 @@ class ReducedSceneEvaluator:
 
         Args:
             scene: a result of `scene`.
-            compare_forces: whether forces and energies are also compared; otherwise they are NaN.
+            compare_forces: whether forces are also compared; otherwise they are NaN.
         """
-        evaluator = SceneEvaluator(self.run, closure=False, forces=compare_forces, energy=compare_forces)
+        evaluator = SceneEvaluator(self.run, closure=False, forces=compare_forces)
         return evaluator.evaluate(scene).errors
 
 

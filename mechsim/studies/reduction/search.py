@@ -47,14 +47,10 @@ class RemovedElement:
 
     Attributes:
         candidate: the change.
-        alone_errors: errors of the full scene with this change only.
-        time_ratio: time of the full scene with this change only, relative to the unchanged full scene.
         error: error of the scene with this change and all before it, in the unit of the tolerance.
     """
 
     candidate: RemovalCandidate
-    alone_errors: SceneErrors
-    time_ratio: float
     error: float
 
 
@@ -219,7 +215,7 @@ class _Search:
         return (spec, scene, error) if error <= self.fraction * self.tolerance else None
 
     def take(self, candidate: RemovalCandidate, spec: mujoco.MjSpec, error: float) -> None:
-        self.left_out.append(RemovedElement(candidate, DIVERGED, np.nan, error))
+        self.left_out.append(RemovedElement(candidate, error))
         self.spec, self.error = spec, error
 
     def coarser(self, start: float) -> None:
@@ -310,7 +306,7 @@ class _Search:
             removed = self.left_out.pop(worst)
             if removed.candidate.category == LONGER_STEPS and self.steps:
                 _, candidate, error = self.steps.pop(0)
-                self.left_out.insert(worst, RemovedElement(candidate, DIVERGED, np.nan, error))
+                self.left_out.insert(worst, RemovedElement(candidate, error))
             elif removed.candidate.category == LONGER_STEPS and self.fraction > MIN_SEARCH_FRACTION:
                 # the second motion failed: search shorter steps with a larger reserve
                 self.fraction *= 0.5
@@ -320,25 +316,9 @@ class _Search:
                 undone.append(removed.candidate.what)
         ratio = float(time_ratios(self.evaluator.full, [self.evaluator.scene(spec)], rounds=7)[0])
         full_time = self.evaluator.run.seconds_per_second
-        left_out = self.with_single_errors()
         return Reduction(
-            text, left_out, (errors[0], errors[1]), 1.0 / ratio, full_time, self.tried, undone, self.by
+            text, self.left_out, (errors[0], errors[1]), 1.0 / ratio, full_time, self.tried, undone, self.by
         )
-
-    def with_single_errors(self) -> list[RemovedElement]:
-        """Return the applied candidates with error and time of each alone, if it applies alone."""
-        scenes: dict[int, UserScene] = {}
-        for number, item in enumerate(self.left_out):
-            try:
-                scenes[number] = self.evaluator.scene(with_candidate(self.evaluator.spec, item.candidate))
-            except (NotApplicable, ValueError):
-                continue
-        ratios = time_ratios(self.evaluator.full, [*scenes.values()]) if scenes else []
-        items = list(self.left_out)
-        for (number, scene), ratio in zip(scenes.items(), ratios, strict=True):
-            errors = self.evaluator.errors(scene)
-            items[number] = replace(items[number], alone_errors=errors, time_ratio=float(ratio))
-        return items
 
     def rebuilt_text(self) -> str:
         """Return the MJCF of the scene with all candidates applied; drop those that do not apply."""
@@ -377,21 +357,13 @@ def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -
         f"After each of its steps within {first:.2g} {unit} of the full scene over the given motion, "
         f"{second:.2g} {unit} over another; the tolerance is {tolerance:.3g} {unit}.",
         f"Over these motions forces differ by up to {max(errors.torque for errors in reduction.errors):.2g} "
-        f"(N m, N), changes of energy by up to {max(errors.energy for errors in reduction.errors):.2g} J.",
-        "Left out, with the error of each alone and its time relative to the full scene's:"
+        "(N m, N).",
+        "Left out one after another, with the error after each:"
         if reduction.left_out
         else "Nothing was left out: no candidate satisfies the tolerance and saves time.",
     ]
-    lines += [f"  {candidate_line(item, reduction.by, unit)}" for item in reduction.left_out]
+    lines += [f"  {item.candidate.what}; {item.error:.2g} {unit}" for item in reduction.left_out]
     lines += [f"Taken back, since the result exceeded the tolerance: {what}" for what in reduction.undone]
     # an XML comment must not contain two consecutive hyphens
     text = "\n".join(f"  {item}" for item in lines).replace("--", "- -")
     return f"<!--\n{text}\n-->\n{reduction.text}"
-
-
-def candidate_line(item: RemovedElement, by: By, unit: str) -> str:
-    """Return the line of an applied candidate."""
-    error, ratio = item.alone_errors.by(by), item.time_ratio
-    if not error < float("inf"):
-        return f"{item.candidate.what}; alone it does not apply, together {item.error:.2g} {unit}"
-    return f"{item.candidate.what}; {error:.2g} {unit}, {ratio:.3g}"

@@ -1,4 +1,4 @@
-"""Errors and cost of a run of a scene: closure, trajectory, torque, energy, and cause of divergence."""
+"""Errors and cost of a run of a scene: closure, trajectory, torque, and cause of divergence."""
 
 import copy
 from collections.abc import Iterable
@@ -23,8 +23,6 @@ MEASURES: dict[By, str] = {
     "torque": "worst difference of an actuator's or drive's force from the scene's own limit, in N m or N",
 }
 UNITS: dict[str, Unit] = {"closure": "m", "trajectory": "m", "torque": "N m"}
-# number of instants at which energies are compared
-ENERGY_SAMPLES = 100
 # factor by which the step is reduced to test whether stiffness caused a divergence
 STEP_RATIO = 8.0
 
@@ -38,16 +36,14 @@ class SceneErrors:
         trajectory: distance of a tracked point from the reference, in [m].
         torque: difference of an actuator or drive force from the reference, in [N m] or [N].
         drive_error: distance of a prescribed joint from its motion law, in [rad] or [m].
-        energy: difference of the energy change from the reference, in [J].
     """
 
-    JSON: ClassVar[tuple[str, ...]] = ("closure", "trajectory", "torque", "drive=drive_error", "energy")
+    JSON: ClassVar[tuple[str, ...]] = ("closure", "trajectory", "torque", "drive=drive_error")
 
     closure: float = np.nan
     trajectory: float = np.nan
     torque: float = np.nan
     drive_error: float = 0.0
-    energy: float = np.nan
 
     def by(self, measure: By) -> float:
         """Return the error by a measure."""
@@ -64,7 +60,7 @@ def tolerance_in_si(value: float | str, by: str, measures: Iterable[str]) -> flo
     return tolerance
 
 
-DIVERGED = SceneErrors(np.inf, np.inf, np.inf, np.inf, np.inf)
+DIVERGED = SceneErrors(np.inf, np.inf, np.inf, np.inf)
 
 
 def deviation(run: SceneRun, reference: SceneRun) -> Array:
@@ -182,16 +178,14 @@ class SceneEvaluator:
     """Runs scenes and measures errors and cost; used by tune, reduce and the scene costs of tradeoff.
 
     Attributes:
-        reference: run with the true points, forces and energies over time; None without a comparison.
+        reference: run with the true points and forces over time; None without a comparison.
         closure: whether points are compared with the exact closure of the scene's loops.
         forces: whether forces are compared, which costs an evaluation in Python for each record.
-        energy: whether energies are compared, at about `ENERGY_SAMPLES` instants.
     """
 
     reference: SceneRun | None = None
     closure: bool = True
     forces: bool = False
-    energy: bool = False
 
     def errors(self, run: SceneRun) -> SceneErrors:
         """Return the errors of a run."""
@@ -203,11 +197,7 @@ class SceneEvaluator:
             return SceneErrors(closed, drive_error=drive_error(run))
         trajectory = worst(np.linalg.norm(deviation(run, reference), axis=2))
         torque = _force_error(run, reference.nodes) if self.forces else np.nan
-        change = np.nan
-        if self.energy:
-            sampled, nodes = run.every(len(run.time) // ENERGY_SAMPLES), reference.nodes
-            change = worst(sampled.energies - cubic_interpolation(nodes.time, nodes.energies, sampled.time))
-        return SceneErrors(closed, trajectory, torque, drive_error(run), change)
+        return SceneErrors(closed, trajectory, torque, drive_error(run))
 
     def evaluate(
         self,

@@ -1,6 +1,5 @@
 """Runs of a scene in plain MuJoCo: the recorded motion, and the processor time of a simulated second."""
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +9,6 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
-from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
@@ -20,7 +18,7 @@ from mechsim.studies.scene.scene import UserScene
 
 # default number of records after the first
 RECORDS = 400
-# largest number of records; forces and energies are interpolated between them
+# largest number of records; forces are interpolated between them
 MAX_REFERENCE_RECORDS = 4000
 # processor time in [s] below which a measurement is repeated, and largest number of repetitions
 MIN_MEASURED_TIME, MAX_REPETITIONS = 0.01, 8
@@ -119,21 +117,6 @@ class SceneRun:
         names = [*actuator_names(self.model), *(f"drive of {name}" for name in self.scene.joint_laws)]
         return dict(zip(names, self.forces.T, strict=True))
 
-    @cached_property
-    @quiet()
-    def energies(self) -> Array:
-        """Energy change since the first record, without virtual drive inertia, (n,) in [J]."""
-        model = copy.copy(self.model)
-        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-        sims = batch.Batch(model, len(self.qpos), 1)
-        sims.bind("qpos")[:], sims.bind("qvel")[:] = self.qpos, self.qvel
-        energies = sims.bind("energy")
-        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_VEL))
-        inertias = np.zeros(model.nv)
-        inertias[self.scene.driven_dofs] = [inertia for inertia, _ in self.scene.drive_inertias.values()]
-        energy = energies.sum(1) - 0.5 * self.qvel**2 @ inertias
-        return energy - energy[0]
-
 
 @quiet()
 def run_scene(
@@ -181,7 +164,6 @@ def run_scene(
 def step_times(
     runs: Sequence[tuple[UserScene, mujoco.MjModel]],
     rounds: int = TIMING_ROUNDS,
-    progress: Progress = no_progress,
 ) -> Array:
     """Return the processor time of a simulated second of each model, (models,) in [s].
 
@@ -191,14 +173,12 @@ def step_times(
     Args:
         runs: scenes and their models.
         rounds: number of rounds.
-        progress: callback after each round.
     """
     random = np.random.default_rng(0)
     times = np.full((rounds + 1, len(runs)), np.nan)
     for number in range(rounds + 1):  # the first round fills the caches and is discarded
         for i in random.permutation(len(runs)):
             times[number, i] = _time_of(*runs[i])
-        progress("timing", (number + 1) / (rounds + 1))
     return np.median(times[1:], axis=0)
 
 

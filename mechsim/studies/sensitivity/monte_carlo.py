@@ -47,13 +47,8 @@ class DesignSolver:
             AssemblyError: for loops that do not close.
         """
         values = self.moved.values(self.columns, self.dimensions(fractions))
-        return self.differences(np.concatenate([values[column] for column in self.columns]))
-
-    def differences(self, values: Array, which: Columns = ALL_COLUMNS) -> Array:
-        """Return the differences of quantities, (..., k), from the nominal mechanism."""
-        deviations = values - self.values[which]
-        angular = self.angular[which]
-        deviations[..., angular] = wrapped(deviations[..., angular])
+        deviations = np.concatenate([values[column] for column in self.columns]) - self.values
+        deviations[self.angular] = wrapped(deviations[self.angular])
         return deviations
 
     def dimensions(self, fractions: Array) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """Tolerances of dimensions and clearances of joints, and their text form."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -9,7 +9,6 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError
-from mechsim.files import read_rows
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
@@ -80,7 +79,7 @@ def parsed_tolerances(
         else:
             raise InputError(f"{mechanism.name} has no dimension {name!r}{suggestion(name, dimensions)}")
     if not bounds and not clearances:
-        raise InputError("no tolerance is given; write crank=±0.02mm, or name a table dimension,tolerance")
+        raise InputError("no tolerance is given; write crank=±0.02mm")
     return Tolerances(bounds, clearances, "normal" if distribution == "normal" else "uniform")
 
 
@@ -107,40 +106,18 @@ def _require_pin(joint: Joint) -> None:
 
 
 def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str]:
-    """Return the tolerances of `--tolerances`: NAME=±BOUND,... or a table of two columns in FILE.csv.
+    """Return the tolerances of `--tolerances`: NAME=±BOUND,...
 
     Raises:
         InputError: for other text.
     """
-    if text.lower().endswith(".csv"):
-        return _table(text)
     pairs = [pair.partition("=") for pair in text.split(",") if pair.strip()]
     for name, equals, _ in pairs:
         if not equals or not name.strip():
-            raise InputError(
-                f"{option} has {name.strip()!r}, which is not NAME=BOUND; write crank=±0.02mm, or FILE.csv"
-            )
+            raise InputError(f"{option} has {name.strip()!r}, which is not NAME=BOUND; write crank=±0.02mm")
     if not pairs:
-        raise InputError(f"{option} names no tolerance; write crank=±0.02mm, or FILE.csv")
-    return _unique((name.strip(), tolerance.strip()) for name, _, tolerance in pairs)
-
-
-def _table(path: str) -> dict[str, str]:
-    rows = read_rows(path, "a table of tolerances")
-    if not rows or [text.lower() for text in rows[0][:2]] != ["dimension", "tolerance"]:
-        raise InputError(f"{path} does not start with the header dimension,tolerance; add this header")
-    for number, row in enumerate(rows[1:], 2):
-        if len(row) < 2 or not row[0] or not row[1]:
-            raise InputError(f"{path}, line {number}: {','.join(row)!r} is not dimension,tolerance")
-    if len(rows) == 1:
-        raise InputError(f"{path} holds no tolerance; add lines as crank,±0.02mm")
-    return _unique((row[0], row[1]) for row in rows[1:])
-
-
-def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    bounds: dict[str, str] = {}
-    for name, tolerance in pairs:
-        if name in bounds:
-            raise InputError(f"{name} has two tolerances; give one")
-        bounds[name] = tolerance
-    return bounds
+        raise InputError(f"{option} names no tolerance; write crank=±0.02mm")
+    names = [name.strip() for name, _, _ in pairs]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"{twice} has two tolerances; give one")
+    return {name: tolerance.strip() for name, (_, _, tolerance) in zip(names, pairs, strict=True)}

@@ -27,7 +27,7 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
     "ripple": lambda values: np.sqrt(((values - values.mean(1, keepdims=True)) ** 2).mean(1)),
 }
 # name -> unit, for properties of a design that need no motion
-FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
+FACTS = {"crank_range": "rad"}
 # name -> unit, for measures of vibrations and of runs from an initial state; a peak has that of its quantity
 RELEASED = {"frequency": "Hz", "damping_ratio": "1", "settling": "s", "peak": ""}
 WORDS = (
@@ -53,7 +53,7 @@ class Turns:
         poses: number of poses of each.
         motion: motion at designs x poses instants, one design after another.
         more: further columns or quantities -> (designs, poses), such as forces and transmission angles.
-        facts: "crank_range", "dead_centres", "assemblies" -> (designs,), if measured.
+        facts: "crank_range" -> (designs,), if measured.
     """
 
     designs: int
@@ -164,8 +164,8 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
 
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean), with
-            quantities of `model.quantities`; at:ANGLE:Q, or under motion laws at:TIME:Q; crank_range,
-            dead_centres, assemblies; frequency:N and damping_ratio:N of a vibration mode about the
+            quantities of `model.quantities`; at:ANGLE:Q, or under motion laws at:TIME:Q; crank_range;
+            frequency:N and damping_ratio:N of a vibration mode about the
             equilibrium next to the initial configuration; settling:Q, after which Q stays within 2 % of its
             change, and peak:Q, the largest magnitude of Q, of a run from there; or FILE.py:FUNC of a Motion.
         mechanism: the mechanism.

@@ -21,7 +21,7 @@ from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.loops.crank_swings import SwingTracer
 from mechsim.analytic.loops.design_motion import many_motion
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError, MechsimError, MobilityError, cut
+from mechsim.errors import MechsimError, MobilityError, cut
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
@@ -73,7 +73,7 @@ def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array],
     if turning_ranges is None:
         return np.arange(len(result.outcome))
     certain, selected = ~turning_ranges.uncertain, ~turning_ranges.uncertain
-    facts = _facts(task, turning_ranges) if task.measures.facts else {}
+    facts = _facts(task, turning_ranges)
     remaining: list[Rows] = []
     if len(task.angles):
         remaining = _swing_blocks(task, rows, valid, turning_ranges, facts, result)
@@ -147,12 +147,9 @@ def _turns(
     return Turns(designs, poses, motion, more, facts or {})
 
 
-def _facts(task: SweepTask, turning_ranges: object) -> dict[str, Array]:
+def _facts(task: SweepTask, turning_ranges: CrankRanges) -> dict[str, Array]:
     """Return properties of designs that need no motion."""
-    widths, ends = ranges(turning_ranges)  # pyright: ignore[reportArgumentType]
-    facts_known = {"crank_range": widths, "dead_centres": ends.astype(float)}
-    facts_known["assemblies"] = np.where(widths > 0.0, 2.0, 0.0)
-    return {kind: facts_known[kind] for kind in task.measures.facts}
+    return {"crank_range": ranges(turning_ranges)[0]} if task.measures.facts else {}
 
 
 def _blocks(
@@ -274,16 +271,9 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
 
 def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
     """Return the requested properties of a design that need no motion."""
-    result: dict[str, float] = {}
-    for kind in task.measures.facts:
-        arcs = solver.crank_range()
-        if kind == "crank_range":
-            result[kind] = float(sum(high - low for low, high in arcs.arcs))
-        elif kind == "dead_centres":
-            result[kind] = float(len(solver.dead_centres()))
-        else:
-            result[kind] = float(len(solver.assemblies(arcs.start()) or ())) if arcs.arcs else 0.0
-    return result
+    if not task.measures.facts:
+        return {}
+    return {"crank_range": float(sum(high - low for low, high in solver.crank_range().arcs))}
 
 
 def measured_alone(
@@ -354,11 +344,6 @@ def require_measurable(task: SweepTask) -> None:
     """
     solver = task.subject.solver
     for measure in task.measures:
-        if measure.kind == "assemblies" and solver.assemblies(solver.mechanism.start) is None:
-            raise InputError(
-                f"the number of assemblies is known for catalogue mechanisms only, not for {solver.name!r}; "
-                "`mechsim trace` finds the assemblies of any mechanism"
-            )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             solver.required_transmission_angle([solver.mechanism.start])
     if any(not measure.released for measure in task.measures):

@@ -162,25 +162,7 @@ def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") ->
         writer.writerows(rows)
 
 
-def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
-    """Return the use of a point's settings.
-
-    Args:
-        point: point of a trade-off.
-        model: name or file of the measured model.
-        speed: crank speed, in [rad/s].
-
-    Returns:
-        "command": `mechsim simulate` with its options;
-        "xml": a fragment of MJCF, None if it cannot contain all settings.
-    """
-    return {
-        "command": command(point, model, speed),
-        "xml": fragment(point, speed),
-    }
-
-
-def command(point: Point, model: str, speed: float) -> str:
+def command_of(point: Point, model: str, speed: float) -> str:
     """Return the call of `mechsim simulate` for a point."""
     options = [_option(name, value) for name, value in _changed(point.settings).items()]
     return " ".join(["mechsim", "simulate", model, "--speed", _speed_text(speed), *options])
@@ -193,23 +175,6 @@ def _speed_text(speed: float) -> str:
         f"{short}rpm"
         if np.isclose(float(short) * REVOLUTION / 60.0, speed, rtol=1e-12)
         else f"{speed!r}rad/s"
-    )
-
-
-def fragment(point: Point, speed: float) -> str | None:
-    """Return the MJCF fragment of a point's settings; None if compliance is scaled after compilation."""
-    settings = point.settings
-    if settings.compliance_used != 1.0:
-        return None
-    timestep = settings.timestep(speed)
-    solref = settings.solref or (settings.constant * timestep, 1.0)
-    safe = "enable" if settings.refsafe else "disable"
-    exact = ' diagexact="enable"' if settings.diagexact else ""
-    return (
-        f'<option timestep="{timestep!r}" integrator="{settings.integrator}" iterations="1" tolerance="0">'
-        f'<flag refsafe="{safe}" island="disable"{exact}/></option>\n'
-        f'<default><equality solref="{_numbers(solref, " ")}" solimp="{_numbers(settings.solimp, " ")}"/>'
-        "</default>"
     )
 
 

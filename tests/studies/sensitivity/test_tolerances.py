@@ -10,7 +10,7 @@ from mechsim.studies.sensitivity import monte_carlo
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sensitivity.sensitivity import derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
-from mechsim.studies.sensitivity.tolerances import parsed_tolerances, written_tolerances
+from mechsim.studies.sensitivity.tolerances import parsed_tolerances
 from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
@@ -81,16 +81,6 @@ def test_a_radial_clearance_moves_a_point_by_its_radius():
     rod_angle = np.arcsin((0.05 * np.sin(ANGLES) - 0.01) / 0.2)
     assert np.allclose(study.worst("B.x"), 1e-5 / np.cos(rod_angle), rtol=1e-9)
     assert np.abs(study.random("B.x")["std"] / (0.5e-5 / np.cos(rod_angle)) - 1.0).max() <= 0.02
-
-
-def test_a_table_of_tolerances_is_read(tmp_path):
-    path = tmp_path / "tolerances.csv"
-    path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
-    result = table()
-    read = parsed_tolerances(
-        written_tolerances(str(path)), result.moved.designs.dimensions, result.moved.solver.mechanism
-    )
-    assert read.bounds == {"crank": pytest.approx(2e-5), "arm_angle": pytest.approx(np.deg2rad(0.1))}
 
 
 def test_tolerances_without_an_assembly_are_rejected():
