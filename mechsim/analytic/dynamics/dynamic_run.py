@@ -53,8 +53,8 @@ from mechsim.numerics.arrays import Array
 Run = TypeVar("Run", bound="DynamicRun")
 # an initial value: in SI, text with units, or the numbers of a rotation or angular velocity
 Initial = float | str | Sequence[float]
-# relative error of a step; the error of a pendulum after a hundred periods is then below 4e-12 of its
-# amplitude (validation/published/forward_dynamics.py)
+# relative error of a step; the error of a pendulum after a hundred periods is then 2e-11 of its amplitude in
+# C, and below 4e-12 in numpy (validation/published/forward_dynamics.py)
 TOLERANCE = 3e-13
 # smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
 # loops close to 1e-7 only, and accelerations have no significant digits
@@ -205,7 +205,7 @@ def run(
         InputError: for invalid values, and for an event that already holds at the start.
         AssemblyError: if the loops do not close at the initial values.
 
-    Accuracy: about 1e-11 of the amplitude over a hundred periods at the default tolerance; residuals of the
+    Accuracy: about 2e-11 of the amplitude over a hundred periods at the default tolerance; residuals of the
         loops at rounding.
 
     Example:
