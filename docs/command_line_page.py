@@ -13,7 +13,7 @@ from mechsim.cli import COMMANDS, load_command
 HEAD = """# Command line
 
 `mechsim COMMAND --help` prints the same in a terminal. MODEL is a name from `mechsim list`, or a file: `FILE.toml`,
-`FILE.xml` (MJCF), `FILE.urdf`, or `FILE.py:OBJECT`. Numbers without a unit are in SI.
+`FILE.xml` (MJCF), `FILE.urdf`, `FILE.sdf`, or `FILE.py:OBJECT`. Numbers without a unit are in SI.
 
 | exit code | meaning |
 |---|---|

@@ -30,7 +30,7 @@ class ExportJson(TypedDict):
 
     output: str | None
     mechanism: NotRequired[str]
-    format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf", "csv", "dxf", "svg"]]
+    format: NotRequired[Literal["xml", "toml", "sdf", "mjcf-tree", "urdf", "csv", "dxf", "svg"]]
     text: NotRequired[str | None]
     left_out: NotRequired[str]
     couplings: NotRequired[list[Coupled]]
@@ -49,7 +49,7 @@ class ExportOptions:
         "A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose passive "
         "joints follow polynomials.",
         name="--format",
-        metavar="xml|toml|mjcf-tree|urdf",
+        metavar="xml|toml|sdf|mjcf-tree|urdf",
     )
     independent: str | None = option(
         None,
@@ -85,7 +85,7 @@ def export(
         str,
         typer.Argument(
             metavar="MODEL",
-            help="A name from `mechsim list`, FILE.toml, FILE.xml, FILE.urdf or FILE.py:OBJECT, which is "
+            help="A name from `mechsim list`, FILE.toml, .xml, .urdf, .sdf or FILE.py:OBJECT, which is "
             "code and is run.",
         ),
     ],

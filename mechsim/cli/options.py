@@ -100,7 +100,7 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="A name from `mechsim list`, FILE.toml, FILE.xml (MJCF), FILE.urdf, FILE.json, FILE.pmks or "
+        help="A name from `mechsim list`, FILE.toml, .xml (MJCF), .urdf, .sdf, .json, .pmks or "
         "FILE.py:OBJECT, which is code and is run.",
         autocompletion=complete_models,
     ),

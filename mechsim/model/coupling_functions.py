@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.expressions import Expression, compiled
+from mechsim.model.expressions import Expression, Instruction, Table, compiled, with_numbers
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
 
@@ -45,6 +45,11 @@ class WrittenFunction:
     def expression(self) -> Expression:
         """The checked expression."""
         return compiled(self.text, (self.variable, *self.names))
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """Its evaluation at the one variable."""
+        return with_numbers(self.expression.instructions, dict(zip(self.names, self.values, strict=True)))
 
     def __call__(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the value and its first two derivatives at q, exact to rounding; NaN if not finite."""
@@ -116,6 +121,11 @@ class TabledFunction:
             rest[-1] = rest[0]
             return CubicSpline(self.positions, rest, bc_type="periodic", extrapolate="periodic")
         return CubicSpline(self.positions, rest, bc_type="natural", extrapolate=False)
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """Its evaluation."""
+        return Table(self.spline, "repeated" if self.periodic else "undefined", self.advance).instructions
 
     def __call__(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the value and its first two derivatives at q; complex steps are propagated."""

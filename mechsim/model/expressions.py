@@ -399,6 +399,26 @@ class Instruction(NamedTuple):
     operands: int = 0
 
 
+@dataclass(frozen=True)
+class Table:
+    """A piecewise polynomial as the value of an instruction "table".
+
+    Attributes:
+        spline: a `PPoly` of scipy, of one number.
+        beyond: what it has beyond its ends: it repeats, is undefined, or continues its last polynomials.
+        advance: added times the position.
+    """
+
+    spline: Any
+    beyond: Literal["repeated", "undefined", "continued"]
+    advance: float = 0.0
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """Its evaluation."""
+        return Instruction("variable", "x"), Instruction("table", self, 1)
+
+
 _ARITHMETIC: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -430,9 +450,16 @@ def _instructions(node: ast.AST) -> tuple[Instruction, ...]:
 
 def instructions_of(tree: ast.AST, numbers: Mapping[str, float]) -> tuple[Instruction, ...]:
     """Return the evaluation of an expression that `Evaluator` accepts; numbers take the place of names."""
+    return with_numbers(_instructions(tree), numbers)
+
+
+def with_numbers(
+    instructions: Sequence[Instruction], numbers: Mapping[str, float]
+) -> tuple[Instruction, ...]:
+    """Return an evaluation in which numbers take the place of names."""
     return tuple(
         Instruction("number", numbers[value]) if name == "variable" and value in numbers else instruction
-        for instruction in _instructions(tree)
+        for instruction in instructions
         for name, value, _ in [instruction]
     )
 

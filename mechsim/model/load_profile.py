@@ -5,17 +5,20 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.model.expressions import Instruction, instructions_of
+from mechsim.model.expressions import Instruction, Table, instructions_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.inputs import HUGE
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 Over = Literal["angle", "time"]
 # largest error in [rad] of the period of a table, which is then stretched: angles with six digits
@@ -35,6 +38,11 @@ class LoadProfile:
     over: Over | None
     value: Callable[[Array], Array]
     width: int
+
+    @property
+    def instructions(self) -> tuple[tuple[Instruction, ...] | None, ...]:
+        """The evaluation of each component; None for a function in Python."""
+        return getattr(self.value, "instructions", (None,) * self.width)
 
     def evaluate(self, angle: ArrayLike, time: ArrayLike | None = None) -> Array:
         """Return the values at crank angles in [rad] and times in [s], (n,) or (n, 3).
@@ -173,21 +181,54 @@ def table(
         raise InputError(f"load table has {len(x)} rows; give {least} or more")
     ends: str | None = None if not smooth else "periodic" if repeats else "natural"
     spline = make_interp_spline(x, y, k=3 if smooth else 1, bc_type=ends)
-    first, last = float(x[0]), float(x[-1])
+    value = Interpolated(over, float(x[0]), float(x[-1]), bool(repeats), spline)
+    return function(value, over=over, width=1 if y.ndim == 1 else 3)
 
-    def value(positions: Array) -> Array:
-        if repeats:
-            return spline(first + np.mod(positions - first, last - first))
+
+@dataclass(frozen=True, slots=True)
+class Interpolated:
+    """The values of a load table.
+
+    Attributes:
+        over: its variable.
+        first: its first position.
+        last: its last position.
+        repeats: whether it repeats.
+        spline: its B-spline.
+    """
+
+    over: Over
+    first: float
+    last: float
+    repeats: bool
+    spline: BSpline
+
+    def __call__(self, positions: Array) -> Array:
+        """Return the values at positions (n,), (n,) or (n, 3)."""
+        first, last = self.first, self.last
+        if self.repeats:
+            return self.spline(first + np.mod(positions - first, last - first))
         slack = 1e-9 * (last - first)
         outside = (positions < first - slack) | (positions > last + slack)
         if outside.any():
             raise InputError(
-                f"load table covers {over} {first:.6g} to {last:.6g}, but the motion needs "
+                f"load table covers {self.over} {first:.6g} to {last:.6g}, but the motion needs "
                 f"{positions[outside][0]:.6g}; make the table longer"
             )
-        return spline(np.clip(positions, first, last))
+        return self.spline(np.clip(positions, first, last))
 
-    return function(value, over=over, width=1 if y.ndim == 1 else 3)
+    @property
+    def instructions(self) -> tuple[tuple[Instruction, ...], ...]:
+        """The evaluation of each component."""
+        from scipy.interpolate import PPoly
+
+        t, c, k = self.spline.tck
+        columns = np.reshape(c, (len(c), -1)).T
+        beyond = "repeated" if self.repeats else "undefined"
+        polynomials = [PPoly.from_spline((t, column, k)) for column in columns]
+        # knots of a B-spline lie beyond its ends
+        inner = [PPoly(p.c[:, k:-k], p.x[k:-k]) for p in polynomials]
+        return tuple(Table(polynomial, beyond).instructions for polynomial in inner)
 
 
 def _check_table(x: Array, y: Array, over: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.coupling_functions import TabledFunction
-from mechsim.model.expressions import Expression, Instruction, compiled
+from mechsim.model.expressions import Expression, Instruction, Table, compiled
 from mechsim.model.links import Vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE, at_least_zero, number
@@ -139,6 +139,12 @@ class SpringLaw:
     def instructions(self) -> tuple[Instruction, ...]:
         """The evaluation of its expression of l and v; empty for none."""
         return self._expression.instructions if self.text else ()
+
+    @property
+    def continued_table(self) -> Table:
+        """The table as `_tabled` evaluates it."""
+        assert self.table is not None
+        return Table(self.table.spline, "continued")
 
     @cached_property
     def _expression(self) -> Expression:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
 SERIAL_FORMATS = ("mjcf-tree", "urdf")
-FORMATS = ("xml", "toml", *SERIAL_FORMATS)
+FORMATS = ("xml", "toml", "sdf", *SERIAL_FORMATS)
 STYLES = ("plain", "menagerie")
 
 
@@ -75,7 +75,7 @@ def export(
         model: any argument of `load`.
         output: path of the file; None writes none.
         set: parameter -> its value, as for `load`.
-        format: "xml" or "toml"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
+        format: "xml", "toml" or "sdf"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
         independent: joints of the twin that move freely, with ranges in SI or text; by default those with
             actuators, within their limits.
         style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms.
@@ -111,10 +111,10 @@ def export(
         solver = model if isinstance(model, KinematicSolver) and not set else load(model, set, **options)
         contents = _Contents(scene, settings, timestep, speed)
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
-        result = replace(
-            _exported(solver, format, style, contents),
-            left_out=left_out if format == "toml" else _friction_left_out(solver, scene),
-        )
+        result = _exported(solver, format, style, contents)
+        if format != "sdf":
+            own = left_out if format == "toml" else _friction_left_out(solver, scene)
+            result = replace(result, left_out=own)
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(result.text, encoding="utf-8")
@@ -151,6 +151,11 @@ def _exported(solver: KinematicSolver, format: str, style: str, contents: _Conte
         return ExportedModel(solver.name, format, _menagerie_text(solver, contents))
     if style != "plain":
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
+    if format == "sdf":
+        from mechsim.subjects.sdf_writer import to_sdf
+
+        text, left_out = to_sdf(solver)
+        return ExportedModel(solver.name, format, text, left_out=left_out)
     if format == "toml":
         text = to_toml(solver)
         return ExportedModel(solver.name, format, text)
@@ -193,10 +198,8 @@ def require_compatible(
     if format not in FORMATS:
         raise InputError(f"there is no format {format!r}; choose from {', '.join(FORMATS)}")
     has_settings = bool(settings) or timestep is not None
-    if format == "toml" and (speed is not None or has_settings or scene != LEVEL):
-        raise InputError(
-            "--scene, --speed and settings are for MuJoCo models; leave them out, or --format toml"
-        )
+    if format in ("toml", "sdf") and (speed is not None or has_settings or scene != LEVEL):
+        raise InputError("--scene, --speed and settings are for MuJoCo models; leave them out")
 
 
 def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:

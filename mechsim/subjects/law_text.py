@@ -310,7 +310,7 @@ class LoadComponent:
     Attributes:
         text: its number, or the text that defines it in a file in SI.
         profile: its load profile, one number at each position.
-        instructions: its evaluation; None for a table.
+        instructions: its evaluation; None for a number.
     """
 
     text: float | str
@@ -335,7 +335,7 @@ class WrittenLoad:
 
     @property
     def instructions(self) -> tuple[tuple[Instruction, ...] | None, ...]:
-        """The evaluation of each component; None for a table."""
+        """The evaluation of each component."""
         return tuple(
             component.instructions
             if isinstance(component.text, str)
@@ -362,7 +362,8 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
             text, name, list(_AXES), "a load give two, t in s or angle in rad"
         )
         full_turn = axis == "angle" and abs(np.ptp(position) - REVOLUTION) < PERIOD_TOLERANCE
-        return LoadComponent(text, table(position, value, over=_AXES[axis], periodic=bool(full_turn)))
+        profile = table(position, value, over=_AXES[axis], periodic=bool(full_turn))
+        return LoadComponent(text, profile, profile.instructions[0])
     names = variables(text)
     if len(names) > 1:
         raise InputError(f"names both {' and '.join(names)}; a load varies over only one of them")

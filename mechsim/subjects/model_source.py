@@ -125,6 +125,7 @@ READERS: list[Reader] = [
         types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
     ),
     Reader("mechsim.subjects.formula_file:open_python", suffixes=(".py",)),
+    Reader("mechsim.subjects.sdf_reader:SdfModel", suffixes=(".sdf",)),
     Reader("mechsim.subjects.planar_json:PlanarJson", suffixes=(".json", ".pmks")),
     Reader(
         "mechsim.subjects.python_object:GivenObject",

@@ -15,22 +15,25 @@ from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.equations_of_motion import equations_of_motion
 from mechsim.analytic.dynamics.initial_state import StateLayout, projected
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide
+from mechsim.errors import InputError
 from mechsim.model.actuators import Actuator
+from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.load_profile import constant, harmonics, table
+from mechsim.model.joints import Coupling
+from mechsim.model.load_profile import constant, function, harmonics, table
 from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
 from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics import c_library
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
 
-# the C code contains no couplings by functions
-BY_FUNCTION = {"cam_follower", "geneva_drive"}
+# the C code contains no laws of cams
+CAMS = {"cam_follower"}
 GALLERY = sorted(
     path
     for path in (Path(ms.__file__).parents[1] / "models" / "gallery").glob("*.toml")
-    if path.stem not in BY_FUNCTION
+    if path.stem not in CAMS
 )
 MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
 FREE_BODY = """<mujoco><worldbody><body name="plate" pos="0 0 1"><freejoint name="free"/>
@@ -152,6 +155,55 @@ def test_springs_by_expression_are_the_same_in_c_and_in_numpy(model, joint, poin
         np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
 
 
+POSITIONS = np.linspace(-7.0, 7.0, 40)
+ROWS = tuple(POSITIONS.tolist()), tuple((40.0 * np.sin(POSITIONS) + POSITIONS).tolist())
+
+
+@pytest.mark.parametrize("over", ["l", "v"])
+def test_springs_by_a_table_are_the_same_in_c_and_in_numpy(over):
+    law = SpringLaw(3.0, 0.1, 0.2, 0.5, "0.3*l*v", table=TabledFunction("spring.csv", *ROWS), over=over)
+    springs = (NonlinearSpring("B", law), NonlinearSpring(("B", ("ground", (0.3, -0.2, 0.1))), law))
+    for seed in range(3):
+        expected, result = both("four_bar", seed, Forces(nonlinear_springs=springs))
+        np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+FUNCTIONS = {
+    "every function": WrittenFunction(
+        "a*q + 0.01*sin(q)*cos(2*q) + 0.01*tan(0.1*q) + 0.02*asin(0.1*q)/(2+q**2) + 0.03*acos(0.1*q)"
+        " - 0.02*atan(q) + 0.01*atan2(q, 2-0.1*q) + 0.02*sqrt(3+q) + 0.01*exp(-q)*log(4+q) - 0.01*abs(q+9)"
+        " + max(-9, min(q, 9))*0.01 + 0.01*(2+0.1*q)**(0.3*q) + (0.1*q)**3",
+        ("a",),
+        (0.3,),
+    ),
+    "table": TabledFunction("f.csv", *(tuple(0.01 * np.array(column)) for column in ROWS)),
+    "periodic table": TabledFunction(
+        "f.csv", tuple(np.linspace(-3.0, 2.0, 30)), tuple(np.sin(np.linspace(0, 2 * np.pi, 30))), True
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_coupling_functions_are_the_same_in_c_and_in_numpy(name):
+    """Two arms on the ground, of which one turns as a function of the other."""
+    rod = slender_rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+    joints = [ms.Joint(n, "revolute", ms.End("ground"), ms.End(f"arm {n}")) for n in "ab"]
+    law = Coupling("f", "b", "a", (), function=FUNCTIONS[name])
+    links = tuple(ms.Link(f"arm {n}", inertia=rod) for n in "ab")
+    mechanism = ms.Mechanism("arms", links, tuple(joints), "a", {}, couplings=(law,))
+    equations = equations_of_motion(ms.dynamics.dynamic_model(mechanism, Forces(gravity=(0.0, -9.81, 0.0))))
+    model, layout = in_c.compiled_model(equations), StateLayout(equations)
+    right = RightHandSide(equations, Contacts(equations), layout, ContactMode(np.zeros(0)))
+    for moved in (0.05, -0.04, 4.0 if "periodic" in name else 0.06):
+        rates = np.full((2, 1), 0.7)
+        q = equations.loops.displaced(equations.start, moved * rates)
+        q, rates = projected(equations, q, rates, np.zeros(1))
+        state = layout.pack(q, rates, 0.0, 0.0)[None]
+        expected = right.derivatives(np.zeros(1), state)
+        result = evaluated(model, state, np.zeros(1), right.mode).derivatives
+        np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize(("model", "joint"), [("four_bar", "B"), ("rssr", "crank")])
 def test_soft_stops_are_the_same_in_c_and_in_numpy(model, joint):
     """One is open; one presses; of the third, for one of both sides, a strong damper lets the joint go."""
@@ -176,6 +228,7 @@ def along(*texts):
     return combine_components([parse_component(text, "load", "N", {"k": 0.3}) for text in texts])
 
 
+ANGLES = np.linspace(0.5, 0.5 + 2.0 * np.pi, 19)
 VARYING = [
     Forces(
         loads=(Load("A", along("k*sin(20*t)", "2N*t", "0*t")),),
@@ -184,6 +237,9 @@ VARYING = [
     Forces(controllers=(Controller("A", EVERY_FUNCTION), Controller("crank", "0.2*sin(t) - 0.1*crank.v"))),
     Forces(crank_torque=harmonics([0.1, 0.2], [0.3], over="time")),
     Forces(crank_torque=harmonics([0.1, 0.2, -0.1], [0.3])),
+    Forces(crank_torque=table([0.0, 0.3, 1.0], [0.1, 0.2, 0.4], over="time")),
+    Forces(loads=(Load("A", table(ANGLES, np.stack([np.sin(k * ANGLES) for k in (1, 2, 3)], 1))),)),
+    Forces(couples=(Couple("coupler", table(ANGLES, np.stack([np.cos(ANGLES)] * 3, 1), smooth=True)),)),
     Forces(
         actuators=(
             Actuator(
@@ -239,9 +295,27 @@ def fresh_library(monkeypatch, tmp_path):
 
 @pytest.mark.long
 def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
-    run = run_of(Forces(crank_torque=table([0.0, 0.1, 0.5], [1e-3, 2e-3, 0.0], over="time")))
+    run = run_of(Forces(crank_torque=function(lambda time: 1e-3 * time, over="time")))
     assert run.executed == "numpy"
-    assert "a load over time given by a table or function" in run.note
+    assert "a load over time given by a function" in run.note
+
+
+def test_a_run_under_a_load_table_is_the_same_in_c_and_in_numpy(monkeypatch):
+    """The third derivatives of the spline jump at the rows of the table, which steps do not know."""
+    times = np.linspace(0.0, 0.3, 16)
+    forces = Forces(crank_torque=table(times, 1e-3 * np.sin(20.0 * times), over="time", smooth=True))
+    fast = run_of(forces)
+    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    slow = run_of(forces)
+    assert (fast.executed, slow.executed) == ("C", "numpy")
+    assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-11
+
+
+@pytest.mark.long
+def test_a_run_beyond_a_load_table_names_the_table():
+    loads = table([0.0, 0.1, 0.2], [1e-3, 2e-3, 0.0], over="time")
+    with pytest.raises(InputError, match=r"load table covers time 0 to 0\.2, but the motion needs"):
+        run_of(Forces(crank_torque=loads))
 
 
 @pytest.mark.long

@@ -35,7 +35,6 @@ def test_a_file_that_no_reader_accepts_names_its_conversion(tmp_path, monkeypatc
         ("arm", "'arm.toml'"),
         ("robot.xacro", "xacro FILE.xacro -o FILE.urdf"),
         ("robot.urdf", "xacro"),
-        ("robot.sdf", "URDF or MJCF"),
         ("picture.gif", r"\.toml, \.xml, \.urdf"),
         (".", "folder"),
     ):

@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.errors import MechsimError
 from mechsim.model.actuators import no_control
-from mechsim.model.expressions import Instruction
+from mechsim.model.expressions import Instruction, Table
 from mechsim.model.load_profile import LoadProfile
 from mechsim.numerics.arrays import Array
 
@@ -17,8 +17,10 @@ VARIABLES = ("number", "time", "coordinate", "rate")
 CODES = (
     *VARIABLES,
     *("Neg", "Add", "Sub", "Mult", "Div", "Pow", "sin", "cos", "tan", "asin", "acos", "atan", "atan2"),
-    *("sqrt", "exp", "log", "abs", "min", "max"),
+    *("sqrt", "exp", "log", "abs", "min", "max", "table"),
 )
+# what a table has beyond its ends, in the order of `c/expressions.c`
+BEYOND = ("repeated", "undefined", "continued")
 # the largest number of values on its stack
 MAX_VALUES = 64
 INSTRUCTION = np.dtype([("code", "i4"), ("index", "i4"), ("value", "f8")], align=True)
@@ -47,10 +49,20 @@ class Instructions:
 
     Attributes:
         rows: of the table for the C code: code, index and value.
+        numbers: of the tables that they name.
     """
 
     def __init__(self) -> None:
         self.rows: list[tuple[int, int, float]] = []
+        self.numbers: list[float] = []
+
+    def add_table(self, table: Table) -> int:
+        """Add a table, as `of_table` of `c/expressions.c` reads it, and return where it lies."""
+        first, integral = len(self.numbers), table.spline.antiderivative()
+        order, count = integral.c.shape
+        self.numbers += [float(count), float(order), float(BEYOND.index(table.beyond)), table.advance]
+        self.numbers += [*integral.x.tolist(), *integral.c.T.ravel().tolist()]
+        return first
 
     def add(
         self,
@@ -61,7 +73,7 @@ class Instructions:
         """Add an expression and return its first instruction and their number.
 
         Args:
-            instructions: its evaluation; None for one that has none, as a table.
+            instructions: its evaluation; None for one that has none, as a function in Python.
             variables: name -> variable, or the only one.
             what: the element in words.
 
@@ -70,7 +82,7 @@ class Instructions:
         """
         first, values = len(self.rows), 0
         if instructions is None:
-            raise NotCompiledError(f"{what} given by a table or function")
+            raise NotCompiledError(f"{what} given by a function")
         for instruction in instructions:
             values += 1 - instruction.operands
             if values > MAX_VALUES:
@@ -79,6 +91,8 @@ class Instructions:
                 kind, index, value = (
                     variables if isinstance(variables, tuple) else variables[instruction.value]
                 )
+            elif instruction.name == "table":
+                kind, index, value = "table", 1, float(self.add_table(instruction.value))
             else:
                 kind, index, value = (
                     instruction.name,
@@ -96,8 +110,9 @@ def load_expressions(
     variable = TIME
     if profile.over == "angle":
         variable = ("number", 0, 0.0) if equations.crank is None else ("coordinate", equations.crank, 0.0)
-    components = getattr(profile.value, "instructions", (None,))
-    return [added.add(component, variable, f"{what} over {profile.over}") for component in components]
+    return [
+        added.add(component, variable, f"{what} over {profile.over}") for component in profile.instructions
+    ]
 
 
 def controllers(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 from mechsim.analytic.dynamics.compiled_expressions import (
     EXPRESSION,
     INSTRUCTION,
+    TIME,
     Instructions,
     NotCompiledError,
     Variable,
@@ -80,6 +81,8 @@ SUPPORTED: dict[type, set[str]] = {
         "rope",
         "belt",
         "backlash",
+        "function",
+        "repeats",
     },
     Joint: {"name", "kind", "a", "b", "cross_angle", "lead", "without_reference"},
     End: {"link", "point", "axis", "reference", "has_reference"},
@@ -89,6 +92,9 @@ SUPPORTED: dict[type, set[str]] = {
     DCMotor: {"voltage", "resistance", "constant"},
     Geared: {"motor", "ratio"},
 }
+
+# expressions are checked where they become instructions; the law of a belt is its coefficients
+CHECKED_LATER = ("control", "value", "_expression", "belt", "law", "function")
 
 _INT, _REAL = "i4", "f8"
 SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
@@ -135,6 +141,7 @@ COUPLING = np.dtype(
         ("coefficients", _REAL, 5),
         ("unit", _REAL),
         ("offset", _REAL),
+        ("function", EXPRESSION),
     ],
     align=True,
 )
@@ -162,7 +169,7 @@ RESISTANCE = np.dtype(
 SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
 NONLINEAR_SPRING = np.dtype(
     [
-        *((name, _INT) for name in ("link_a", "link_b", "coordinate")),
+        *((name, _INT) for name in ("link_a", "link_b", "coordinate", "table", "over_rate")),
         ("a", _REAL, 3),
         ("b", _REAL, 3),
         *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload")),
@@ -183,12 +190,12 @@ LOAD = np.dtype(
 COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
     *("rows", "springs", "resistances", "loads", "crank"),
-    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded"),
+    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded", "tabled"),
 )
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
     *("inertias", "spring", "resistance", "load"),
-    *("instruction", "controller", "actuator", "gear", "rotors", "nonlinear_spring"),
+    *("instruction", "controller", "actuator", "gear", "rotors", "nonlinear_spring", "tables"),
 )
 
 
@@ -264,7 +271,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "coordinates": _coordinates(equations),
         "cut": _cuts(loops.cuts),
         "moved": np.concatenate([np.empty(0, MOVED), *moved]),
-        "coupling": _couplings(equations),
+        "coupling": _couplings(equations, added),
         "weights": np.array([[row.left_weights, row.right_weights] for row in loops.couplings], dtype=float),
         "inertias": _inertias(equations),
         "spring": spring_table(equations),
@@ -273,6 +280,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "controller": controllers(equations, added),
         "nonlinear_spring": _nonlinear_springs(equations, added),
         "instruction": np.array(added.rows, INSTRUCTION),
+        "tables": np.array(added.numbers),
         "actuator": actuated,
         "gear": gears,
         "rotors": np.ascontiguousarray(equations.rotors),
@@ -292,6 +300,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         int(tables["rotors"].any()),
         len(tables["nonlinear_spring"]),
         int(resistances["loaded"].sum()),
+        int(bool(added.numbers)),
     )
     data = ModelData(
         **dict(zip(COUNTS, numbers, strict=True)),
@@ -326,9 +335,8 @@ def _require_supported_fields(element: Any) -> None:
         value = getattr(element, field.name)
         if field.name not in supported and not _is_empty(value, field.default):
             raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
-        # expressions are checked where they become instructions; the law of a belt is its coefficients
         for inner in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(inner) and field.name not in ("control", "value", "_expression", "belt", "law"):
+            if is_dataclass(inner) and field.name not in CHECKED_LATER:
                 _require_supported_fields(inner)
 
 
@@ -443,7 +451,7 @@ def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
     return _filled(CUT, rows)
 
 
-def _couplings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+def _couplings(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
     loops = equations.loops
     rows = [
         {
@@ -454,6 +462,11 @@ def _couplings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
             ),
             "unit": row.unit,
             "offset": offset / row.unit,
+            "function": added.add(
+                getattr(row.coupling.function, "instructions", None) if row.coupling.function else (),
+                TIME,
+                f"coupling {row.coupling.name}",
+            ),
         }
         for row, offset in zip(loops.couplings, loops.turn_offsets, strict=True)
     ]
@@ -490,7 +503,7 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.nonlinear_springs:
         law = spring.law
-        row: dict[str, Any] = {"coordinate": -1, "rest": law.reference}
+        row: dict[str, Any] = {"coordinate": -1, "table": -1, "rest": law.reference}
         row |= {"stiffness": law.stiffness, "damping": law.damping}
         if not isinstance(spring.ends, str):
             (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
@@ -502,7 +515,7 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
             raise NotCompiledError(f"a spring in {spring.ends}, which is no coordinate of the tree")
         if isinstance(law, SpringLaw):
             if law.table is not None:
-                raise NotCompiledError("springs by a table")
+                row["table"], row["over_rate"] = added.add_table(law.continued_table), law.over == "v"
             values = zip(law.names, law.values, strict=True)
             variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
             variables |= {name: ("number", 0, value) for name, value in values}

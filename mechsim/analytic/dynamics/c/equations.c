@@ -38,9 +38,11 @@ typedef struct {
     double sign;
 } Moved;
 
-/* (left q - left_zero - p(right q - right_zero)) / unit - offset = 0; weights lie in `weights` */
+/* (left q - left_zero - p(right q - right_zero)) / unit - offset = 0; weights lie in `weights`. A function, with the
+   right side as time, takes the place of the polynomial p */
 typedef struct {
     double left_zero, right_zero, coefficients[5], unit, offset;
+    Expression function;
 } Coupling;
 
 typedef struct {
@@ -64,9 +66,10 @@ typedef struct {
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
 
 /* nonlinear spring or soft stop between two points, or in a coordinate if that is 0 or more; its expression has the
-   length as coordinate 0 and the rate as rate 0 */
+   length as coordinate 0 and the rate as rate 0. A table, which lies at `table` if that is 0 or more, is over the
+   length or the rate */
 typedef struct {
-    int link_a, link_b, coordinate;
+    int link_a, link_b, coordinate, table, over_rate;
     double a[3], b[3], rest, stiffness, damping, preload;
     Expression expression;
 } NonlinearSpring;
@@ -94,7 +97,7 @@ typedef struct {
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
-    int controllers, actuators, states, rotating, nonlinear_springs, loaded;
+    int controllers, actuators, states, rotating, nonlinear_springs, loaded, tabled;
     const Branch *branches;
     const Coordinate *coordinates;
     const Cut *cut;
@@ -110,6 +113,7 @@ typedef struct {
     const Actuator *actuator;
     const double *gear, *rotors;
     const NonlinearSpring *nonlinear_spring;
+    const double *tables;
     double gravity[3], torque, torque_slope;
 } Model;
 
@@ -345,6 +349,10 @@ static void set_coupling_row(const Model *m, Work *w, int i, int row, const doub
     double value = p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4])));
     double first = p[1] + x * (2.0 * p[2] + x * (3.0 * p[3] + x * 4.0 * p[4]));
     double second = 2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4]);
+    if (c->function.length) {
+        Timed f = evaluated(m->instruction, m->tables, c->function, x, NULL, NULL);
+        value = f.value, first = f.rate, second = f.second;
+    }
     w->residual[row] = (inner(m->count, left, w->q) - c->left_zero - value) / c->unit - c->offset;
     for (int k = 0; k < m->count; k++) {
         const Coordinate *to = m->coordinates + k;
@@ -510,7 +518,7 @@ static void add_resistance(const Resistance *r, const double *sliding, Work *w) 
 static void add_load(const Model *m, const Load *load, const double *rates, Work *w) {
     double point[3], velocity[3], wrench[6];
     for (int i = 0; i < 6; i++)
-        wrench[i] = load->varying ? evaluated(m->instruction, load->expressions[i], w->time, w->q, rates).value
+        wrench[i] = load->varying ? evaluated(m->instruction, m->tables, load->expressions[i], w->time, w->q, rates).value
                                   : load->wrench[i];
     locate(w, load->link, load->point, point, velocity);
     add_force(w, load->link, point, 1.0, wrench);
@@ -527,7 +535,7 @@ static double add_actuator(const Model *m, const Actuator *a, const double *gear
                            Work *w) {
     double length = inner(m->count, gear, w->q), speed = 0.0;
     for (int k = 0; k < m->count; k++) speed += gear[k] * m->coordinates[k].unit * rates[k];
-    Timed given = evaluated(m->instruction, a->control, w->time, w->q, rates);
+    Timed given = evaluated(m->instruction, m->tables, a->control, w->time, w->q, rates);
     double control = clipped(given.value, a->control_range), x = a->has_state ? state : control;
     double rate = control == given.value ? given.rate : 0.0;
     double force = (a->gain[0] + a->gain[1] * length + a->gain[2] * speed) * x;
@@ -546,7 +554,7 @@ static void set_applied(const Model *m, Work *w, const double *rates) {
     memset(w->applied, 0, m->count * sizeof(double));
     for (int i = 0; i < m->controllers; i++) {
         const Controller *c = m->controller + i;
-        double effort = evaluated(m->instruction, c->effort, w->time, w->q, rates).value;
+        double effort = evaluated(m->instruction, m->tables, c->effort, w->time, w->q, rates).value;
         w->applied[c->coordinate] += effort * m->coordinates[c->coordinate].unit;
     }
     for (int i = 0; i < m->actuators; i++) {
@@ -573,8 +581,14 @@ static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, int p
     double tension = phase == PRESSED ? elastic + s->damping * rate : 0.0;
     if (s->expression.length) {
         double still = 0.0;
-        unstored = evaluated(m->instruction, s->expression, w->time, &length, &still).value;
-        tension += evaluated(m->instruction, s->expression, w->time, &length, &rate).value;
+        unstored = evaluated(m->instruction, m->tables, s->expression, w->time, &length, &still).value;
+        tension += evaluated(m->instruction, m->tables, s->expression, w->time, &length, &rate).value;
+    }
+    if (s->table >= 0) {
+        Timed at = {s->over_rate ? rate : length, 0.0, 0.0};
+        double stored, tabled = of_table(m->tables + s->table, at, &stored).value;
+        tension += tabled;
+        if (!s->over_rate) elastic += tabled, w->potential += stored;
     }
     w->potential += (0.5 * s->stiffness * stretch + s->preload) * stretch;
     w->power_in -= unstored * rate, w->power_lost += (tension - elastic - unstored) * rate;

@@ -244,8 +244,9 @@ static void stage(int size, int number, double length, const double *state, cons
         if (STAGES[number][j] != 0.0) add_scaled(size, length * STAGES[number][j], slopes + j * size, out);
 }
 
-/* error of a step relative to the tolerance, from the slopes of its stages */
-static double step_error(const Run *run, int size, const double *after, const double *slopes, double length) {
+/* error of a step relative to the tolerance, from the slopes of its stages. Where a table's third derivative jumps, the
+   estimate of order 3 tells nothing */
+static double step_error(const Model *m, const Run *run, int size, const double *after, const double *slopes, double length) {
     double fifth = 0.0, third = 0.0;
     for (int i = 0; i < size - 2; i++) {
         double errors[2] = {0.0};
@@ -255,6 +256,7 @@ static double step_error(const Run *run, int size, const double *after, const do
         third += errors[0] * errors[0] / (scale * scale);
         fifth += errors[1] * errors[1] / (scale * scale);
     }
+    if (m->tabled) third = 0.0;
     return fifth > 0.0 ? length * fifth / sqrt((fifth + 0.01 * third) * (size - 2)) : third;
 }
 
@@ -313,7 +315,7 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
         double error = NAN;
         if (status == FINISHED) {
             stage(size, 12, length, run->state, slopes, after);
-            error = step_error(run, size, after, slopes, length);
+            error = step_error(m, run, size, after, slopes, length);
         }
         double ratio = error < INFINITY ? SAFETY * pow(fmax(error, 1e-30), -0.125) : LEAST;
         run->length = length * fmin(fmax(ratio, LEAST), rejected ? 1.0 : LARGEST);

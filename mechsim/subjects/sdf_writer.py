@@ -1,0 +1,170 @@
+"""Mechanisms as SDF text: links at their poses at the start, and all joints, also those that close loops."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mechsim.analytic.loops.start import start_poses
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.errors import InputError
+from mechsim.model.forces import forces_of
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Inertia, Link, Pose
+from mechsim.model.masses import with_inertia
+from mechsim.model.mechanism import Mechanism
+from mechsim.subjects.sdf_reader import KIND_OF, MOMENTS, NAMESPACE
+
+# version of the format, the first with joints that follow others
+VERSION = "1.11"
+TYPE_OF = {kind: name for name, kind in KIND_OF.items() if name != "continuous"}
+# inertia of the link between the slide and the hinge of a cylindrical joint
+BETWEEN = Inertia(1e-6, ORIGIN, ((1e-9, 0.0, 0.0), (0.0, 1e-9, 0.0), (0.0, 0.0, 1e-9)))
+
+
+def to_sdf(solver: KinematicSolver) -> tuple[str, str]:
+    """Return a mechanism as SDF text, and a sentence on what is left out.
+
+    Raises:
+        InputError: for joints and couplings that SDF does not have.
+        AssemblyError: if the loops do not close.
+    """
+    mechanism = with_inertia(solver.mechanism)
+    assembled, values = start_poses(mechanism)
+    poses = {GROUND: IDENTITY, **assembled}
+    links, joints = [*mechanism.links], list[Joint]()
+    for joint in mechanism.joints:
+        if joint.kind == "cylindrical":
+            between = Link(f"{joint.name} between", inertia=BETWEEN)
+            links.append(between)
+            poses[between.name] = poses[joint.b.link]
+            side = replace(joint.b, link=between.name)
+            joints.append(Joint(f"{joint.name}.way", "prismatic", joint.a, side))
+            joints.append(Joint(f"{joint.name}.turn", "revolute", side, joint.b))
+        elif joint.kind != "floating":
+            joints.append(joint)
+    root = Element("sdf", {"version": VERSION, "xmlns:mechsim": NAMESPACE})
+    world = SubElement(root, "world", name="default")
+    _add(world, "gravity", *forces_of(solver).gravity)
+    model = SubElement(world, "model", name=mechanism.name)
+    for name in mechanism.drivers:
+        _add(model, "mechsim:driver", name)
+    unique = {"world": "world", **{link.name: link.name for link in links}}
+    for link in links:
+        element = SubElement(model, "link", name=link.name)
+        _add_pose(element, poses[link.name])
+        _add_inertia(element, link.inertia or BETWEEN)
+    leaders = _leaders(mechanism)
+    names = {joint.name: _unique(joint.name, "joint", unique) for joint in joints}
+    for joint in joints:
+        element = _add_joint(model, joint, names[joint.name], poses)
+        if KINDS[joint.kind].single:
+            _add(element, "mechsim:position", values[joint.name])
+            (axis,) = element.findall("axis")
+            _add_axis_data(axis, joint.name, solver, values[joint.name])
+            if joint.name in leaders:
+                leader, ratio = leaders[joint.name]
+                _add(SubElement(axis, "mimic", joint=names[leader]), "multiplier", ratio)
+    for name, (link, point) in mechanism.points.items():
+        frame = SubElement(model, "frame", name=_unique(name, "frame", unique), attached_to=_in_world(link))
+        frame.set("mechsim:name", name)
+        _add_pose(frame, Pose(np.array(point), np.eye(3)))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n", _left_out(solver)
+
+
+def _unique(name: str, kind: str, unique: dict[str, str]) -> str:
+    """Return a name that no other element has, which SDF requires, and add it to those in use."""
+    while name in unique:
+        name = f"{name}_{kind}"
+    return unique.setdefault(name, name)
+
+
+def _in_world(link: str) -> str:
+    return "world" if link == GROUND else link
+
+
+def _add(parent: Element, tag: str, *values: float | str) -> None:
+    """Add an element with a text, or with numbers to the last bit."""
+    texts = (value if isinstance(value, str) else f"{float(value):.17g}" for value in values)
+    SubElement(parent, tag).text = " ".join(texts)
+
+
+def _add_pose(parent: Element, pose: Pose) -> None:
+    _add(parent, "pose", *pose.position, *Rotation.from_matrix(pose.rotation).as_quat())
+    parent[-1].set("rotation_format", "quat_xyzw")
+
+
+def _add_inertia(parent: Element, inertia: Inertia) -> None:
+    element = SubElement(parent, "inertial")
+    _add_pose(element, Pose(np.array(inertia.centre), np.eye(3)))
+    _add(element, "mass", inertia.mass)
+    tensor = SubElement(element, "inertia")
+    for key, (i, j) in MOMENTS.items():
+        _add(tensor, key, inertia.moments[i][j])
+
+
+def _add_joint(model: Element, joint: Joint, name: str, poses: Mapping[str, Pose]) -> Element:
+    """Add a joint with its axes, in the joint frame of side b."""
+    if joint.kind not in TYPE_OF:
+        raise InputError(f"joint {joint.name} is {joint.kind}, which SDF does not have; export it to TOML")
+    element = SubElement(
+        model, "joint", {"name": name, "type": TYPE_OF[joint.kind], "mechsim:name": joint.name}
+    )
+    for tag, link in zip(("parent", "child"), joint.links, strict=True):
+        _add(element, tag, _in_world(link))
+    _add_pose(element, Pose(np.array(joint.b.point), joint.b.frame))
+    frame = poses[joint.b.link].rotation @ joint.b.frame
+    first = frame.T @ poses[joint.a.link].rotation @ np.array(joint.a.axis)
+    axes = [first, (0.0, 0.0, 1.0)] if KINDS[joint.kind].crossed else [(0.0, 0.0, 1.0)]
+    if KINDS[joint.kind].single or KINDS[joint.kind].crossed:
+        for tag, direction in zip(("axis", "axis2"), axes, strict=False):
+            _add(SubElement(element, tag), "xyz", *direction)
+    return element
+
+
+def _add_axis_data(axis: Element, name: str, solver: KinematicSolver, value: float) -> None:
+    """Add limits, friction and spring of a joint, whose position is zero at a value of its coordinate."""
+    forces = forces_of(solver)
+    limit, dynamics = SubElement(axis, "limit"), SubElement(axis, "dynamics")
+    for tag, end in zip(("lower", "upper"), solver.ranges.get(name, (-np.inf, np.inf)), strict=True):
+        _add(limit, tag, end - value)
+    for friction in (friction for friction in forces.friction if friction.joint == name):
+        _add(dynamics, "damping", friction.viscous)
+        _add(dynamics, "friction", friction.coulomb)
+    for spring in (spring for spring in forces.joint_springs if spring.joint == name):
+        _add(dynamics, "spring_reference", spring.rest - value)
+        _add(dynamics, "spring_stiffness", spring.stiffness)
+
+
+def _leaders(mechanism: Mechanism) -> dict[str, tuple[str, float]]:
+    """Return joint -> the joint that it follows, and the ratio."""
+    single = {joint.name for joint in mechanism.joints if KINDS[joint.kind].single}
+    leaders: dict[str, tuple[str, float]] = {}
+    for law in mechanism.laws:
+        plain = len(law.coefficients) == 2 and not law.function and not law.rope
+        if not plain or not all(isinstance(side, str) and side in single for side in (law.left, law.right)):
+            raise InputError(
+                f"coupling {law.name} is not linear between two joints, as in SDF; export it to TOML"
+            )
+        leaders[str(law.left)] = str(law.right), law.ratio
+    return leaders
+
+
+def _left_out(solver: KinematicSolver) -> str:
+    """Return a sentence on what SDF cannot contain; empty if there is nothing."""
+    forces = forces_of(solver)
+    present = {
+        "springs between points": forces.springs or forces.nonlinear_springs,
+        "loads": forces.load_profiles,
+        "motors and controllers": forces.replaced_by_motion or forces.controllers or forces.flywheel,
+        "friction by load and rate": [friction for friction in forces.friction if friction.varies],
+        "locked coordinates": solver.mechanism.locked,
+        "motion laws": not solver.motion_laws.crank,
+    }
+    names = ", ".join(name for name, exists in present.items() if exists)
+    return f"left out, because SDF has no place for it: {names}" if names else ""
