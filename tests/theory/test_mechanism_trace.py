@@ -240,6 +240,13 @@ def test_the_gear_ratio_determines_the_period(ratio, turns):
     assert abs(trace(geared(ratio), starts=0).curves[0].turns) == turns
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("slots", [3, 4])
+def test_a_geneva_drive_repeats_after_as_many_turns_as_it_has_slots(slots):
+    mechanism = load("geneva_drive", {"slots": slots}).mechanism
+    assert abs(trace(mechanism, starts=0).curves[0].turns) == slots
+
+
 def test_a_curve_that_never_closes_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_SEGMENTS", 60)
     reported = []

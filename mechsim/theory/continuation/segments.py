@@ -79,6 +79,8 @@ MIN_COSINE = 0.5
 # arc length that nodes keep from a branch point; a branch point has a singular value below SINGULAR_RATIO of
 # the largest and a residual of at most MAX_RESIDUAL; it is searched for below SEARCH_RATIO of the largest
 MIN_DISTANCE_FROM_BRANCH_POINT, SINGULAR_RATIO, MAX_RESIDUAL, SEARCH_RATIO = 2e-3, 1e-7, 2e-13, 0.3
+# residual of a coupling at states shifted by whole revolutions, in its unit, at which it repeats
+REPEATED = 1e-6
 # limit on the number of segments of a curve
 MAX_SEGMENTS = 3000
 
@@ -163,7 +165,9 @@ def trace_curve(
             continue
         branch_points += crossed
         closing_arc = _closing_arc(segment, start_node.features[0], plane, not segments)
-        if closing_arc is not None and not _same_revolutions(loops, segment, closing_arc, initial):
+        if closing_arc is not None and not _same_revolutions(
+            loops, [*segments, segment], closing_arc, initial
+        ):
             closing_arc = None
         segments.append(segment)
         if closing_arc is not None:
@@ -294,14 +298,20 @@ def _closing_arc(segment: CurveSegment, start: Array, plane: Array, first: bool)
     return None
 
 
-def _same_revolutions(loops: FreeLoops, segment: CurveSegment, arc: float, initial: Coordinates) -> bool:
-    """Whether multi-turn coordinates of couplings, as of a screw, have returned to their initial values."""
+def _same_revolutions(
+    loops: FreeLoops, segments: list[CurveSegment], arc: float, initial: Coordinates
+) -> bool:
+    """Whether couplings that count revolutions repeat on the curve after those made so far.
+
+    The equation of a screw does not, since its slide returns; that of an indexing drive does.
+    """
     tree = loops.loops.tree
-    counted = np.zeros(tree.count, dtype=np.bool_)
-    for coupling in loops.loops.couplings:
-        counted |= _counted(coupling)
-    displacement = segment.value_at(arc)[: tree.count] - initial.values[:, 0] / loops.loops.units
-    return bool((np.abs(displacement[counted]) < 1e-6).all())
+    change = segments[-1].value_at(arc)[: tree.count] * loops.loops.units - initial.values[:, 0]
+    turned = np.where(tree.slides, 0.0, REVOLUTION * np.rint(change / REVOLUTION))
+    states = np.concatenate([segment.states for segment in segments])
+    values = loops.unflat(states).values + turned[:, None]
+    counting = [row for row in loops.loops.couplings if _counted(row).any()]
+    return all(bool((np.abs(row.evaluate(values)[0]) < REPEATED).all()) for row in counting)
 
 
 def _blocked_message(loops: FreeLoops, coordinates: Coordinates) -> str:
