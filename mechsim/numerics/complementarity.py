@@ -42,3 +42,30 @@ def complementary(matrix: Array, constant: Array) -> Array | None:
     if distance <= CONFLICT or weights.max() >= 1.0 / CONFLICT:
         return None
     return weights * (largest / distance**2)
+
+
+def least_in_box(matrix: Array, linear: Array) -> Array:
+    """Return f with |f_i| <= 1 that minimises f' A f / 2 + f' b, by bounded least squares; A f is unique.
+
+    Source: C. L. Lawson, R. J. Hanson, Solving Least Squares Problems (1974, 1995), appendix C.2 (BVLS).
+
+    Args:
+        matrix: A, (k, k), symmetric and positive semidefinite.
+        linear: b, (k,), of which the part outside the range of A does not count.
+
+    Returns:
+        f, (k,).
+
+    Example:
+        >>> least_in_box(np.eye(2), np.array([-3.0, 0.5]))
+        array([ 1. , -0.5])
+    """
+    from scipy.optimize import lsq_linear
+
+    values, vectors = np.linalg.eigh(matrix)
+    kept = values > ROUNDING * values[-1]
+    roots, basis = np.sqrt(values[kept]), vectors[:, kept].T
+    if not len(roots):
+        return np.zeros(len(linear))
+    target = -(basis @ linear) / roots
+    return np.asarray(lsq_linear(roots[:, None] * basis, target, (-1.0, 1.0), method="bvls").x)

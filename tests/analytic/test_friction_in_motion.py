@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from model_files import model_text
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 import mechsim as ms
 from mechsim import dynamics
+from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.dynamics.equations_of_motion import equations_of_motion
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation.dynamics.forward_run import stepped_run
@@ -322,3 +324,37 @@ def test_a_run_ends_with_its_record_where_friction_stops_being_unique(file):
     assert len(run.time) == 21
     assert run.motion.joints["floor"].value[-1] == pytest.approx(2.0 * np.cos(limit), rel=1e-6)
     assert run.energy_error <= 1e-9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_joints_at_rest_start_to_slide_by_the_principle_of_gauss(seed, file):
+    """An arm at rest: accelerations a minimise (a - f)' M (a - f) / 2 + sum of T_i |a_i|, by scipy."""
+    limits = np.random.default_rng(seed).uniform(0.2, 3.0, 5) * np.array([5.0, 3.0, 2.0, 1.0, 0.4])
+    links = "".join(
+        f'<body name="l{i}" pos="{0.2 if i else 0} 0 0">'
+        f'<joint name="J{i}" axis="0 1 0" frictionloss="{limit}"/>'
+        '<inertial mass="0.5" pos="0.1 0 0" diaginertia="1e-4 2e-3 2e-3"/>'
+        for i, limit in enumerate(limits)
+    )
+    arm = file(f"<mujoco><worldbody>{links}{'</body>' * 5}</worldbody></mujoco>")
+    equations = equations_of_motion(ms.dynamics.dynamic_model(ms.load(arm, still=True)))
+    contacts = Contacts(equations)
+    state = equations.kinematics(equations.start, np.zeros((5, 1)))
+    mode = contacts.choose(state, 0.0, 0.0)
+    result = contacts.accelerate(state, np.zeros(1), mode).acceleration[:, 0]
+    free = contacts.accelerate(state, np.zeros(1), ContactMode(np.zeros(5))).acceleration[:, 0]
+    mass = equations.mass(state)[0]
+
+    def smooth(split):
+        apart = split[:5] - split[5:] - free
+        gradient = mass @ apart
+        return apart @ gradient / 2 + limits @ (split[:5] + split[5:]), np.concatenate(
+            [gradient + limits, limits - gradient]
+        )
+
+    best = minimize(
+        smooth, np.zeros(10), jac=True, bounds=[(0, None)] * 10, options={"ftol": 1e-16, "gtol": 1e-12}
+    )
+    expected = best.x[:5] - best.x[5:]
+    assert result == pytest.approx(expected, abs=1e-4 * np.abs(free).max())
+    assert len(mode.stuck) not in (0, 5)

@@ -27,7 +27,7 @@ from mechsim.errors import MechsimError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.nonlinear_springs import NonlinearSpring, Phases, SpringLaw, phases_of
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complementarity import complementary
+from mechsim.numerics.complementarity import complementary, least_in_box
 from mechsim.numerics.newton import root
 from mechsim.numerics.rank import null_spaces
 
@@ -54,6 +54,8 @@ MAX_IMPACTS = 100
 IMMOBILE = 1e-9
 # acceleration of a sticking friction's rate, relative to the square of the fastest rate, that is no rounding
 REVERSAL = 1e-6
+# acceleration that a friction at rest permits, relative to that by its limit, that is rounding
+STARTED = 1e-9
 # relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
 # smallest limit of a friction by the load, in [N] or [N m]: that of a joint without a load is zero
@@ -61,7 +63,7 @@ NO_LIMIT = 1e-200
 # friction of a unit combination of redundant constraint forces, in [N] or [N m], that is rounding
 NO_FRICTION = 1e-9
 
-# n states and times (n,) in [s] -> numbers (n,) that are zero at the event
+# n states and times (n,) in [s] -> numbers (n,), or rows (k, n), that are zero at the event
 EventFunction = Callable[[Kinematics, Array], Array]
 
 
@@ -139,22 +141,25 @@ class Contacts:
         )
 
     def end_functions(self, mode: ContactMode) -> list[EventFunction]:
-        """Return functions that cross zero downwards where a contact mode ends."""
+        """Return functions of which a row crosses zero downwards where a contact mode ends."""
 
         def dynamics(state: Kinematics, times: Array) -> Dynamics:
             return self.accelerate(state, times, mode)
 
         functions: list[EventFunction] = []
-        for i in np.flatnonzero(mode.sliding):
-            functions.append(lambda state, _, i=i: self.equations.friction_rates(state)[i] * mode.sliding[i])
+        moving = np.flatnonzero(mode.sliding)
+        if len(moving):
+            functions.append(
+                lambda state, _: self.equations.friction_rates(state)[moving] * mode.sliding[moving, None]
+            )
         if mode.stuck:
             # positive for a balance to rounding
             functions.append(
                 lambda state, times: 1.0 + BALANCED - self._friction_load(dynamics(state, times), mode)
             )
-        for k in range(len(mode.contacts)):
+        if mode.contacts:
             functions.append(
-                lambda state, times, k=k: self._pressing(dynamics(state, times), mode)[k] + mode.adhesion[k]
+                lambda state, times: self._pressing(dynamics(state, times), mode) + mode.adhesion[:, None]
             )
         for k, phase in enumerate(mode.phases):
             functions.append(lambda state, _, k=k, phase=phase: self._phase_left(state, k, phase) + OPEN_GAP)
@@ -169,12 +174,12 @@ class Contacts:
         limits = np.maximum(dynamics.limits[mode.stuck], NO_LIMIT)
         holding = dynamics.holding[mode.stuck] / limits
         loads = np.abs(holding).max(0)
-        if len(limits) > 1:
-            last = dynamics.rows.shape[1] - len(mode.contacts)
-            for k, rows in enumerate(dynamics.rows):
-                unloaded = null_spaces(rows)[0][last - len(limits) : last]
-                redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
-                loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
+        last = dynamics.rows.shape[1] - len(mode.contacts)
+        # forces that are admissible hold, and need no other distribution
+        for k in np.flatnonzero((loads > 1.0) & (len(limits) > 1)):
+            unloaded = null_spaces(dynamics.rows[k])[0][last - len(limits) : last]
+            redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
+            loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
         return loads
 
     def _phase_left(self, state: Kinematics, k: int, phase: int) -> Array:
@@ -324,10 +329,14 @@ class Contacts:
         resting = [i for i in self._closed(state) if slow[i, 0]]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
         mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state))
-        together = None if resting or not stuck else self._moving_together(state, time, mode, fastest)
-        if together is not None:
-            return together
-        least_slip = REVERSAL * fastest**2
+        if any(self.equations.frictions[i].friction.varies for i in stuck):
+            together = None if resting else self._moving_together(state, time, mode, fastest)
+            if together is not None:
+                return together
+        elif stuck:
+            mode = self._started(state, time, mode)
+        free = self.accelerate(state, np.array([time]), replace(mode, stuck=[])).acceleration
+        least_slip = max(REVERSAL * fastest**2, STARTED * float(np.abs(free).max(initial=0.0)))
         for _ in range(MAX_CHANGES):
             mode = self._touching(state, time, mode, resting)
             if not self.equations.frictions:
@@ -362,6 +371,28 @@ class Contacts:
         forces = self._pressing(self.accelerate(state, times, touching), touching)[:, 0]
         adhesion = rounding * float(np.trace(mass[0])) + 2.0 * np.maximum(-forces, 0.0)
         return replace(touching, adhesion=adhesion)
+
+    def _started(self, state: Kinematics, time: float, mode: ContactMode) -> ContactMode:
+        """Return a mode in which those frictions at rest slide whose rates change, without contacts.
+
+        Their forces f minimise f' A f / 2 + f' s within their limits, with the accelerations s of the rates
+        without them and their change A by unit forces. `mode` has them sticking. Source: Glocker, section
+        5.3 (the principle of least constraint with friction of given limits).
+        """
+        equations, times, stuck = self.equations, np.array([time]), mode.stuck
+        free = self.accelerate(state, times, replace(mode, stuck=[]))
+        limits = free.limits[stuck, 0]
+        unit = equations.friction_directions(state)[stuck, 0] * limits[:, None]
+        count, mass = len(stuck), equations.mass(state)
+        repeated, loops = np.repeat(mass, count, 0), np.repeat(free.rows, count, 0)
+        moved, _ = constrained_acceleration(repeated, unit, loops, np.zeros((count, free.rows.shape[1])))
+        changes = limits * equations.friction_accelerations(state, free.acceleration)[stuck, 0]
+        effects = unit @ moved.T
+        changes = changes + effects @ least_in_box(effects, changes)
+        moving = np.abs(changes) > STARTED * np.abs(effects).max()
+        for i, change in zip(np.array(stuck)[moving].tolist(), changes[moving].tolist(), strict=True):
+            mode = self._sliding(mode, i, change)
+        return mode
 
     def _moving_together(
         self, state: Kinematics, time: float, mode: ContactMode, fastest: float
@@ -434,8 +465,12 @@ def _root_of(function: Callable[[Array], Array], low: float, high: float) -> flo
 
 
 def _least_largest(values: Array, directions: Array) -> float:
-    """Return the least largest magnitude of values (m,) plus a combination of the columns (m, k)."""
-    if not directions.size:
+    """Return the least largest magnitude of values (m,) plus a combination of the columns (m, k).
+
+    If that of the least sum of squares is at most 1, it is returned instead.
+    """
+    values = values - directions @ np.linalg.lstsq(directions, values, rcond=None)[0]
+    if not directions.size or np.abs(values).max() <= 1.0:
         return float(np.abs(values).max())
     from scipy.optimize import linprog
 

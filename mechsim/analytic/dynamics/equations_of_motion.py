@@ -36,6 +36,7 @@ from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
 from mechsim.analytic.loops.start import CLOSED, assembled, close_nearest
 from mechsim.errors import InputError
+from mechsim.model.actuators import no_control
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion_laws import State
 from mechsim.model.nonlinear_springs import Phases
@@ -236,7 +237,7 @@ class EquationsOfMotion:
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time, phases=phases)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
         at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
-        directions = friction_directions(self.frictions, unit, jacobians)
+        directions = self.friction_directions(state)
         twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
         inertial = inertial_wrenches(twist, bias, inertia)
         force = generalised_forces(unit, jacobians, wrenches, inertial) + at_joints
@@ -358,7 +359,8 @@ class EquationsOfMotion:
     def steady(self) -> bool:
         """Whether neither loads, controllers, actuators nor prescribed motion depend on time."""
         forces = self.model.forces
-        return not (self.prescribed or forces.controllers or forces.actuators) and not any(
+        varying = [a for a in forces.actuators if a.control is not no_control or a.inflow is not None]
+        return not (self.prescribed or forces.controllers or varying) and not any(
             course.over == "time" for course in self.model.forces.load_profiles
         )
 
@@ -422,19 +424,41 @@ class EquationsOfMotion:
             lengths[k], rates[k] = length_and_rate(unit, spring)
         return lengths, rates
 
+    @cached_property
+    def _constant_directions(self) -> tuple[Array, frozenset[int]]:
+        """Generalised force of a unit of each friction along a coordinate of the tree, (frictions, free).
+
+        Also the numbers of the other frictions, whose directions vary.
+        """
+        every, varying = np.diag(self.loops.units)[:, self.free], set[int]()
+        directions = np.zeros((len(self.frictions), len(self.free)))
+        for k, friction in enumerate(self.frictions):
+            names = friction.joint.coordinates[friction.coordinate :]
+            index = None if KINDS[friction.joint.kind].ball else self.loops.tree.index_of.get(names[0])
+            if index is None:
+                varying.add(k)
+            else:
+                directions[k] = every[index]
+        return directions, frozenset(varying)
+
+    def friction_directions(self, state: Kinematics) -> Array:
+        """Return the generalised force of a unit of each friction, (frictions, n, free)."""
+        constant, varying = self._constant_directions
+        directions = np.repeat(constant[:, None], len(state.q), 1)
+        if varying:
+            numbers = sorted(varying)
+            directions[numbers] = friction_directions(
+                [self.frictions[k] for k in numbers], self._unit_motion(state), self._link_jacobians(state)
+            )
+        return directions
+
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""
-        directions = friction_directions(
-            self.frictions, self._unit_motion(state), self._link_jacobians(state)
-        )
-        return np.einsum("fnk,kn->fn", directions, state.rates[self.free])
+        return np.einsum("fnk,kn->fn", self.friction_directions(state), state.rates[self.free])
 
     def friction_accelerations(self, state: Kinematics, accelerations: Array) -> Array:
         """Return the changes of the opposed rates, (frictions, n), at accelerations (count, n)."""
-        directions = friction_directions(
-            self.frictions, self._unit_motion(state), self._link_jacobians(state)
-        )
-        by_acceleration = np.einsum("fnk,kn->fn", directions, accelerations[self.free])
+        by_acceleration = np.einsum("fnk,kn->fn", self.friction_directions(state), accelerations[self.free])
         return by_acceleration + self._direction_rates(state, range(len(self.frictions))).T
 
     def _unit_motion(self, state: Kinematics) -> UnitMotion:
@@ -458,12 +482,12 @@ class EquationsOfMotion:
 
     def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
         """Return the velocity-product terms of the coordinates with sticking friction, (n, stuck)."""
+        if self._constant_directions[1].isdisjoint(stuck):
+            return np.zeros((len(state.q), len(stuck)))
         displaced: list[Array] = []
         for seconds in (DIFFERENCE, -DIFFERENCE):
             moved = self.kinematics(self.loops.displaced(state.q, seconds * state.rates), state.rates)
-            displaced.append(
-                friction_directions(self.frictions, self._unit_motion(moved), self._link_jacobians(moved))
-            )
+            displaced.append(self.friction_directions(moved))
         change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
 

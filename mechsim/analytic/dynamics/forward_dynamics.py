@@ -54,6 +54,8 @@ from mechsim.numerics.newton import root
 Executed = Literal["C", "numpy"]
 # kinetic energy relative to the largest below which rates are not scaled
 SLOW = 1e-2
+# acceleration at rest, relative to that without sticking friction and contacts, that is rounding
+AT_REST = 1e-12
 
 
 class EnergyBalance:
@@ -624,13 +626,18 @@ class Integration:
     def _first_hit(self, dense: StepSolution | DenseSteps, times: Array) -> float | None:
         """Return the first instant at which a joint hits a stop, searched at instants (n,) in [s]."""
         rates = slice(self.layout.positions, None)
+        states = dense(times).T
+        speeds = self.contacts.gap_rates(states[rates])
+        # a gap that is wider than it changes between two instants stays open
+        change = 2.0 * np.abs(speeds).max(-1, initial=0.0) * np.diff(times).max()
+        reached = self.contacts.gaps(states).min(-1, initial=np.inf) <= change
         hits = [
             closing_instant(
                 lambda instants, i=i: self.contacts.gaps(dense(instants).T)[i],
                 lambda instants, i=i: self.contacts.gap_rates(dense(instants)[:, rates].T)[i],
                 times,
             )
-            for i in range(len(self.contacts.stops))
+            for i in np.flatnonzero(reached)
             if i not in self.right.mode.contacts
         ]
         return min((hit for hit in hits if hit is not None), default=None)
@@ -657,9 +664,14 @@ class Integration:
         if not (mode.stuck or mode.contacts) or not self.equations.steady:
             return None
         state, fastest = self.kinematics(), max(self.fastest, 1e-9)
-        dynamics = self.contacts.accelerate(state, np.array([self.time]), mode)
+        resting, free = (
+            np.abs(self.contacts.accelerate(state, np.array([self.time]), other).acceleration).max(
+                initial=0.0
+            )
+            for other in (mode, ContactMode(mode.sliding, phases=mode.phases))
+        )
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * fastest
-        if still and np.abs(dynamics.acceleration).max(initial=0.0) <= 1e-9 * fastest**2:
+        if still and resting <= max(1e-9 * fastest**2, AT_REST * free):
             constant = StepSolution.constant(self.time, self.state)
             self.pieces.append(Piece(self.time, self.time, constant, mode, self.contacts.indices(mode)))
             return "stopped", f"{_holding(mode)} the mechanism at rest from {self.time:.6g} s on"
@@ -705,18 +717,30 @@ def first_event(
         return None
     states, first = states_at(times), None
     for kind, function in functions:
-        low, high = (values := function(states, times))[:-1], values[1:]
+        values = np.atleast_2d(function(states, times))
+        low, high = values[:, :-1], values[:, 1:]
         crosses = (low > 0.0) & (high <= 0.0)
         if kind == UNTIL:
             crosses |= (low < 0.0) & (high >= 0.0)
-        if not crosses.any():
-            continue
-        k = int(np.argmax(crosses))
-        instant = root(
-            lambda time, function=function: float(function(states_at(np.array([time])), np.array([time]))[0]),
-            float(times[k]),
-            float(times[k + 1]),
-        )
-        if first is None or instant < first[0] - _simultaneous(times):
-            first = (instant, kind)
+        earliest = np.argmax(crosses, 1)
+        for row in sorted(np.flatnonzero(crosses.any(1)).tolist(), key=lambda row: earliest[row]):
+            before, after = times[earliest[row] : earliest[row] + 2].tolist()
+            if first is not None and before > first[0]:
+                break
+
+            def value(time: float, function: EventFunction = function, row: int = row) -> float:
+                instants = np.array([time])
+                return float(np.atleast_2d(function(states_at(instants), instants))[row, 0])
+
+            instant = _zero_between(value, before, after)
+            if first is None or instant < first[0] - _simultaneous(times):
+                first = (instant, kind)
     return first
+
+
+def _zero_between(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return the zero between two instants; the one with the smaller value if rounding changes its sign."""
+    values = function(low), function(high)
+    if values[0] * values[1] < 0.0:
+        return root(function, low, high)
+    return low if abs(values[0]) <= abs(values[1]) else high

@@ -98,7 +98,9 @@ class AppliedControls:
         if self.drives.evaluating:
             return
         if len(self.table):
-            data.ctrl[:] = self.table[round((data.time - self.first) / (0.5 * self.loops.model.opt.timestep))]
+            stage = round((data.time - self.first) / (0.5 * self.loops.model.opt.timestep))
+            # MuJoCo sets the time of a state that has become invalid to zero
+            data.ctrl[:] = self.table[max(stage, 0)]
         else:
             angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
             controls = self.model.controls(angle, np.array([data.time]))

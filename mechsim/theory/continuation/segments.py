@@ -307,9 +307,9 @@ def _same_revolutions(
     """
     tree = loops.loops.tree
     change = segments[-1].value_at(arc)[: tree.count] * loops.loops.units - initial.values[:, 0]
-    turned = np.where(tree.slides, 0.0, REVOLUTION * np.rint(change / REVOLUTION))
+    revolutions = np.where(tree.slides, 0.0, REVOLUTION * np.rint(change / REVOLUTION))
     states = np.concatenate([segment.states for segment in segments])
-    values = loops.unflat(states).values + turned[:, None]
+    values = loops.unflat(states).values + revolutions[:, None]
     counting = [row for row in loops.loops.couplings if _counted(row).any()]
     return all(bool((np.abs(row.evaluate(values)[0]) < REPEATED).all()) for row in counting)
 
