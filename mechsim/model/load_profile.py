@@ -211,9 +211,10 @@ class Interpolated:
         slack = 1e-9 * (last - first)
         outside = (positions < first - slack) | (positions > last + slack)
         if outside.any():
+            remedy = ", or let it span one revolution, 6.283185 rad, after which it repeats"
             raise InputError(
-                f"load table covers {self.over} {first:.6g} to {last:.6g}, but the motion needs "
-                f"{positions[outside][0]:.6g}; make the table longer"
+                f"load table covers {self.over} {first:.8g} to {last:.8g}, but the motion needs "
+                f"{positions[outside][0]:.6g}; make the table longer{remedy if self.over == 'angle' else ''}"
             )
         return self.spline(np.clip(positions, first, last))
 

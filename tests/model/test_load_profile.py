@@ -67,11 +67,11 @@ def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
 
 
 def test_a_table_that_is_not_periodic_is_not_extrapolated():
-    for over in ("angle", "time"):
+    for over, remedy in (("angle", "longer, or let it span one revolution, 6.28"), ("time", "longer$")):
         load = load_profile.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
         assert load.evaluate([0.5], [0.5])[0] == 2.5
         with pytest.raises(
-            InputError, match=r"covers .* 0 to 1, but the motion needs 1.5; make the table longer"
+            InputError, match=rf"covers .* 0 to 1, but the motion needs 1.5; make the table {remedy}"
         ):
             load.evaluate([1.5], [1.5])
 
