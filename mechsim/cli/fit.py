@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -77,35 +77,6 @@ class FitOptions:
         return bool(own)
 
 
-class FittedDimension(TypedDict):
-    """A value with its standard deviation and 95 % interval; null if the data do not determine it."""
-
-    value: float
-    deviation: float | None
-    within_95: float | None
-    start: float
-    unit: str
-
-
-class FitJson(TypedDict):
-    """Identified dimensions, and how well the data determine them."""
-
-    mechanism: str
-    outcome: str
-    dimensions: dict[str, FittedDimension]
-    covariance: list[list[float]]
-    correlations: dict[str, float]
-    indistinguishable: list[list[str]]
-    rms: dict[str, float]
-    spread: float
-    weighed: bool
-    condition: float
-    rows: int
-    numbers: int
-    tried: int
-    output: str | None
-
-
 @command
 def fit(
     source: Annotated[ModelOptions, Without("track", "duration", "loops")],
@@ -115,7 +86,7 @@ def fit(
         str | None,
         output_file("Result to write: .json, or residuals as .csv or .npz.", ".json", ".csv", ".npz"),
     ] = None,
-) -> Result[FitJson | Identification]:
+) -> Result[Fit | Identification]:
     """Identify dimensions from measured motion, or masses and friction from torques, with their uncertainty.
 
     The search starts from the present dimensions: give others with --set. -o writes the result as .json, or
@@ -142,10 +113,9 @@ def fit(
         names = [name for name in options.vary if name != moved.offset]
         offset = len(names) < len(options.vary)
         result = fit_dimensions(moved, measured, names, offset=offset, progress=report)
-    data = _as_dict(result, measured, output)
     if output is not None:
-        _write(output, result, measured, data)
-    return Result(data, lambda: _print(result, measured), result.outcome == "fitted", [output])
+        _write(output, result, measured)
+    return Result(result, lambda: _print(result, measured), result.outcome == "fitted", [output])
 
 
 def _crank_speed(requested: str | None, measured: MeasuredMotion, solver: KinematicSolver) -> float:
@@ -202,9 +172,9 @@ def _print_identified(result: Identification) -> None:
         print_text(f"{len(result.unused)} columns without a use: {', '.join(result.unused[:4])} ...")
 
 
-def _write(path: str, result: Fit, measured: MeasuredMotion, data: FitJson) -> None:
+def _write(path: str, result: Fit, measured: MeasuredMotion) -> None:
     if path.lower().endswith(".json"):
-        files.write_json(path, data)
+        files.write_json(path, result)
         return
     table = {result.moved.over[0]: measured.over}
     names = single(measured.values, result.moved)
@@ -213,35 +183,6 @@ def _write(path: str, result: Fit, measured: MeasuredMotion, data: FitJson) -> N
         own = fitted[names[name]]
         table |= {name: values, f"{name}.fit": own, f"{name}.left": own - values}
     files.write_table(path, table)
-
-
-def _as_dict(result: Fit, measured: MeasuredMotion, output: str | None) -> FitJson:
-    within = result.within()
-    return {
-        "mechanism": result.moved.designs.name,
-        "outcome": result.outcome,
-        "dimensions": {
-            name: {
-                "value": value,
-                "deviation": result.deviations.get(name),
-                "within_95": within.get(name),
-                "start": result.start[name],
-                "unit": result.units[name],
-            }
-            for name, value in result.values.items()
-        },
-        "covariance": result.covariance.tolist(),
-        "correlations": {f"{a}, {b}": value for (a, b), value in result.correlations.items()},
-        "indistinguishable": [list(group) for group in result.together],
-        "rms": dict(result.rms),
-        "spread": result.spread,
-        "weighed": result.weighed,
-        "condition": result.condition,
-        "rows": len(measured.angles),
-        "numbers": measured.count,
-        "tried": result.tried,
-        "output": output,
-    }
 
 
 def _print(result: Fit, measured: MeasuredMotion) -> None:
@@ -254,10 +195,8 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
     _print_values(f"{result.moved.designs.name}: {result.outcome}", "dimension", result, [*result.values])
     strongest = max(result.correlations.items(), key=lambda pair: abs(pair[1]), default=None)
     if strongest is not None:
-        (a, b), value = strongest
-        print_text(
-            f"strongest correlation {value:.3f}, of {a} and {b}; condition {number(result.condition, 3)}"
-        )
+        pair, value = strongest
+        print_text(f"strongest correlation {value:.3f}, of {pair}; condition {number(result.condition, 3)}")
     rms = ", ".join(f"{name} {number(value, 3)}" for name, value in result.rms.items())
     print_text(f"root mean square residual of {measured.count} numbers: {rms}")
     if result.weighed:
@@ -268,7 +207,7 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
 
 def _print_values(title: str, what: str, result: Fit | Identification, names: Sequence[str]) -> None:
     """Print a table of values with their deviations."""
-    within = result.within()
+    within = result.within_95
     rows = [
         (
             name,

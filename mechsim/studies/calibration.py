@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,13 +57,19 @@ class Fit:
         tried: number of mechanisms solved.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = (
+        *("mechanism", "outcome", "values", "deviations", "within_95", "start", "units", "covariance"),
+        *("correlations", "indistinguishable=together", "rms", "spread", "weighed", "condition", "rows"),
+        "tried",
+    )
+
     moved: MovedFamily
     outcome: FitOutcome
     start: Mapping[str, float]
     values: Mapping[str, float]
     units: Mapping[str, str]
     deviations: Mapping[str, float]
-    covariance: Array
+    covariance: Sequence[Sequence[float]]
     together: Sequence[tuple[str, ...]]
     rms: Mapping[str, float]
     spread: float
@@ -86,12 +92,29 @@ class Fit:
         return {name: float(factor) * deviation for name, deviation in self.deviations.items()}
 
     @property
-    def correlations(self) -> dict[tuple[str, str], float]:
-        """Correlation of each pair of dimensions with standard deviations."""
-        names = list(self.values)
-        scale = np.sqrt(np.diag(self.covariance))
+    def within_95(self) -> dict[str, float]:
+        """Half the width of the 95 % interval of each determined dimension."""
+        return self.within()
+
+    @property
+    def mechanism(self) -> str:
+        """Name of the mechanism."""
+        return self.moved.designs.name
+
+    @property
+    def rows(self) -> int:
+        """Number of measured instants."""
+        return len(self.moved.angles)
+
+    @property
+    def correlations(self) -> dict[str, float]:
+        """Correlation of each pair "A and B" of dimensions with standard deviations."""
+        names, covariance = list(self.values), np.array(self.covariance)
+        scale = np.sqrt(np.diag(covariance))
         pairs = [(i, j) for i in range(len(names)) for j in range(i) if scale[i] * scale[j] > 0.0]
-        return {(names[j], names[i]): float(self.covariance[i, j] / (scale[i] * scale[j])) for i, j in pairs}
+        return {
+            f"{names[j]} and {names[i]}": float(covariance[i, j] / (scale[i] * scale[j])) for i, j in pairs
+        }
 
 
 def fit_dimensions(
@@ -281,7 +304,7 @@ class _Problem:
             values=values,
             units=self.dimension_units,
             deviations=deviations,
-            covariance=covariance,
+            covariance=covariance.tolist(),
             together=together,
             rms=rms,
             spread=spread,

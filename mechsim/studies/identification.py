@@ -109,7 +109,17 @@ class Identification:
     """
 
     JSON: ClassVar[tuple[str, ...]] = (
-        *("mechanism", "outcome", "values", "deviations", "start", "units", "covariance", "combinations"),
+        *(
+            "mechanism",
+            "outcome",
+            "values",
+            "deviations",
+            "within_95",
+            "start",
+            "units",
+            "covariance",
+            "combinations",
+        ),
         *("without_effect", "impossible", "rms", "prediction_error", "rows", "unused"),
     )
 
@@ -134,8 +144,9 @@ class Identification:
         """Name of the mechanism."""
         return self.model.mechanism.name
 
-    def within(self) -> dict[str, float]:
-        """Return half the width of the 95 % interval of each determined parameter."""
+    @property
+    def within_95(self) -> dict[str, float]:
+        """Half the width of the 95 % interval of each determined parameter."""
         return {name: TWO_SIDED * deviation for name, deviation in self.deviations.items()}
 
     @property
@@ -331,7 +342,7 @@ class _TorqueFit:
         laws = model.solver.motion_laws
         parameter, rate = laws.parameter(log.time), np.full(len(log.time), laws.rate)
         motion = Motion(
-            "user", parameter, rate, 0.0 * rate, {}, joints=log.motion, time=log.time, drivers=laws.drivers
+            "pose", parameter, rate, 0.0 * rate, {}, joints=log.motion, time=log.time, drivers=laws.drivers
         )
         self.model = model.starting_at(parameter, laws.rate)
         drives = prescribed_along(self.model, parameter, rate, time=log.time, as_run=motion).forces.drives

@@ -28,11 +28,11 @@ def test_a_fit_is_reported_and_written_with_its_uncertainty(fit, table, tmp_path
     code, out, err = fit(*arguments, "--json", "-o", "fit.json")
     assert code == 0, err
     reported = json.loads(out)
-    item = reported["dimensions"]["coupler"]
-    assert (reported["outcome"], item["unit"]) == ("fitted", "m")
-    assert item["value"] == pytest.approx(0.0913, rel=1e-9)
-    assert 0.0 < item["deviation"] < 1e-4
-    assert json.loads((tmp_path / "fit.json").read_text())["dimensions"]["coupler"] == item
+    item = {name: reported[name]["coupler"] for name in ("values", "deviations", "units")}
+    assert (reported["outcome"], item["units"]) == ("fitted", "m")
+    assert item["values"] == pytest.approx(0.0913, rel=1e-9)
+    assert 0.0 < item["deviations"] < 1e-4
+    assert json.loads((tmp_path / "fit.json").read_text()) == reported
     code, out, err = fit(*arguments, "-o", "rows.csv")
     assert code == 0, err
     assert "coupler" in out
@@ -48,7 +48,7 @@ def test_the_crank_speed_comes_from_the_table(fit, tmp_path):
     arguments = ("four_bar", "--to", "rates.csv", "--vary", "coupler")
     code, out, err = fit(*arguments, "--json")
     assert code == 0, err
-    assert json.loads(out)["dimensions"]["coupler"]["value"] == pytest.approx(0.0913, rel=1e-9)
+    assert json.loads(out)["values"]["coupler"] == pytest.approx(0.0913, rel=1e-9)
     code, out, err = fit(*arguments, "--speed", "600rpm")
     assert (code, "62.83 rad/s, but the crank of the table rotates at 31 rad/s" in err) == (2, True)
     files.write_table(tmp_path / "angles.csv", {"angle": ANGLES, "rocker": motion.joints["rocker"].value})
@@ -67,8 +67,8 @@ def test_undetermined_dimensions_have_exit_code_1(fit, table):
 def test_the_zero_of_the_encoder_is_identified_by_its_name(fit, table):
     code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,crank.offset", "--json")
     assert code == 0, err
-    assert abs(json.loads(out)["dimensions"]["crank.offset"]["value"]) < 1e-5
-    assert "coupler" in json.loads(out)["dimensions"]
+    assert abs(json.loads(out)["values"]["crank.offset"]) < 1e-5
+    assert "coupler" in json.loads(out)["values"]
 
 
 @pytest.mark.parametrize(
