@@ -95,7 +95,7 @@ def fit(
     Examples:
     mechsim fit slider_crank --to measured.csv --vary crank,rod
     mechsim fit arm.toml --to measured.csv --vary reach,crank.offset -o fit.json
-    mechsim fit arm.toml --to log.csv --vary forearm.mass,elbow.viscous,elbow.coulomb
+    mechsim fit arm.toml --to log.csv --vary forearm.mass,elbow.viscous
     """
     table = options.table_path()
     if options.inertial:

@@ -344,7 +344,7 @@ def modes(
 
     Examples:
     mechsim dynamics modes four_bar --initial crank.q=-95deg
-    mechsim dynamics modes four_bar --motor 'crank=-3*(crank.q-0.5)' --plot modes.svg
+    mechsim dynamics modes four_bar --motor crank=-3*crank.q --plot modes.svg
     """
     model = loads.dynamic_model(source.load(still=True))
     equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
