@@ -28,6 +28,7 @@ GATES = {
     ("subjects.toml_coordinates", "subjects.law_text"): "motion laws in TOML",
     ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
     ("cli.simulate", "cli.scene_run"): "--ctrl",
+    ("cli.validate", "cli.earlier"): "--compare-to",
     ("cli.validate", "report.validation"): "--report",
     ("cli.validate", "studies.reference"): "--reference",
     ("cli.validate", "subjects.reference_data"): "--reference",

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
-from typing import Any, Literal, TypedDict
+from typing import Any
 
 from mechsim.cli.command import Result
 from mechsim.cli.output import print_text
@@ -15,18 +15,6 @@ from mechsim.pictures.number_text import quantity_text
 Key = tuple[str, str, str]
 # change of an error that is reported, in tolerances of the check: a hundred such changes fail it
 REPORTED = 0.01
-
-
-class ChangeJson(TypedDict):
-    """A check whose error, tolerance or verdict changed; None where one of the two runs did not have it."""
-
-    mechanism: str
-    quantity: str
-    method: str
-    unit: str
-    before: float | None
-    now: float | None
-    change: Literal["better", "worse", "new", "gone"]
 
 
 def _checks(data: Mapping[str, Any]) -> dict[Key, dict[str, Any]]:
@@ -56,7 +44,7 @@ def earlier_checks(path: str) -> dict[Key, dict[str, Any]]:
     raise InputError(f"{path} is no output of `mechsim validate --json`; write one with it")
 
 
-def changes_since(earlier: Mapping[Key, dict[str, Any]], data: Mapping[str, Any]) -> list[ChangeJson]:
+def changes_since(earlier: Mapping[Key, dict[str, Any]], data: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the checks that changed, worse ones first.
 
     Args:
@@ -64,7 +52,7 @@ def changes_since(earlier: Mapping[Key, dict[str, Any]], data: Mapping[str, Any]
         data: JSON of this run.
     """
     now = _checks(plain(data))
-    changes: list[ChangeJson] = []
+    changes: list[dict[str, Any]] = []
     for key in [*now, *(key for key in earlier if key not in now)]:
         was, check = earlier.get(key), now.get(key)
         change = _change(was, check)

@@ -4,8 +4,9 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, NotRequired, TypedDict
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
 
@@ -13,7 +14,6 @@ from mechsim import units
 from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
-from mechsim.cli.earlier import ChangeJson, compared_with, earlier_checks
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
@@ -77,6 +77,18 @@ class ValidateOptions:
         if not 0.0 < tolerance < math.inf:
             raise InputError(f"--tolerance is {self.tolerance}; give a length above 0, as in 1um")
         return tolerance
+
+
+class ChangeJson(TypedDict):
+    """A check whose error, tolerance or verdict changed; None where one of the two runs did not have it."""
+
+    mechanism: str
+    quantity: str
+    method: str
+    unit: str
+    before: float | None
+    now: float | None
+    change: Literal["better", "worse", "new", "gone"]
 
 
 class NoiseJson(TypedDict):
@@ -150,13 +162,17 @@ def validate(
     if chosen.reference:
         used = {"reference", "models", "verbose", "as_json", "compare_to"}
         stated.exclude(stated.options.keys() - used, "with --reference")
-    earlier = None if chosen.compare_to is None else earlier_checks(chosen.compare_to)
+    compared: Callable[[Result[Any]], Result[Any]] | None = None
+    if chosen.compare_to is not None:
+        from mechsim.cli.earlier import compared_with, earlier_checks
+
+        compared = partial(compared_with, chosen.compare_to, earlier_checks(chosen.compare_to))
     if chosen.reference:
         result = _by_reference(models or (), verbose)
     else:
         with output_folder(chosen.report) as folder:
             result = _validate(models, chosen, driven, sets, stated, folder, verbose=verbose, as_json=as_json)
-    return result if earlier is None else compared_with(chosen.compare_to or "", earlier, result)
+    return result if compared is None else compared(result)
 
 
 def _validate(

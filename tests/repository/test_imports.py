@@ -95,7 +95,7 @@ REACHED = {
     "show": 12600,
     "solve": 10850,
     "simulate": 17400,
-    "validate": 19000,
+    "validate": 18950,
     "export": 20200,
     "check": 16600,
     "sample": 16600,
