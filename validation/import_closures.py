@@ -17,7 +17,7 @@ GATES = {
     ("subjects.toml_reader", "subjects.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("subjects.scene_findings", "simulation.findings"): "a MODEL in MJCF",
-    ("simulation.source", "simulation.mjcf_reader.fixed_bodies"): "locked joints",
+    ("simulation.custom_model", "simulation.mjcf_reader.fixed_bodies"): "locked joints",
     ("simulation.source", "simulation.mjcf_reader.parsed_file"): "a keyframe",
     ("subjects.mjcf_source", "subjects.requested_start"): "--start",
     ("subjects.prescription", "subjects.requested_start"): "--start",

@@ -16,6 +16,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.custom_model import at_initial_state, parameter_profile
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mobility import (
@@ -28,7 +29,7 @@ from mechsim.simulation.mobility import (
 from mechsim.simulation.position_tolerance import run_within
 from mechsim.simulation.result import Method, Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.source import Source, at_initial_state, from_source, parameter_profile
+from mechsim.simulation.source import Source, from_source
 from mechsim.simulation.stepping import check_step, require_steps_resolve
 from mechsim.units import si
 

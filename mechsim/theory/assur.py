@@ -142,9 +142,7 @@ class Decomposition:
         return "; ".join(self.lines())
 
 
-def assur_groups(
-    mechanism: Mechanism, driver: str | Sequence[str] | None = None, stopped: Sequence[str] = ()
-) -> Decomposition:
+def assur_groups(mechanism: Mechanism, driver: str | Sequence[str] | None = None) -> Decomposition:
     """Decompose a planar chain into Assur groups.
 
     Args:
@@ -153,7 +151,6 @@ def assur_groups(
             frame replaces the crank, which becomes an ordinary link. A link connected to a driven link, but
             not to the frame, drives with that link stopped, as in Koshel and Koshel. Such an exchange
             releases gears; other driven links remain drivers as long as there are degrees of freedom.
-        stopped: links that count as frame.
 
     Returns:
         Drivers, stopped links and groups in the order of assembly.
@@ -171,7 +168,7 @@ def assur_groups(
             "look at its mobility instead"
         )
     pairs = planar_pairs(mechanism)
-    drivers, stopped = inputs(mechanism, pairs, driver, stopped)
+    drivers, stopped = inputs(mechanism, pairs, driver)
     order = [name for name, first in rigid(mechanism).items() if name == first != GROUND]
     unknown = [link for link in order if link not in (*drivers, *stopped)]
     groups: list[AssurGroup] = []
@@ -209,7 +206,7 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
 
 
 def inputs(
-    mechanism: Mechanism, pairs: Sequence[Pairs], driver: str | Sequence[str] | None, stopped: Sequence[str]
+    mechanism: Mechanism, pairs: Sequence[Pairs], driver: str | Sequence[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the driving links and the stopped ones, selected as in `assur_groups`.
 
@@ -217,21 +214,19 @@ def inputs(
         InputError: for an unknown link, or one that cannot drive.
     """
     requested = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
-    stopped = tuple(stopped)
     links = [link.name for link in mechanism.links]
-    for name in (*requested, *stopped):
+    for name in requested:
         if name not in links:
             raise InputError(f"{mechanism.name} has no moving link {name!r}; choose from {', '.join(links)}")
     body = rigid(mechanism)
-    requested, stopped, driven = (
+    requested, driven = (
         tuple(dict.fromkeys(body[link] for link in links if body[link] != GROUND))
-        for links in (requested, stopped, driven_links(mechanism))
+        for links in (requested, driven_links(mechanism))
     )
     if not requested:
-        return tuple(link for link in driven if link not in stopped), stopped
+        return driven, ()
+    stopped: tuple[str, ...] = ()
     for link in requested:
-        if link in stopped:
-            raise InputError(f"{mechanism.name}: link {link!r} cannot both drive and be stopped; choose one")
         neighbour_links = neighbours(pairs, link)
         if not neighbour_links & {GROUND, *stopped, *requested}:
             stopped += _to_stop(mechanism, link, [other for other in driven if other in neighbour_links])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
-from mechsim.theory.passage import Looper, Passage, crank_pin, dyad, levers_on, passage, wedge
+from mechsim.theory.passage import Looper, Passage, crank_pin, dyad, passage, wedge
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +147,6 @@ MIN_LENGTH = 1e-4
 # largest number of linear programmes, usually three to six, and the relative gain at which they end
 MAX_PROGRAMMES = 40
 LAST_GAIN = 1e-6
-# number of initial programmes about the dyad with C on the curve; they come within a few percent
-INITIAL_PROGRAMMES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,7 +304,7 @@ class _Task:
 
     def equal_ripple(self) -> Synthesis:
         """Return the linkage whose C has the smallest deviation from the curve."""
-        best = self._guess()
+        best = self.circle_fit()
         for _ in range(MAX_PROGRAMMES):
             now, level = best.passage, best.synthesis.deviation
             rows, right = circle_rows(now.b - self.origin)
@@ -317,16 +315,6 @@ class _Task:
                 break
             best = better
         return best.synthesis
-
-    def _guess(self) -> _Trial:
-        """Return an initial guess of this linkage, from the dyad with C on the curve."""
-        rows, right = circle_rows(self.b - self.origin)
-        best = least_worst(rows, right)
-        for _ in range(INITIAL_PROGRAMMES):
-            design = self._design(*self._circle(best.x))
-            levers = levers_on(design, self.curve, self.angles)
-            best = least_worst(levers[:, None] * rows, levers * right)
-        return self._trial(*self._circle(best.x), self.angles, best.active)
 
     def _toward(self, target: Best, last: _Trial, gain: float) -> _Trial | None:
         """Return the first of successively shorter steps with a tenth of the predicted gain."""

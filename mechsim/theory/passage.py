@@ -86,18 +86,6 @@ def passage(design: Looper, curve: Array, angles: Array) -> Passage:
     return Passage(angles, (off * normals).sum(1), b, levers)
 
 
-def levers_on(design: Looper, curve: Array, angles: Array) -> Array:
-    """Return the levers of a linkage with C on a curve, (n,) in [1/m].
-
-    Args:
-        design, curve: as in `passage`.
-        angles: crank angles of the dyad with C on the curve, (n,) in [rad].
-    """
-    tangents = _tangents(curve)
-    normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
-    return (_response(design, curve, angles)[1] * normals).sum(1)
-
-
 def _crossings(design: Looper, curve: Array, tangents: Array, angles: Array) -> tuple[Array, Array, Array]:
     """Return crank angles, (n,), positions of C and speeds, (n, 2) each, at the crossings."""
     middle = len(curve) // 2

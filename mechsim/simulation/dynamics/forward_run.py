@@ -22,6 +22,7 @@ from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.numerics.rounding import CLOSED
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.custom_model import with_functions
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -29,16 +30,15 @@ from mechsim.simulation.dynamics.stepped_friction import with_placeholders
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import (
     MASSLESS_FREE,
-    UNLIMITED,
     actuator_slices,
     with_accepted_inertia,
 )
-from mechsim.simulation.mjcf.joints import model_names
+from mechsim.simulation.mjcf.joints import UNLIMITED, model_names
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
-from mechsim.simulation.source import assembled, with_functions
+from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
 from mechsim.simulation.stepping import expand_functions
 

@@ -14,6 +14,7 @@ from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
 from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
+from mechsim.simulation.custom_model import at_initial_state, parameter_profile
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
     inverse_dynamics,
@@ -27,7 +28,7 @@ from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
+from mechsim.simulation.source import HasMechanism
 from mechsim.simulation.stepping import interval_count, record_interval, require_steps_resolve, step
 from mechsim.units import si
 

@@ -18,6 +18,7 @@ from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_configurations import CONVERGED, ROUNDED_ERROR
+from mechsim.simulation.custom_model import at_initial_state, from_file, parameter_profile
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
@@ -26,7 +27,6 @@ from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON,
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
-from mechsim.simulation.source import at_initial_state, from_source, parameter_profile
 from mechsim.simulation.state import SLIDE, data_at, dense_rows, is_disabled
 
 # elements of a file that a finding can refer to
@@ -330,7 +330,7 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
 @quiet()
 def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: bool = False) -> Swing:
     """Return the motion under motion laws; with `returns` the second half is the first half reversed."""
-    closed = from_source(scene.read, drivers=laws.drivers)
+    closed = from_file(scene.read, laws.drivers)
     require_determined(closed, residual_mobility(closed))
     closed = at_initial_state(closed, laws)
     time = np.linspace(0.0, laws.duration, SAMPLES)

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.custom_model import from_file
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.findings.inspected import Inspected, Loop, loop_rank, null_space
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.mobility import residual_mobility
-from mechsim.simulation.source import from_source
 from mechsim.simulation.state import BALL, scalar_joints
 
 # largest number of joints in a message
@@ -228,6 +228,6 @@ def _has_undetermined(scene: Inspected) -> bool:
     """
     start = scene.read if scene.closed is None else replace(scene.read, qpos=scene.closed)
     try:
-        return residual_mobility(from_source(start, drivers=scene.drivers)).undetermined != ()
+        return residual_mobility(from_file(start, scene.drivers)).undetermined != ()
     except (MechsimError, np.linalg.LinAlgError):
         return scene.closed is not None and _representative_joints(scene, _free_directions(scene))[0] > 0

@@ -13,11 +13,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.actuators import NO_LIMIT, Actuator, Range
+from mechsim.model.actuators import Actuator
 from mechsim.model.forces import Forces, Friction, JointSpring, Location, Spring, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
-from mechsim.model.limits import Ranges
 from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import ORIGIN, Inertia, vector
 from mechsim.model.masses import with_inertia
@@ -25,7 +24,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.joints import model_names, part_names
+from mechsim.simulation.mjcf.joints import finite_limits, model_names, part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 from mechsim.simulation.state import quaternion
 
@@ -37,8 +36,6 @@ MASSLESS, MASSLESS_FREE = 1e-6, 1e-12
 LEAST_ACCEPTED = 2e-15
 # principal moment relative to the largest up to which it is zero: rounding of the eigenvalues
 ZERO_MOMENT = 1e-14
-# limit in place of an infinite one on one side
-UNLIMITED = 1e30
 # placeholder mass of a link times size of its mechanism, in [kg m], in models without real inertias
 PLACEHOLDER = 0.1
 
@@ -253,28 +250,14 @@ def _add_actuator(builder: Builder, actuator: Actuator) -> None:
         filters = native(actuator) and actuator.inflow[1] != 0.0
         made.dyntype = mujoco.mjtDyn.mjDYN_FILTER if filters else mujoco.mjtDyn.mjDYN_INTEGRATOR
         made.dynprm[0] = 1.0 / by_control if filters else 1.0
-        made.actlimited, made.actrange = _limits(actuator.state_range)
+        made.actlimited, made.actrange = finite_limits(actuator.state_range)
     if not native(actuator):
         made.gainprm[0] = 0.0
         return
     made.gaintype, made.biastype = mujoco.mjtGain.mjGAIN_AFFINE, mujoco.mjtBias.mjBIAS_AFFINE
     made.gainprm[:3], made.biasprm[:3] = actuator.gain, actuator.bias
-    made.ctrllimited, made.ctrlrange = _limits(actuator.control_range)
-    made.forcelimited, made.forcerange = _limits(actuator.force_range)
-
-
-def _limits(limits: Range) -> tuple[bool, Range]:
-    """Return whether there are limits, and finite ones for MuJoCo."""
-    return limits != NO_LIMIT, (max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED))
-
-
-def limit_joints(spec: mujoco.MjSpec, ranges: Ranges) -> list[str]:
-    """Give the joints of a model their ranges; return the joints that it does not have, as cut ones."""
-    present = {joint.name: joint for joint in spec.joints}
-    for name in ranges.keys() & present.keys():
-        _, present[name].range = _limits(ranges[name])
-        present[name].limited = mujoco.mjtLimited.mjLIMITED_TRUE
-    return [name for name in ranges if name not in present]
+    made.ctrllimited, made.ctrlrange = finite_limits(actuator.control_range)
+    made.forcelimited, made.forcerange = finite_limits(actuator.force_range)
 
 
 def _add_armature(builder: Builder, coordinate: str, inertia: float) -> None:

@@ -1,6 +1,6 @@
 """Generates a MuJoCo model specification from a mechanism and a scene."""
 
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 
 import mujoco
@@ -14,7 +14,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.equalities import add_equality, lock_joint
 from mechsim.simulation.mjcf.force_elements import (
     PLACEHOLDER,
     add_forces,
@@ -31,13 +31,11 @@ from mechsim.simulation.mjcf.joints import (
     zero_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
-from mechsim.simulation.state import SCALAR, quaternion
+from mechsim.simulation.state import quaternion
 
 # tolerance of the constraint solver: with a virtual drive inertia the relative gradient is always small, and
 # with a tolerance of 0 it makes all iterations unless nothing at all changes
 SOLVER_TOLERANCE = 1e-24
-# time constant of the loops in steps
-TIME_CONSTANT_STEPS = 20.0
 # ratio of the virtual drive inertia to the inertia of the links: reactions change the speed by 1e-12 per
 # revolution
 DRIVE_INERTIA_RATIO = 1e12
@@ -180,7 +178,7 @@ def _close(
                 )
                 bodies[end.link].add_site(name=name, pos=position)
                 names.append(name)
-            _add_equality(
+            add_equality(
                 spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
             )
 
@@ -199,7 +197,7 @@ def _add_rods(
             bodies[end.link].add_site(name=name, pos=end.point)
             tendon.wrap_site(name)
         gap = np.subtract(*(frames[end.link].point(end.point) for end in ends))
-        made = _add_equality(
+        made = add_equality(
             spec, joint.name, mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON, (joint.name, "")
         )
         made.data[:5] = [joint.length - float(np.linalg.norm(gap)), 0.0, 0.0, 0.0, 0.0]
@@ -212,7 +210,7 @@ def _weld(spec: mujoco.MjSpec, joint: Joint, bodies: Mapping[str, mujoco.MjsBody
         name = f"{joint.name}@{end.link}"
         bodies[end.link].add_site(name=name, pos=end.point, quat=quaternion(end.frame))
         names.append(name)
-    _add_equality(spec, joint.name, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_SITE, names)
+    add_equality(spec, joint.name, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_SITE, names)
 
 
 def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
@@ -242,7 +240,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         if any(list(side.values()) != [1.0] for side in sides):
             kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
             names = [_tendon(spec, f"{law.name} {i}", side) for i, side in enumerate(sides)]
-        made = _add_equality(spec, equality_name, kind, object_kind, [*names, ""][:2])
+        made = add_equality(spec, equality_name, kind, object_kind, [*names, ""][:2])
         made.data[:5] = shifted
     for name, value in mechanism.locked.items():
         lock_joint(spec, name_of[name], value - float(spec.joint(name_of[name]).ref))
@@ -260,53 +258,6 @@ def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:
     for joint, weight in side.items():
         tendon.wrap_joint(joint, weight)
     return name
-
-
-def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
-    """Lock a hinge or slide at a value in [m] or [rad] relative to the reference configuration."""
-    kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
-    made = _add_equality(spec, f"hold {joint}", kind, object_kind, (joint, ""))
-    made.data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
-
-
-def _add_equality(
-    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, object_type: mujoco.mjtObj, pair: Sequence[str]
-) -> mujoco.MjsEquality:
-    """Add an equality; its stiffness was chosen by validation/choices/constraint_settings.py."""
-    return spec.add_equality(
-        name=name,
-        type=kind,
-        objtype=object_type,
-        name1=pair[0],
-        name2=pair[1],
-        solref=(TIME_CONSTANT_STEPS * spec.option.timestep, 1.0),
-        solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
-    )
-
-
-def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
-    """Lock hinges and slides at values in [m] or [rad].
-
-    Raises:
-        InputError: if a joint is unknown or has another kind.
-    """
-    require_single(spec, locks)
-    model = compiled(spec)
-    for name, value in locks.items():
-        lock_joint(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
-
-
-def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
-    """Reject names of joints that are no hinge or slide of a model.
-
-    Raises:
-        InputError: if a name is no hinge or slide; it lists the hinges and slides.
-    """
-    single = [joint.name for joint in spec.joints if joint.name and joint.type in SCALAR]
-    for name in joint_names:
-        if name not in single:
-            available = ", ".join(single) or "none"
-            raise InputError(f"the model has no hinge or slide called {name!r} to lock (it has {available})")
 
 
 def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from mechsim.model.actuators import NO_LIMIT, Range
 from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
 from mechsim.model.joints import End, Joint
+from mechsim.model.limits import Ranges
 from mechsim.model.link_poses import rotated
 from mechsim.model.links import EZ, Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -187,3 +189,21 @@ def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
         return branch.direction * branch.child.frame[..., COLUMN[axis]]
     back = np.swapaxes(local.rotation, -1, -2)
     return branch.direction * rotated(back, branch.parent.frame[..., COLUMN[axis]])
+
+
+# limit in place of an infinite one on one side
+UNLIMITED = 1e30
+
+
+def finite_limits(limits: Range) -> tuple[bool, Range]:
+    """Return whether there are limits, and finite ones for MuJoCo."""
+    return limits != NO_LIMIT, (max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED))
+
+
+def limit_joints(spec: mujoco.MjSpec, ranges: Ranges) -> list[str]:
+    """Give the joints of a model their ranges; return the joints that it does not have, as cut ones."""
+    present = {joint.name: joint for joint in spec.joints}
+    for name in ranges.keys() & present.keys():
+        _, present[name].range = finite_limits(ranges[name])
+        present[name].limited = mujoco.mjtLimited.mjLIMITED_TRUE
+    return [name for name in ranges if name not in present]

@@ -9,8 +9,7 @@ from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import inertia_and_holding
-from mechsim.simulation.mjcf.force_elements import limit_joints
-from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 
 HOME = "home"
 # time step in [s] of a model with servos

@@ -15,8 +15,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf.force_elements import limit_joints
-from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.subjects.mjcf_source import mujoco_input, printed, read_mjcf
 from mechsim.subjects.model_source import Prescription

@@ -14,12 +14,13 @@ from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.custom_model import from_spec
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.settings import LEAST_CONSTANT, Settings
-from mechsim.simulation.source import CRANK, from_spec, specification, tracked_points
+from mechsim.simulation.source import CRANK, specification, tracked_points
 from mechsim.simulation.stepping import Steps, step
 
 # numbers of steps per revolution; each divides 72 instants per revolution, or is a multiple of 72

@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.links import GROUND, IDENTITY
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import short_repr
-from mechsim.model.progress import Progress
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
@@ -231,16 +231,12 @@ class AssemblyTrace:
     __repr__ = short_repr
 
 
-def _silent(message: str, fraction: float) -> None:
-    pass
-
-
 def trace(
     model: object,
     *,
     starts: int = STARTS,
     seed: int = SEED,
-    progress: Progress = _silent,
+    progress: Progress = no_progress,
 ) -> AssemblyTrace:
     """Trace every assembly of a mechanism with one degree of freedom, through all turning points.
 

@@ -1,0 +1,176 @@
+"""Closed models of specifications: their drivers, locked joints, and the start of a motion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import AssemblyError
+from mechsim.model.joints import Coupling
+from mechsim.model.motion_laws import CrankProfile, MotionLaws
+from mechsim.numerics.arrays import Array
+from mechsim.simulation import loop_jacobian
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.drivers import find_drivers, with_parameter_joint
+from mechsim.simulation.equality_rows import CouplingConstraint
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.equalities import lock_joints, require_single
+from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
+from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
+from mechsim.simulation.model_loops import ModelLoops, read_loops
+from mechsim.simulation.poses.follow import move_drivers
+from mechsim.simulation.recording import add_sensors
+
+
+def from_file(read: MjcfModel, drivers: Sequence[str] | str | None = None) -> ClosedModel:
+    """Return the closed model of an MJCF file as read; drivers are by default those of its mechanism."""
+    mechanism, drivers_ = read.mechanism, drivers if drivers is not None else read.mechanism.driver
+    return custom_model(read.spec.copy(), tuple(mechanism.points), drivers_, mechanism.locked, read.qpos)
+
+
+def custom_model(
+    spec: mujoco.MjSpec,
+    points: tuple[str, ...],
+    drivers: Sequence[str] | str,
+    holds: Mapping[str, float | None],
+    start: Array | None,
+) -> ClosedModel:
+    """Return a custom model with locked joints, in the closed state nearest to its initial state."""
+    if holds:
+        from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
+
+        spec, holds, start = without_locked_bodies(spec, holds, start)
+    if holds:
+        require_single(spec, holds)
+        moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
+        loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)), {})
+        loops, initial_qpos = _closed_at_drivers(loops, _start_qpos(loops, start))
+        assert loops.drivers is not None
+        stands = zip(loops.drivers.names, initial_qpos[loops.drivers.addresses].tolist(), strict=True)
+        targets = {name: value if (value_ := holds.get(name)) is None else value_ for name, value in stands}
+        start = move_drivers(loops, initial_qpos, np.array([*targets.values()]), "where joints are held")
+        start = np.delete(start, loops.crank_address)
+        lock_joints(spec, {name: targets[name] for name in holds})
+    return replace(from_spec(spec, points, drivers, start=start), custom=True)
+
+
+def from_spec(
+    spec: mujoco.MjSpec,
+    points: tuple[str, ...],
+    drivers: Sequence[str] | str = CRANK,
+    *,
+    coordinates: Mapping[str, tuple[str, int | None]] | None = None,
+    laws: Mapping[str, Coupling] | None = None,
+    start: Array | None = None,
+) -> ClosedModel:
+    """Return the model of a specification with sensors for the tracked points.
+
+    Args:
+        spec: specification of the model.
+        points: sites to track.
+        drivers: the hinge that is the crank, or the joints that follow motion laws.
+        coordinates: joint of the model -> name of its coordinate, as in `Track`.
+        laws: equality -> the coupling that it stands for, whose function its polynomial only approximates.
+        start: initial state, (nq,); None for the reference configuration.
+    """
+    track = replace(add_sensors(spec, points), coordinates=coordinates or {})
+    loops = closed_loops(spec, drivers, laws or {})
+    if loops.drivers is not None:
+        names = tuple(track.name(name)[0] for name in loops.drivers.names)
+        loops = replace(loops, drivers=replace(loops.drivers, names=names))
+    loops, closed = _closed_at_drivers(loops, _start_qpos(loops, start))
+    return ClosedModel(loops, track, closed)
+
+
+def closed_loops(
+    spec: mujoco.MjSpec, drivers: Sequence[str] | str, laws: Mapping[str, Coupling]
+) -> ModelLoops:
+    """Return the loops of a specification with a crank, or with drivers locked at their reference values."""
+    if isinstance(drivers, str):
+        loops = read_loops(compiled(spec), drivers)
+    else:
+        model = compiled(with_parameter_joint(spec))
+        loops = read_loops(model, drivers=find_drivers(model, tuple(drivers)))
+    return with_functions(loops, laws)
+
+
+def with_functions(loops: ModelLoops, laws: Mapping[str, Coupling]) -> ModelLoops:
+    """Return loops whose couplings are the functions of laws, equality -> law, instead of polynomials."""
+    names = [str(loops.model.equality(row.equality).name) for row in loops.couplings]
+    rows = [_with_function(row, laws.get(name)) for row, name in zip(loops.couplings, names, strict=True)]
+    return replace(loops, couplings=rows)
+
+
+def _with_function(row: CouplingConstraint, law: Coupling | None) -> CouplingConstraint:
+    """Return a constraint with the function of its coupling, both sides relative to the reference."""
+    if law is None or law.function is None or row.right is None:
+        return row
+    reference = float(row.right.zeros @ row.right.weights)
+    difference = row.coefficients[0] - law.polynomial(np.array([reference]))[0]
+
+    def function(right: Array) -> tuple[Array, Array, Array]:
+        value, rate, second = law.polynomial(reference + right)
+        return value + difference, rate, second
+
+    return replace(row, function=function)
+
+
+def closed_state(loops: ModelLoops, guess: Array) -> Array:
+    """Return the closed state nearest to an initial guess, (nq,).
+
+    Raises:
+        MobilityError: for redundant drivers that prevent closure.
+    """
+    try:
+        return loop_jacobian.close(loops, guess[None])[0]
+    except AssemblyError:
+        locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(guess[None])[1][0])
+        if locked:
+            raise overdetermined_error(loops, locked, 0.0) from None
+        raise
+
+
+def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
+    """Return an initial state of the model, with the path parameter if any; by default the reference."""
+    if start is None:
+        return loops.model.qpos0.copy()
+    return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
+
+
+def _closed_at_drivers(loops: ModelLoops, guess: Array) -> tuple[ModelLoops, Array]:
+    """Return loops with the drivers locked as in an initial guess, and the nearest closed state, (nq,)."""
+    if loops.drivers is not None:
+        drivers = loops.drivers.locked_at(guess[loops.drivers.addresses])
+        loops = replace(loops, drivers=drivers)
+    return loops, closed_state(loops, guess)
+
+
+Closed = TypeVar("Closed", bound=ClosedModel)
+
+
+def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
+    """Return the profile of the path parameter; its cycles define the steps and records of a run.
+
+    Its `fastest` rate is that of the motion laws, which may reverse more or less often than the parameter.
+    """
+    return replace(motion_laws.path_profile, max_speed=motion_laws.fastest)
+
+
+def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
+    """Return a model under motion laws, in their initial state.
+
+    All drivers move to this state together along a straight path in joint space, in the same assembly.
+
+    Raises:
+        AssemblyError: if the loops do not close on that path.
+    """
+    loops, drivers = closed.loops, closed.loops.drivers
+    assert drivers is not None
+    target = np.array([motion_laws.first[name] for name in drivers.names])
+    start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
+    driven = drivers.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
+    loops = replace(loops, drivers=driven)
+    return replace(closed, loops=loops, qpos=loop_jacobian.close(loops, start[None])[0])

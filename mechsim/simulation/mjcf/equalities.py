@@ -1,0 +1,59 @@
+"""Equality constraints of a MuJoCo model: their stiffness, and locked joints."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import mujoco
+
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.state import SCALAR
+
+# time constant of the loops in steps
+TIME_CONSTANT_STEPS = 20.0
+
+
+def add_equality(
+    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, object_type: mujoco.mjtObj, pair: Sequence[str]
+) -> mujoco.MjsEquality:
+    """Add an equality; its stiffness was chosen by validation/choices/constraint_settings.py."""
+    return spec.add_equality(
+        name=name,
+        type=kind,
+        objtype=object_type,
+        name1=pair[0],
+        name2=pair[1],
+        solref=(TIME_CONSTANT_STEPS * spec.option.timestep, 1.0),
+        solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+    )
+
+
+def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
+    """Lock a hinge or slide at a value in [m] or [rad] relative to the reference configuration."""
+    kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+    made = add_equality(spec, f"hold {joint}", kind, object_kind, (joint, ""))
+    made.data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
+
+
+def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
+    """Lock hinges and slides at values in [m] or [rad].
+
+    Raises:
+        InputError: if a joint is unknown or has another kind.
+    """
+    require_single(spec, locks)
+    model = compiled(spec)
+    for name, value in locks.items():
+        lock_joint(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
+
+
+def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
+    """Reject names of joints that are no hinge or slide of a model.
+
+    Raises:
+        InputError: if a name is no hinge or slide; it lists the hinges and slides.
+    """
+    single = [joint.name for joint in spec.joints if joint.name and joint.type in SCALAR]
+    for name in joint_names:
+        if name not in single:
+            available = ", ".join(single) or "none"
+            raise InputError(f"the model has no hinge or slide called {name!r} to lock (it has {available})")
