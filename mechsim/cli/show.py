@@ -23,7 +23,6 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.model.cams import Cam
 from mechsim.model.finding import Finding
 from mechsim.model.joints import Coupling, Joint
 from mechsim.model.mechanism import Mechanism
@@ -195,7 +194,7 @@ def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
 def _joint_row(mechanism: Mechanism, joint: Joint) -> tuple[str, str, str]:
     """Return name, kind and links of a joint."""
     contact = mechanism.contacts.get(joint.name)
-    kind = joint.kind if contact is None else "cam" if isinstance(contact.shape, Cam) else "curve"
+    kind = joint.kind if contact is None else contact.kind
     return joint.name, kind, " - ".join(joint.links)
 
 

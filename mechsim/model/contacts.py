@@ -31,6 +31,11 @@ class Contact:
     one_sided: bool
     restitution: float | None = None
 
+    @property
+    def kind(self) -> str:
+        """What link b touches: "cam" or "curve"."""
+        return "cam" if isinstance(self.shape, Cam) else "curve"
+
     def normals(self, values: Array) -> Array:
         """Return unit normals towards link b at values of the coordinate, (n, 3); of a curve to the left."""
         zero = 0.0 * values

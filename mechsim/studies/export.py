@@ -14,7 +14,8 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.model.scene import Level, Scene
 from mechsim.simulation.mjcf.compiling import to_xml
-from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
+from mechsim.simulation.mjcf.equalities import TIME_CONSTANT_STEPS
+from mechsim.simulation.mjcf.generator import set_drive_inertia
 from mechsim.simulation.settings import plain_settings
 from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
