@@ -95,7 +95,7 @@ REACHED = {
     "show": 12600,
     "solve": 10850,
     "simulate": 17450,
-    "validate": 18950,
+    "validate": 18980,
     "export": 20000,
     "check": 15750,
     "sample": 15500,
