@@ -24,6 +24,16 @@ load as they come into view; a view takes about {view:.1f} MB. Where reduced mot
 
 """
 
+MACHINES = """
+## Machines
+
+Files in `models/machines` have forces, and answers that other equations give. Their names are models, too:
+`mechsim dynamics statics bicycle_suspension`, `mechsim dynamics forward landing_gear --initial strut.v=-3`.
+
+| name | known answer | source |
+|---|---|---|
+"""
+
 
 def write(folder: Path) -> None:
     """Write gallery.md, the pictures and the views; existing pictures and views are kept."""
@@ -35,10 +45,10 @@ def write(folder: Path) -> None:
     with ProcessPoolExecutor(max_workers=2) as pool:
         list(pool.map(_draw, [folder / "extra"] * len(names), names))
     cards = "\n".join(card(folder / "extra", name, about[name]) for name in names)
-    laws = "".join(f"| `{name}` | {_escaped(law)} | {_escaped(source)} |\n" for name, law, source in _laws())
+    laws, machines = _table("gallery", "Law"), _table("machines", "Known")
     head = HEAD.format(pictures=megabytes(folder, "*.gif"), view=megabytes(folder, "*.html") / len(names))
     text = f'{head}<div class="gallery">\n{cards}\n</div>\n\n## Laws and sources of the gallery\n\n'
-    text += f"| name | law | source |\n|---|---|---|\n{laws}"
+    text += f"| name | law | source |\n|---|---|---|\n{laws}{MACHINES}{machines}"
     page = folder / "gallery.md"
     if not page.is_file() or page.read_text(encoding="utf-8") != text:
         page.write_text(text, encoding="utf-8")
@@ -94,13 +104,11 @@ def card(extra: Path, name: str, about: str) -> str:
     return f'<a href="../views/{name}.html">{picture}<b>{name}</b><span>{html.escape(about).replace(chr(96), "")}</span></a>'
 
 
-def _laws() -> list[tuple[str, str, str]]:
-    """Return name, law and source of each file of the gallery, from the comment at its head."""
-    folder = Path(__file__).parents[1] / "models" / "gallery"
-    rows = []
-    for path in sorted(folder.glob("*.toml")):
-        texts = {"Law": "", "Source": ""}
-        key = ""
+def _table(folder: str, what: str) -> str:
+    """Return rows with name, law or known answer, and source of each file, from the comment at its head."""
+    rows = ""
+    for path in sorted((Path(__file__).parents[1] / "models" / folder).glob("*.toml")):
+        texts, key = {what: "", "Source": ""}, ""
         for line in path.read_text(encoding="utf-8").splitlines():
             if not line.startswith("#"):
                 break
@@ -108,7 +116,7 @@ def _laws() -> list[tuple[str, str, str]]:
             key = next((start for start in texts if text.startswith(start)), key)
             if key:
                 texts[key] += f" {text.removeprefix(key + ':')}"
-        rows.append((path.stem, texts["Law"].strip(), texts["Source"].strip()))
+        rows += f"| `{path.stem}` | {' | '.join(_escaped(text.strip()) for text in texts.values())} |\n"
     return rows
 
 

@@ -41,6 +41,7 @@ class ListJson(TypedDict):
 
     mechanisms: dict[str, str]
     gallery: dict[str, str]
+    machines: dict[str, str]
 
 
 class ParameterJson(TypedDict):
@@ -113,7 +114,8 @@ def list_mechanisms() -> Result[ListJson]:
         head = ("name", "what it is")
         print_table("Catalogue (closed forms in Python)", head, mechanisms["mechanisms"].items())
         print_table("Gallery (TOML files)", head, mechanisms["gallery"].items())
-        print_text(f"files of the gallery: {gallery.folder()}")
+        print_table("Machines (TOML files with forces)", head, mechanisms["machines"].items())
+        print_text(f"files: {gallery.folder()}, and machines next to it")
 
     return Result(mechanisms, text)
 

@@ -159,7 +159,8 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
         InputError: if the motion lacks a link that is a body.
     """
     poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
-    for link in mechanism.links:
+    # links without a body are placed about the others
+    for link in sorted(mechanism.links, key=lambda link: not link.is_body):
         if link.name in motion.links:
             moved = motion.links[link.name]
             poses[link.name] = Pose(moved.position, moved.rotation)
@@ -170,8 +171,7 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
             )
         else:
             poses[link.name] = _hidden_link_pose(mechanism, link.name, poses, motion)
-    del poses[GROUND]
-    return with_rods(mechanism, poses)[1]
+    return with_rods(mechanism, {link.name: poses[link.name] for link in mechanism.links})[1]
 
 
 def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:

@@ -1,4 +1,4 @@
-"""The mechanisms that come with mechsim: the gallery of TOML files, and a list with one sentence each."""
+"""The mechanisms that come with mechsim: gallery and machines, and a list with one sentence each."""
 
 from pathlib import Path
 
@@ -16,16 +16,22 @@ def files() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder().glob("*.toml"))}
 
 
+def machines() -> dict[str, Path]:
+    """Return the machines, whose forces and known answers serve dynamics: name -> file."""
+    return {path.stem: path for path in sorted((catalog.models() / "machines").glob("*.toml"))}
+
+
 def list() -> dict[str, dict[str, str]]:
-    """Return the mechanisms that come with mechsim: catalogue and gallery, name -> description.
+    """Return the mechanisms that come with mechsim: catalogue, gallery and machines, name -> description.
 
     Example:
         >>> sorted(ms.list())
-        ['gallery', 'mechanisms']
+        ['gallery', 'machines', 'mechanisms']
     """
     return {
         "mechanisms": {
             name: head_comment(str(catalog.models() / f"{name}.toml")) for name in catalog.MECHANISMS
         },
         "gallery": {name: head_comment(str(path)) for name, path in files().items()},
+        "machines": {name: head_comment(str(path)) for name, path in machines().items()},
     }

@@ -142,6 +142,7 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
     force, derivative, _ = (
         np.stack(pair) for pair in zip(*(curve.forces(interval, u) for u in ends), strict=True)
     )
+    largest = np.abs(force[np.isfinite(force)]).max(initial=0.0)
     located: list[tuple[NDArray[np.intp], Array]] = []
     without_force: list[tuple[NDArray[np.intp], Array]] = []
     for _ in range(HALVINGS):
@@ -173,7 +174,11 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
     pieces, limits = (np.concatenate(values, -1) for values in zip(*without_force, strict=True))
     located.append(_one_of_each_stretch(curve, pieces, limits))
     intervals, u = (np.concatenate(values) for values in zip(*located, strict=True))
-    return curve.configurations(intervals, u) if len(u) else None
+    if not len(u):
+        return None
+    # a force that grows without bound, as of a gas spring of length zero, changes its sign without a root
+    bounded = np.abs(curve.forces(intervals, u)[0]) <= largest
+    return curve.configurations(intervals[bounded], u[bounded]) if bounded.any() else None
 
 
 def _one_of_each_stretch(
