@@ -28,7 +28,7 @@ def certify(
     ),
     driven: Annotated[DriveOptions, Without("track", "duration", "loops")],
     sets: Sets = None,
-) -> Result[Certificate]:
+) -> Result:
     """Prove by interval arithmetic that one assembly and no singularity exists over a range.
 
     Where that fails, singular points are located. Exit code 1 if anything is not certified.

@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import typer
 
@@ -25,15 +25,6 @@ SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 PAGE = "docs/reference/check.md"
 
 
-class CheckFilesJson(TypedDict):
-    """The findings in all files, errors first in each."""
-
-    files: int
-    errors: int
-    findings: list[Violation]
-    fixed: NotRequired[str | None]
-
-
 @command
 def check_files(
     models: Annotated[list[str], typer.Argument(metavar="FILE...", help="MJCF or URDF files.")],
@@ -48,7 +39,7 @@ def check_files(
     ] = None,
     output_format: str = option("text", "Format of the findings.", metavar="text|json|github|sarif"),
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE"),
-) -> Result[CheckFilesJson]:
+) -> Result:
     """Check closed-loop MJCF and URDF files for common mistakes. An error ends with exit code 1.
 
     Examples:
@@ -67,7 +58,7 @@ def check_files(
     codes = [text.split(",") if text else [] for text in (select, ignore)]
     violations = check_each(models, select=codes[0], ignore=codes[1], loops=loops)
     errors = sum(violation.severity == "error" for violation in violations)
-    data: CheckFilesJson = {
+    data: dict[str, Any] = {
         "files": len(models),
         "errors": errors,
         "findings": violations,
@@ -89,7 +80,7 @@ def check_files(
     return Result(data, text, errors == 0)
 
 
-def _print(violations: Sequence[Violation], output_format: str, data: CheckFilesJson) -> None:
+def _print(violations: Sequence[Violation], output_format: str, data: dict[str, Any]) -> None:
     if output_format == "json":
         print_json(data)
     elif output_format == "sarif":

@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import wraps
-from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -13,22 +13,21 @@ from mechsim.cli.output import print_json
 from mechsim.cli.progress import reported
 from mechsim.errors import InputError
 
-Data = TypeVar("Data")
 JSON_OPTION = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 @dataclass(frozen=True, slots=True)
-class Result(Generic[Data]):
+class Result:
     """Result of a command.
 
     Attributes:
-        data: the object that --json prints; `mechsim schema` describes its type.
+        data: the object that --json prints, a table or a record; `mechsim schema` describes it.
         text: function that prints the result as text.
         passed: whether the exit code is 0; otherwise it is 1.
         files: paths of written files, listed after the text; None is skipped.
     """
 
-    data: Data
+    data: Any
     text: Callable[[], object] = lambda: None
     passed: bool = True
     files: Sequence[str | None] = ()
@@ -80,15 +79,6 @@ def option_names(options: type) -> list[str]:
     return [field.name for field in fields(options)]
 
 
-def data_type(function: Callable[..., Any]) -> Any:
-    """Return the type of a command's --json output; None for a command without --json."""
-    returned = inspect.signature(inspect.unwrap(function), eval_str=True).return_annotation
-    for kind in (returned, *get_args(returned)):
-        if get_origin(kind) is Result:
-            return get_args(kind)[0]
-    return None
-
-
 def command(function: Callable[..., Any]) -> Callable[..., None]:
     """Return a function whose parameters are options of the command line.
 
@@ -120,7 +110,8 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
         declared = _declared_fields(cls, types, parameter.annotation)
         groups[parameter.name] = cls, declared
         parameters += [_parameter(field.name, field, types[field.name]) for field in declared]
-    has_json = data_type(function) is not None and all(p.name != "as_json" for p in parameters)
+    returned = inspect.signature(function, eval_str=True).return_annotation
+    has_json = Result in (returned, *get_args(returned)) and all(p.name != "as_json" for p in parameters)
     if has_json:
         kind = inspect.Parameter.KEYWORD_ONLY
         parameters.append(inspect.Parameter("as_json", kind, default=False, annotation=JSON_OPTION))

@@ -1,7 +1,7 @@
 """Command `mechsim compile`: a solver of a mechanism as a C header or a JavaScript file."""
 
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any
 
 import typer
 
@@ -17,19 +17,6 @@ from mechsim.files import atomic_path
 from mechsim.units import option
 
 
-class CompileJson(TypedDict):
-    """A written solver: its drivers, its range of crank angles, and its test."""
-
-    output: str
-    mechanism: str
-    drivers: list[str]
-    coordinates: list[str]
-    range: list[float] | None
-    lines: int
-    torques: bool
-    test: str | None
-
-
 @command
 def compile_solver(
     options: Annotated[ModelOptions, Without("duration", "track", "loops")],
@@ -38,7 +25,7 @@ def compile_solver(
     test: str | None = option(
         None, "Also write a test that checks and times the solver.", metavar="FILE.c|FILE.js"
     ),
-) -> Result[CompileJson]:
+) -> Result:
     """Write a solver without dependencies: a C99 header, or JavaScript.
 
     It solves positions, rates, accelerations and drive torques from the drivers, in one assembly.
@@ -59,7 +46,7 @@ def compile_solver(
     if test_path is not None:
         _write(test_path, (c_test if in_c else javascript_test)(code, path.name))
     limits = code.assembly.interval
-    data: CompileJson = {
+    data: dict[str, Any] = {
         "output": output,
         "mechanism": code.assembly.mechanism.name,
         "drivers": [*code.assembly.drivers],
@@ -77,7 +64,7 @@ def _write(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _print(data: CompileJson, prefix: str) -> None:
+def _print(data: dict[str, Any], prefix: str) -> None:
     limits = data["range"]
     span = "any value" if limits is None else f"{limits[0]:.6g} to {limits[1]:.6g} rad"
     drivers = ", ".join(data["drivers"])

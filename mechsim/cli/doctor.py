@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import TypedDict
+from typing import Any
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.output import print_table, print_text
@@ -24,29 +24,8 @@ WITHOUT_COMPILER = (
 )
 
 
-class BackendJson(TypedDict):
-    """An OpenGL back end for drawing without a screen."""
-
-    name: str
-    works: bool
-    software: bool | None
-    driver: str
-    version: str
-    package: str
-
-
-class DoctorJson(TypedDict):
-    """Versions by library, drawing back ends, paths of ffmpeg and compiler, and the command for the rest."""
-
-    versions: dict[str, str]
-    opengl: list[BackendJson]
-    ffmpeg: str | None
-    compiler: str | None
-    remedy: str
-
-
 @command
-def doctor() -> Result[DoctorJson]:
+def doctor() -> Result:
     """Report versions, OpenGL back ends, ffmpeg and missing libraries, and how to install what is missing.
 
     Examples:
@@ -83,7 +62,7 @@ def missing(libraries: Sequence[str]) -> list[str]:
     return [library for library in libraries if find_spec(library) is None]
 
 
-def examine() -> DoctorJson:
+def examine() -> dict[str, Any]:
     """Return the software of this machine, as plain data."""
     from mechsim.pictures.render import describe_backend, find_ffmpeg
     from mechsim.report.page import versions

@@ -1,25 +1,21 @@
 """What `mechsim dynamics` reports: JSON, peaks, masses, tolerances and comparisons."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics
-from mechsim.analytic.dynamics.contact_forces import ContactForce
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import FrictionError, InputError
-from mechsim.model.finding import Outcome
-from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
-from mechsim.model.masses import LinkMass
 from mechsim.model.motion_laws import MIN_TURNS
 from mechsim.report.facts import study_facts
-from mechsim.verdict.checks import Check, Verdict
+from mechsim.verdict.checks import Verdict
 
 # limits of rows and turns
 MAX_ROWS, MAX_TURNS = 10_000_000, 1e4
@@ -28,98 +24,6 @@ UNDETERMINED = " *"
 
 
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks and all masses.")]
-
-
-class Peak(TypedDict):
-    """The largest value of a motion and where it is: a crank angle, or a time under motion laws."""
-
-    largest: float
-    at_angle: NotRequired[float]
-    at_time: NotRequired[float]
-
-
-class Effort(Peak):
-    """The torque or force of a drive over a motion."""
-
-    mean: float
-    rms: float
-    unit: NotRequired[str]
-
-
-class ReactionPeak(Peak):
-    """The largest force or moment, and whether rigid links determine it; otherwise it is of minimum norm."""
-
-    determined: bool
-
-
-class ReactionJson(TypedDict):
-    """Reaction of a joint on a link, and components that rigid links do not determine."""
-
-    on: str
-    by: str
-    force: ReactionPeak
-    moment: ReactionPeak
-    not_determined: list[str]
-    partly_determined: list[str]
-
-
-class CouplingJson(TypedDict):
-    """Force or torque of a coupling on its driven coordinate, and the element that carries it."""
-
-    force: NotRequired[Peak]
-    effort: Peak
-    unit: str
-    determined: bool
-    by: Literal["teeth", "thread", "ideal transmission"]
-    links: list[str]
-
-
-class InertiaJson(TypedDict):
-    """Range of the reduced inertia."""
-
-    least: float
-    largest: float
-
-
-class FreeJson(TypedDict):
-    """End of a free run."""
-
-    outcome: Outcome
-    reason: str
-    seconds: float
-    turns: float
-    speed: float
-    work: float
-    lost: float
-    energy_error: float
-
-
-class DynamicsJson(TypedDict):
-    """Peaks of a prescribed motion, and the comparison with MuJoCo."""
-
-    mechanism: str
-    masses: list[LinkMass]
-    gravity: list[float]
-    passed: bool | None
-    outcome: Outcome | None
-    method: str
-    checks: list[Check]
-    reason: NotRequired[str]
-    torque: NotRequired[Effort]
-    drives: NotRequired[dict[str, Effort]]
-    actuators: NotRequired[dict[str, Effort]]
-    routes: NotRequired[float]
-    reactions: NotRequired[dict[str, ReactionJson]]
-    sums: NotRequired[dict[str, ReactionJson]]
-    couplings: NotRequired[dict[str, CouplingJson]]
-    contacts: NotRequired[dict[str, ContactForce]]
-    indeterminacy: NotRequired[int]
-    shaking_force: NotRequired[Peak]
-    shaking_moment: NotRequired[Peak]
-    inertia: NotRequired[InertiaJson]
-    power_balance: NotRequired[float]
-    note: NotRequired[str]
-    fluctuation: NotRequired[Fluctuation | None]
 
 
 def require_method(method: str | None, *methods: str) -> None:
@@ -147,14 +51,14 @@ def verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
     return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": verdict.checks}
 
 
-def without_solution(error: FrictionError) -> Result[Any]:
+def without_solution(error: FrictionError) -> Result:
     """Return the result of a motion whose friction has no unique solution."""
     data = verdict_data(None, "none") | {"passed": False, "outcome": error.outcome, "reason": str(error)}
     text = f"{error.outcome.upper()}: {error}"
     return Result(data, lambda: print_text(text), passed=False)
 
 
-def with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None = None) -> Result[Any]:
+def with_masses(model: DynamicModel, result: Result, verbose: bool | None = None) -> Result:
     """Return a result with name, masses and gravity of its mechanism."""
     gravity = model.forces.gravity
 

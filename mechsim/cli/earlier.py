@@ -84,7 +84,7 @@ def _change(was: dict[str, Any] | None, check: dict[str, Any] | None) -> Any:
     return "better" if now < before else "worse"
 
 
-def compared_with(path: str, earlier: Mapping[Key, dict[str, Any]], result: Result[Any]) -> Result[Any]:
+def compared_with(path: str, earlier: Mapping[Key, dict[str, Any]], result: Result) -> Result:
     """Return a result of validate with what changed since an earlier one."""
     changes = changes_since(earlier, result.data)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import typer
 
@@ -21,19 +21,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.settings import SettingOptions
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model
-from mechsim.studies.robots.serial_twin import Coupled
 from mechsim.units import option
-
-
-class ExportJson(TypedDict):
-    """A written model, or the text of a model without -o."""
-
-    output: str | None
-    mechanism: NotRequired[str]
-    format: NotRequired[Literal["xml", "toml", "sdf", "mjcf-tree", "urdf", "csv", "dxf", "svg"]]
-    text: NotRequired[str | None]
-    left_out: NotRequired[str]
-    couplings: NotRequired[list[Coupled]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +85,7 @@ def export(
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
     ] = None,
-) -> Result[ExportJson]:
+) -> Result:
     """Write the MuJoCo model of a mechanism, or the mechanism as TOML.
 
     Examples:
@@ -130,7 +118,7 @@ def export(
     return _result(result, output)
 
 
-def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
+def _result(result: ExportedModel, output: str | None) -> Result:
     """Return the text and data of an exported model."""
 
     def text() -> None:
@@ -143,14 +131,14 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
         if result.left_out:
             typer.echo(result.left_out, err=True)
 
-    data: Any = {"mechanism": result.name, "format": result.format, "output": output}
+    data: dict[str, Any] = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if output is None else None}
     data["left_out"] = result.left_out
     data["couplings"] = result.twin.coupled if result.twin else ()
     return Result(data, text)
 
 
-def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result[ExportJson]:
+def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result:
     """Write the profile of a cam."""
     from mechsim.subjects.cam_files import EXTENSIONS, cam_on, cam_text, write_cam
 
@@ -160,7 +148,7 @@ def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result[Expo
         write_cam(path, cam)
     text = cam_text(cam, ".csv") if path is None else None
     kind: Any = ".csv" if path is None else path.suffix.lower()
-    data: ExportJson = {
+    data: dict[str, Any] = {
         "mechanism": solver.mechanism.name,
         "format": kind[1:],
         "output": output,

@@ -23,7 +23,7 @@ def extremes(
         ),
     ] = None,
     quick: bool = option(False, "Test fewer values.", name="--quick"),
-) -> Result[StabilityMap]:
+) -> Result:
     """Vary steps, speed, size, masses and initial poses until a run fails, and report where.
 
     Examples:

@@ -86,7 +86,7 @@ def fit(
         str | None,
         output_file("Result to write: .json, or residuals as .csv or .npz.", ".json", ".csv", ".npz"),
     ] = None,
-) -> Result[Fit | Identification]:
+) -> Result:
     """Identify dimensions from measured motion, or masses and friction from torques, with their uncertainty.
 
     The search starts from the present dimensions: give others with --set. -o writes the result as .json, or

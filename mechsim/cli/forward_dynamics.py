@@ -2,19 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 
 from mechsim import files
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
 from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Executed
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
 from mechsim.analytic.dynamics.gaps import released
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
-    FreeJson,
     Verbose,
     print_comparison,
     require_method,
@@ -27,11 +26,9 @@ from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import plot_file, table_file
+from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
-from mechsim.model.finding import Outcome
-from mechsim.model.masses import LinkMass
 from mechsim.model.progress import Progress
 from mechsim.model.quantities import quantity_names
 from mechsim.numerics.arrays import Array
@@ -40,46 +37,7 @@ from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward
 from mechsim.studies.release import Release
 from mechsim.subjects.law_text import with_controls
 from mechsim.units import option
-from mechsim.verdict.checks import Check, Verdict
-
-
-class Extent(TypedDict):
-    """Minimum, maximum and last value of a quantity over a run."""
-
-    least: float
-    largest: float
-    final: float
-
-
-class QuantityJson(Extent):
-    """A quantity over a run."""
-
-    unit: str
-
-
-class ForwardRunJson(TypedDict):
-    """End and energies of a run from an initial state, and the comparison with MuJoCo, if there is one."""
-
-    mechanism: str
-    masses: list[LinkMass]
-    gravity: list[float]
-    outcome: Outcome
-    reason: str
-    duration: float
-    energy_error: float
-    work: float
-    lost: float
-    events: list[float]
-    openings: dict[str, list[tuple[float, float]]]
-    singular: list[float]
-    steps: int
-    executed: Executed
-    note: str
-    final: dict[str, float]
-    quantities: dict[str, QuantityJson]
-    passed: bool | None
-    checks: list[Check]
-    free: NotRequired[FreeJson]
+from mechsim.verdict.checks import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +69,9 @@ class ForwardOptions(InitialOptions):
     method: str = option(
         "step", "Whether MuJoCo checks the run: step integrates it too, none omits it.", metavar="step|none"
     )
-    output: Annotated[str | None, table_file("Table of all quantities to write")] = None
-    plot: Annotated[str | None, plot_file("Draw coordinates and energies")] = None
+    output: Annotated[
+        list[str] | None, table_or_plot_file("Table of all quantities", "plot of coordinates and energies")
+    ] = None
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
@@ -140,7 +99,7 @@ def forward(
     options: ForwardOptions,
     stated: Stated,
     verbose: Verbose = False,
-) -> Result[ForwardRunJson]:
+) -> Result:
     """Run a mechanism from an initial state under weight, loads and motors.
 
     Drivers move freely, except those that --drive prescribes. MuJoCo steps the same run as a check.
@@ -174,15 +133,15 @@ def forward(
     except FrictionError as error:
         return with_masses(model, without_solution(error), verbose)
     values = release.values(result, options.quantities)
-    if options.output is not None:
+    table, plot = one_of_each(options.output, TABLES, PLOTS)
+    if table is not None:
         more = {quantity.name: column for quantity, column in values.items()}
-        files.write_table(options.output, dict(result.columns()) | more)
-    if options.plot is not None:
+        files.write_table(table, dict(result.columns()) | more)
+    if plot is not None:
         shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
-        plots.write(options.plot, plots.history_plot(result, shown))
+        plots.write(plot, plots.history_plot(result, shown))
     extents = {
-        quantity.name: QuantityJson(**_extent(column), unit=quantity.unit)
-        for quantity, column in values.items()
+        quantity.name: _extent(column) | {"unit": quantity.unit} for quantity, column in values.items()
     }
     return with_masses(model, _result(model, result, extents, verdict, verbose), verbose)
 
@@ -203,10 +162,10 @@ def _verdict(
 def _result(
     model: DynamicModel,
     result: DynamicRun,
-    quantities: Mapping[str, QuantityJson],
+    quantities: Mapping[str, dict[str, Any]],
     verdict: Verdict | None,
     verbose: bool,
-) -> Result[Any]:
+) -> Result:
     """Return data and text of a run from an initial state."""
     name = model.mechanism.name
     data: dict[str, Any] = {
@@ -256,10 +215,12 @@ def _result(
     return Result(data, text, result.outcome in expected and (verdict is None or verdict.passed))
 
 
-def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[str, QuantityJson]) -> None:
+def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[str, dict[str, Any]]) -> None:
     """Print the ranges of coordinates, quantities and drive forces."""
     joints = result.motion.written_joints
-    extents = {name: QuantityJson(**_extent(joint.value), unit=joint.unit) for name, joint in joints.items()}
+    extents: dict[str, dict[str, Any]] = {
+        name: _extent(joint.value) | {"unit": joint.unit} for name, joint in joints.items()
+    }
     ends = {name: float(joint.rate[-1]) for name, joint in joints.items()}
     rows: list[tuple[Value, ...]] = []
     for quantity, extent in [*extents.items(), *quantities.items()]:
@@ -301,8 +262,9 @@ def _comparison(result: DynamicRun, compared: bool) -> str:
     return f"compared with MuJoCo in {', '.join(spans)}: {soft}"
 
 
-def _extent(values: Array) -> Extent:
-    return Extent(least=float(values.min()), largest=float(values.max()), final=float(values[-1]))
+def _extent(values: Array) -> dict[str, Any]:
+    """Return minimum, maximum and last value of a quantity over a run."""
+    return {"least": float(values.min()), "largest": float(values.max()), "final": float(values[-1])}
 
 
 def _final(result: DynamicRun) -> dict[str, float]:

@@ -12,7 +12,6 @@ from mechsim.analytic.dynamics.contact_forces import contact_forces
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
-    DynamicsJson,
     Verbose,
     print_comparison,
     print_peaks,
@@ -27,7 +26,7 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_text, without_noise
-from mechsim.cli.output_paths import plot_file, table_file
+from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
 from mechsim.model.force_record import Fluctuation
@@ -69,8 +68,7 @@ class InverseOptions:
         "norm.",
         metavar="J[=WEIGHT],...",
     )
-    output: Annotated[str | None, table_file("Table of all quantities to write")] = None
-    plot: Annotated[str | None, plot_file("Draw all quantities")] = None
+    output: Annotated[list[str] | None, table_or_plot_file("Table of all quantities", "their plot")] = None
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
@@ -98,12 +96,12 @@ def inverse(
     options: InverseOptions,
     stated: Stated,
     verbose: Verbose = False,
-) -> Result[DynamicsJson]:
+) -> Result:
     """Compute the drive torque and the joint reactions of a prescribed motion.
 
     Examples:
     mechsim dynamics inverse slider_crank --speed 600rpm --load press.csv
-    mechsim dynamics inverse four_bar --plot sheet.svg
+    mechsim dynamics inverse four_bar -o sheet.svg
     """
     options.check()
     model = loads.dynamic_model(source.load_moving(by_motors=True))
@@ -120,7 +118,7 @@ def inverse(
     return with_masses(model, result, verbose)
 
 
-def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> Result[Any]:
+def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> Result:
     """Return the result of a prescribed motion."""
     method: Any = options.method
     profile = profile_of(model.solver, options.speed, options.turns)
@@ -147,10 +145,11 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
             )
             verdict = crosscheck_driven(run, model, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
-    if options.output is not None:
-        files.write_table(options.output, dict(study.columns()))
-    if options.plot is not None:
-        plots.write(options.plot, plots.dynamics_sheet(study, steady, run and run.forces))
+    table, plot = one_of_each(options.output, TABLES, PLOTS)
+    if table is not None:
+        files.write_table(table, dict(study.columns()))
+    if plot is not None:
+        plots.write(plot, plots.dynamics_sheet(study, steady, run and run.forces))
     alone = "MuJoCo is compared under the drivers alone, without actuators" if weights and run else ""
     note = "; ".join(filter(None, (alone, run and run.note)))
 

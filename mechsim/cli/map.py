@@ -1,7 +1,7 @@
 """Command `mechsim map`: the map from motors to joints of a closed-loop model, over a grid."""
 
 from dataclasses import MISSING
-from typing import Annotated, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -20,27 +20,6 @@ from mechsim.studies.robots.joint_map import (
     joint_map,
 )
 from mechsim.units import option
-
-
-class PolynomialError(TypedDict):
-    """Largest errors of the polynomial of an output between grid points."""
-
-    position: float
-    torque: float
-
-
-class MapJson(TypedDict):
-    """A written map."""
-
-    output: str
-    inputs: list[str]
-    outputs: list[str]
-    points: int
-    reached: float
-    locked: dict[str, float]
-    differences: dict[str, float]
-    passed: bool
-    polynomials: NotRequired[dict[str, PolynomialError]]
 
 
 @command
@@ -62,7 +41,7 @@ def map_joints(
     points: int = option(21, "Grid points along each input."),
     degree: int | None = option(None, "Also fit polynomials of this total degree to the outputs."),
     output: Annotated[str, output_file("Map to write: .npz.", ".npz")],
-) -> Result[MapJson]:
+) -> Result:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
 
     The loop equations check the map at some of its points; a difference ends with exit code 1.
@@ -80,7 +59,7 @@ def map_joints(
     comparison = compare_with_loop_equations(table, model, **options)
     with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]
-    data: MapJson = {
+    data: dict[str, Any] = {
         "output": output,
         "inputs": list(table.inputs),
         "outputs": list(table.outputs),

@@ -40,6 +40,8 @@ WITHOUT_JSON = ("render",)
 SKILL = Path(__file__).parents[1] / "SKILL.md"
 # of what one answer may hold: an agent reads it all; more goes into a file with -o
 MAX_CHARACTERS = 200_000
+# time in [s] after which a command is stopped
+LIMIT = 120.0
 
 
 def run_tool(name: str, words: list[str], folder: Path, limit: float) -> dict[str, Any]:
@@ -72,9 +74,7 @@ def run_tool(name: str, words: list[str], folder: Path, limit: float) -> dict[st
                 stdin=subprocess.DEVNULL,
             )
         except subprocess.TimeoutExpired:
-            raise InputError(
-                f"{name} took more than {limit:g} s and was stopped; ask for less, or serve with --limit"
-            ) from None
+            raise InputError(f"{name} took more than {limit:g} s and was stopped; ask for less") from None
     if ended.returncode not in (0, 1) or (has_json and not ended.stdout):
         raise InputError(
             ended.stderr.strip().removeprefix("mechsim: ") or f"{name} ended with {ended.returncode}"
@@ -113,15 +113,14 @@ def server(folder: Path, limit: float) -> Any:
 def serve(
     *,
     root: str = option(".", "Folder whose files are read and written.", metavar="FOLDER"),
-    limit: float = option(120.0, "Time after which a command is stopped.", unit="s", text="120s"),
 ) -> None:
     """Serve commands as tools for agents, on standard input and output (Model Context Protocol).
 
     Examples:
+    mechsim mcp
     mechsim mcp --root models/
-    mechsim mcp --root . --limit 30s
     """
     folder = Path(root).resolve()
     if not folder.is_dir():
         raise InputError(f"there is no folder {root}; name one that exists")
-    server(folder, limit).run()
+    server(folder, LIMIT).run()

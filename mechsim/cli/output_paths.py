@@ -1,7 +1,7 @@
 """Paths of files that commands write: options, shell completion, and checks before any computation."""
 
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -40,26 +40,51 @@ def complete_files(incomplete: str) -> list[str]:
 def output_file(contents: str, *suffixes: str, name: str = "--output", metavar: str = "FILE") -> Any:
     """Declare an option for a file to write; its help states the contents and the suffixes.
 
-    The path is checked before the command runs; without suffixes the command checks it.
+    The path, or each of a list, is checked before the command runs; without suffixes the command checks it.
     """
 
-    def check(context: typer.Context, path: str | None) -> str | None:
-        if path is not None and suffixes and not context.resilient_parsing:
-            writable(path, *suffixes)
-        return path
+    def check(context: typer.Context, value: Any) -> Any:
+        if suffixes and not context.resilient_parsing:
+            for path in [value] if isinstance(value, str) else value or ():
+                writable(path, *suffixes)
+        return value
 
     names = ("-o", name) if name == "--output" else (name,)
     return typer.Option(*names, metavar=metavar, help=contents, callback=check, autocompletion=complete_files)
 
 
+TABLES, PLOTS = (".csv", ".npz"), (".svg", ".pdf", ".png")
+
+
 def table_file(contents: str) -> Any:
     """Declare the option for a table to write, as `output_file`."""
-    return output_file(f"{contents}: .csv or .npz.", ".csv", ".npz")
+    return output_file(f"{contents}: .csv or .npz.", *TABLES)
 
 
-def plot_file(contents: str, name: str = "--plot") -> Any:
-    """Declare an option for a plot to write, as `output_file`."""
-    return output_file(f"{contents}: .svg, .pdf or .png.", ".svg", ".pdf", ".png", name=name)
+def plot_file(contents: str) -> Any:
+    """Declare the option for a plot to write, as `output_file`."""
+    return output_file(f"{contents}: .svg, .pdf or .png.", *PLOTS)
+
+
+def table_or_plot_file(table: str, plot: str, tables: tuple[str, ...] = TABLES) -> Any:
+    """Declare the option, to be given once or twice, for a table and a plot to write."""
+    contents = f"{table}: {' or '.join(tables)}; or {plot}: .svg, .pdf or .png. Give it twice for both."
+    return output_file(contents, *tables, *PLOTS)
+
+
+def one_of_each(paths: Sequence[str] | None, *kinds: tuple[str, ...]) -> list[str | None]:
+    """Return the path with a suffix of each kind, None without one.
+
+    Raises:
+        InputError: for two paths of one kind.
+    """
+    chosen: list[str | None] = []
+    for suffixes in kinds:
+        own = [path for path in paths or () if Path(path).suffix.lower() in suffixes]
+        if len(own) > 1:
+            raise InputError(f"-o names {' and '.join(map(repr, own))}; give one of each kind")
+        chosen.append(own[0] if own else None)
+    return chosen
 
 
 def writable(path: str, *extensions: str) -> Path:

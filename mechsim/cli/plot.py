@@ -6,7 +6,6 @@ from mechsim.cli.command import Result, Stated, Without, command, option_names
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed
 from mechsim.cli.output_paths import plot_file
-from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
@@ -17,24 +16,18 @@ from mechsim.units import crank_speed, option
 OF_CRANKS = ("transmission",)
 
 
-class PlotJson(Written):
-    """A written plot."""
-
-    kind: str
-
-
 @command
 def plot(
     source: Annotated[ModelOptions, Without("loops")],
-    output: Annotated[str, plot_file("Plot to write", "--output")],
+    output: Annotated[str, plot_file("Plot to write")],
     options: PlotOptions,
     stated: Stated,
     kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto."),
     speed: Speed = SPEED,
-) -> Result[PlotJson]:
+) -> Result:
     """Plot motions, curves, errors or quantities: .svg, .pdf or .png.
 
-    Forces, runs, vibrations and assemblies are drawn by `--plot` of `mechsim dynamics` and `mechsim trace`.
+    Forces, runs, vibrations and assemblies are drawn by `-o` of `mechsim dynamics` and `mechsim trace`.
     The kinds map, parallel and pareto draw measures, named by --of, from a file of `mechsim sweep`.
 
     Examples:
@@ -63,5 +56,5 @@ def plot(
         stated.exclude(["speed"], "under motion laws", not solver.motion_laws.crank)
         figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(output, figure)
-    data: Any = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
+    data: dict[str, Any] = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
     return Result(data, lambda: print_masses(masses), files=[output])

@@ -1,7 +1,7 @@
 """Command `mechsim reduce`: the smallest scene that satisfies a tolerance at the tracked points."""
 
 from dataclasses import MISSING
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any
 
 import typer
 
@@ -14,41 +14,8 @@ from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.reduction.search import Reduction
-from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.units import option
-
-
-class RemovedJson(TypedDict):
-    """A removed element, and the error of the scene after its removal."""
-
-    what: str
-    category: str
-    error: float
-
-
-class Cost(TypedDict):
-    """Milliseconds per simulated second."""
-
-    full: float
-    reduced: float
-
-
-class ReduceJson(TypedDict):
-    """Removed elements, and errors and cost of the reduced scene."""
-
-    left_out: list[RemovedJson]
-    error: float
-    speedup: float
-    motion: SceneErrors
-    second_motion: SceneErrors
-    ms_per_s: Cost
-    tried: int
-    undone: list[str]
-    tolerance: float
-    by: str
-    unit: str
-    output: str | None
 
 
 @command
@@ -62,7 +29,7 @@ def reduce(
     driven: Annotated[DriveOptions, Without("loops")],
     controls: ControlOptions,
     output: Annotated[str, output_file("Reduced scene to write: .xml.", ".xml")],
-) -> Result[ReduceJson]:
+) -> Result:
     """Remove from a scene what the motion of its tracked points does not need.
 
     Examples:
@@ -82,7 +49,7 @@ def reduce(
             **driven.as_arguments(),
         )
     notes.extend(result.notes)
-    data: Any = {**result.as_dict(), "output": output}
+    data: dict[str, Any] = {**result.as_dict(), "output": output}
 
     def text() -> None:
         _print(result.reduction, model, result.tolerance, result.unit)

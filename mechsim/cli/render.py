@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -23,7 +23,6 @@ from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import number
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
@@ -93,12 +92,6 @@ class AnimationOptions:
         return duration * slow * self.fps
 
 
-class RenderJson(Written):
-    """A written picture or animation."""
-
-    frames: int | None
-
-
 @command
 def render(
     source: Annotated[ModelOptions, Without("loops")],
@@ -113,7 +106,7 @@ def render(
     look: Look,
     release: Annotated[ReleaseOptions, Without("until")],
     stated: Stated,
-) -> Result[RenderJson]:
+) -> Result:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
     Motions that return to their start play in a loop without a seam: no frame is shown twice. Motions under
@@ -181,7 +174,7 @@ def _released(
     animation: AnimationOptions,
     look: Look,
     options: ReleaseOptions,
-) -> Result[RenderJson]:
+) -> Result:
     """Draw a run from an initial state, or one cycle of a mode of vibration."""
     model = released_model(source)
     release = options.release(model, source)
@@ -235,15 +228,13 @@ def frame_count(seconds: float, fps: float) -> int:
     return count
 
 
-def _written(
-    name: str, output: str, frames: int | None, masses: Sequence[LinkMass] = ()
-) -> Result[RenderJson]:
+def _written(name: str, output: str, frames: int | None, masses: Sequence[LinkMass] = ()) -> Result:
     def text() -> None:
         typer.echo(f"wrote {'' if frames is None else f'{frames} frames to '}{output}")
         print_masses(masses)
 
     data = {"mechanism": name, "output": output, "frames": frames, **masses_in_json(masses)}
-    return Result(cast("RenderJson", data), text)
+    return Result(data, text)
 
 
 def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look) -> None:

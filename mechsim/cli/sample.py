@@ -1,7 +1,7 @@
 """Command `mechsim sample`: random closed configurations of a MuJoCo model."""
 
 from dataclasses import MISSING
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -32,14 +32,6 @@ def closed_model(source: ModelOptions) -> tuple[Any, dict[str, Any]]:
     return model, options | {"fix_base": source.fix_base}
 
 
-class SampleJson(TypedDict):
-    """The written states."""
-
-    n: int
-    accepted: float
-    worst_residual: float
-
-
 @command
 def sample(
     source: ClosedModelOptions,
@@ -47,7 +39,7 @@ def sample(
     n: int = option(MISSING, "Number of states.", name="-n"),
     output: Annotated[str, output_file("States to write: .npz.", ".npz")],
     seed: int = option(0, "Seed of the random numbers."),
-) -> Result[SampleJson]:
+) -> Result:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
 
     Examples:
@@ -61,6 +53,7 @@ def sample(
         )
     with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
-    data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}
-    text = f"{n} states, {states.accepted:.1%} of draws accepted, worst residual {data['worst_residual']:.2g}"
+    worst = float(states.residual.max())
+    data = {"n": n, "accepted": states.accepted, "worst_residual": worst}
+    text = f"{n} states, {states.accepted:.1%} of draws accepted, worst residual {worst:.2g}"
     return Result(data, lambda: typer.echo(text), files=(output,))

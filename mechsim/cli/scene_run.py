@@ -1,11 +1,12 @@
 """Run of a user's MJCF scene under controls, compared with its exact closure."""
 
+from typing import Any
+
 import typer
 
 from mechsim import files
 from mechsim.cli.command import Result
 from mechsim.cli.output import number, print_text
-from mechsim.cli.schema import RunJson
 from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
@@ -21,7 +22,7 @@ def run_under_controls(
     requested: float | None,
     samples: int | None,
     output: str | None,
-) -> Result[RunJson]:
+) -> Result:
     """Step a user's MJCF scene unchanged under its controls, and compare it with its exact closure.
 
     Args:
@@ -55,7 +56,7 @@ def run_under_controls(
         if output is not None:
             typer.echo(f"wrote {len(run.time)} rows to {output}")
 
-    data: RunJson = {
+    data: dict[str, Any] = {
         "outcome": outcome,
         "tolerance": tolerance,
         "estimate": errors.closure,

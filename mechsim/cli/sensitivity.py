@@ -1,7 +1,7 @@
 """Command `mechsim sensitivity`: exact derivatives by dimensions, and propagation of tolerances."""
 
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, print_table, print_text, without_noise
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
@@ -78,44 +77,13 @@ class SensitivityOptions:
             raise InputError(f"--samples is {self.samples}; give 0 to {MAX_SAMPLES}")
 
 
-class DimensionJson(TypedDict):
-    """A dimension by which quantities are differentiated."""
-
-    value: float
-    unit: str
-
-
-class TolerancesJson(TypedDict):
-    """Tolerances propagated to quantities and paths."""
-
-    bounds: dict[str, float]
-    distribution: str
-    quantities: dict[str, Any]
-    paths: dict[str, Any]
-    monte_carlo: dict[str, Any] | None
-
-
-class SensitivityJson(WithMasses):
-    """Columns: over, quantity, quantity/dimension."""
-
-    mechanism: str
-    rows: int
-    over: Literal["angle", "t"]
-    dimensions: dict[str, DimensionJson]
-    units: dict[str, str]
-    columns: dict[str, list[float]]
-    left_out: dict[str, Any]
-    output: str | None
-    tolerances: NotRequired[TolerancesJson]
-
-
 @command
 def sensitivity(
     source: Annotated[ModelOptions, Without("track", "loops")],
     options: SensitivityOptions,
     stated: Stated,
     output: Annotated[str | None, table_file("Table of derivatives to write")] = None,
-) -> Result[SensitivityJson]:
+) -> Result:
     """Differentiate quantities by dimensions, exactly; propagate tolerances and rank their contributions.
 
     The table has the columns angle and P3.x/crank ..., derivatives in SI at the same position of the drivers.
@@ -161,7 +129,7 @@ def sensitivity(
             print_text(f"left out {name}: {reason}")
         print_masses(masses)
 
-    data: Any = {**_as_dict(table, study), "output": output, **masses_in_json(masses)}
+    data: dict[str, Any] = {**_as_dict(table, study), "output": output, **masses_in_json(masses)}
     return Result(data, text, files=[output])
 
 

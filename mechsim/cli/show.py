@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
+from typing import Annotated, Any
 
 import typer
 
@@ -23,85 +23,19 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.model.finding import Finding
 from mechsim.model.joints import Coupling, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.report.facts import facts
 from mechsim.subjects import gallery
 from mechsim.subjects.scene_findings import scene_findings
-from mechsim.theory.assur import AssurGroup
 from mechsim.units import option, parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs
 INPUT_DIGITS = 6
 
 
-class ListJson(TypedDict):
-    """Name -> description."""
-
-    mechanisms: dict[str, str]
-    gallery: dict[str, str]
-    machines: dict[str, str]
-
-
-class ParameterJson(TypedDict):
-    """A parameter of a mechanism."""
-
-    value: Any
-    unit: str
-    doc: str
-
-
-class Transmission(TypedDict):
-    """The smallest transmission angle over the crank's range."""
-
-    least: float
-    at_angle: float
-
-
-class Assembly(TypedDict):
-    """An assembly: its sign, and point -> coordinates."""
-
-    branch: NotRequired[int]
-    points: dict[str, list[float]]
-
-
-class ShowJson(TypedDict):
-    """Output of `show`; it contains entries of the crank if a crank alone determines the motion."""
-
-    name: str
-    about: str
-    parameters: dict[str, ParameterJson]
-    points: list[str]
-    links: list[str]
-    joints: list[Joint]
-    couplings: list[Coupling]
-    belts: dict[str, dict[str, Any]]
-    locked: dict[str, float]
-    limits: dict[str, list[float | None]]
-    mobility: int | Determinacy
-    mobility_explained: list[str]
-    outcome: NotRequired[Literal["determined", "underdetermined", "overdetermined"]]
-    motion_laws: NotRequired[dict[str, str]]
-    duration: NotRequired[float | None]
-    crank_range: NotRequired[Any]
-    crank_ranges: NotRequired[list[list[float]]]
-    dead_centres: NotRequired[list[float]]
-    change_points: NotRequired[list[float]]
-    turns_to_come_round: NotRequired[int]
-    transmission_angle: NotRequired[Transmission | None]
-    angle: NotRequired[float]
-    assemblies: NotRequired[list[Assembly]]
-    assemblies_complete: NotRequired[bool]
-    assemblies_reason: NotRequired[str]
-    assembly_families: NotRequired[list[str]]
-    assur_groups: NotRequired[list[AssurGroup]]
-    assur_explained: NotRequired[list[str]]
-    findings: NotRequired[list[Finding]]
-
-
 @command
-def list_mechanisms() -> Result[ListJson]:
+def list_mechanisms() -> Result:
     """List the mechanisms of the catalogue, which have closed forms, and of the gallery.
 
     Examples:
@@ -125,11 +59,8 @@ def show(
     source: Annotated[ModelOptions, Without("track", "duration")],
     stated: Stated,
     angle: str | None = option(None, "List the assemblies at this crank angle; a bare number is rad."),
-    driver: str | None = option(
-        None, "Driving link for the Assur groups of a planar mechanism.", metavar="LINK"
-    ),
     units: Units = None,
-) -> Result[ShowJson]:
+) -> Result:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.
 
     Examples:
@@ -140,9 +71,9 @@ def show(
     shown = output_units(units, solver) or SI_UNITS
     radians = None if angle is None else parse_angle(angle, "the crank angle")
     warn_about_angle("--angle", angle or "", solver.written.angle)
-    data = facts(solver, radians, driver)
+    data = facts(solver, radians)
     without = "without a crank that alone determines the motion"
-    stated.exclude(["angle", "driver", "units"], without, "crank_range" not in data)
+    stated.exclude(["angle", "units"], without, "crank_range" not in data)
     findings = scene_findings(solver)
 
     def text() -> None:
@@ -160,7 +91,7 @@ def show(
             if "assemblies" in data:
                 _print_assemblies(data, shown)
 
-    return Result(cast("ShowJson", data | findings_in_json(findings)), text)
+    return Result(data | findings_in_json(findings), text)
 
 
 def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -18,7 +18,6 @@ from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_
 from mechsim.cli.output import number, print_text
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import RunJson
 from mechsim.cli.verdict_text import headline, motion_law_of_crank
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion import select_instants
@@ -92,7 +91,7 @@ def simulate(
     controls: ControlOptions,
     change_point: ChangePointOption = None,
     output: Annotated[str | None, table_file("Motion to write")] = None,
-) -> Result[RunJson]:
+) -> Result:
     """Run a mechanism in MuJoCo under a driven crank, or under motion laws of its drivers.
 
     Examples:
@@ -146,7 +145,7 @@ def simulate(
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
     data |= {"few_digits": few} | findings_in_json(findings)
-    return Result(cast("RunJson", data), text, run.outcome == "passed")
+    return Result(data, text, run.outcome == "passed")
 
 
 def _print_written(output: str | None, rows: int) -> None:

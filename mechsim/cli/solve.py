@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, TypedDict, cast
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -106,16 +106,6 @@ class SolveTask:
         return 1.0 + 9.0 * len(mechanism.points) + 3.0 * len(mechanism.joints)
 
 
-class SolveJson(TypedDict):
-    """Columns of a motion in SI."""
-
-    mechanism: str
-    rows: int
-    output: str | None
-    columns: dict[str, list[float]]
-    few_digits: AccuracyWarning | None
-
-
 @command
 def solve(
     source: ModelOptions,
@@ -125,7 +115,7 @@ def solve(
     units: Units = None,
     output: Annotated[str | None, table_file("Motion to write")] = None,
     as_json: JSON_OPTION = False,
-) -> Result[SolveJson] | None:
+) -> Result | None:
     """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table.
 
     Examples:
@@ -176,7 +166,7 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
 
 def _whole(
     solver: KinematicSolver, motion: "Motion | Poses", output: str | None, shown: OutputUnits | None
-) -> Result[SolveJson]:
+) -> Result:
     """Write a motion that is in memory, and return it as the result."""
     few = loss_of_significance(solver, motion) if isinstance(motion, Motion) else None
     if output is not None:
@@ -194,7 +184,7 @@ def _whole(
 
     data = {"mechanism": solver.name, "rows": len(motion), "output": output}
     data |= {"columns": dict(motion.columns()), "few_digits": few}
-    return Result(cast("SolveJson", data), text)
+    return Result(data, text)
 
 
 def _in_chunks(task: SolveTask, output: str | None, shown: OutputUnits | None) -> None:

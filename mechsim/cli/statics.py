@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -26,10 +26,9 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import plot_file, table_file
+from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_file, table_or_plot_file
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
-from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.quantities import coordinate_units
@@ -38,7 +37,7 @@ from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
 from mechsim.studies.release import frequency_response, mode_motions
 from mechsim.units import option
-from mechsim.verdict.checks import Check, Verdict
+from mechsim.verdict.checks import Verdict
 
 AtRest = Annotated[ModelOptions, Without("drive", "track", "duration", "loops")]
 InitialConfiguration = Annotated[InitialOptions, Without("until")]
@@ -46,94 +45,6 @@ InitialConfiguration = Annotated[InitialOptions, Without("until")]
 REAL = 1e-6
 # maximum number of printed amplitudes of a mode shape, the largest first
 MAX_AMPLITUDES = 4
-
-
-class ModeJson(TypedDict):
-    """A mode of small motions; amplitudes of the joints are numbers, or real and imaginary parts.
-
-    `eigenvalue` is [real part, imaginary part] of s in [1/s], `error` the bound of its error.
-    """
-
-    frequency: float
-    damping_ratio: float
-    eigenvalue: list[float]
-    error: float
-    shape: dict[str, float | list[float]]
-
-
-class EquilibriumJson(TypedDict):
-    """A configuration at rest, its potential energy in [J], and the modes about it.
-
-    `stable` is null if rounding leaves it undecided. `dimension` is 0 for an isolated equilibrium, else the
-    dimension of the family of equilibria that `q` is one of; each family has one entry. At a `singular`
-    configuration, which has more degrees of freedom than its neighbours, there are no modes.
-    """
-
-    q: dict[str, float]
-    stable: bool | None
-    dimension: int
-    singular: bool
-    reached: bool
-    everywhere: bool
-    potential: float
-    modes: list[ModeJson]
-    # force of each stop in contact
-    stops: dict[str, float]
-
-
-class LoadCurveJson(TypedDict):
-    """A load-displacement curve, and its limit points, where a constant load snaps through."""
-
-    load: list[float]
-    displacement: list[float]
-    stable: list[bool]
-    limit_points: list[list[float]]
-
-
-class StaticsJson(TypedDict):
-    """Equilibria, holding forces of the initial configuration, and checks of the equilibria in MuJoCo.
-
-    `curve` is the load-displacement curve that --curve asks for.
-    """
-
-    mechanism: str
-    masses: list[LinkMass]
-    gravity: list[float]
-    equilibria: list[EquilibriumJson]
-    holding: dict[str, float]
-    # least and largest force under friction; null for a direction in which friction jams the mechanism
-    holding_range: dict[str, list[float | None]]
-    curve: NotRequired[LoadCurveJson]
-    passed: bool | None
-    checks: list[Check]
-
-
-class ModesJson(EquilibriumJson):
-    """The equilibrium next to the initial configuration."""
-
-    mechanism: str
-    masses: list[LinkMass]
-    gravity: list[float]
-
-
-class ResponseColumns(TypedDict):
-    """Columns of a frequency response, over frequencies in [Hz]; phases in [rad]."""
-
-    frequency: list[float]
-    magnitude: list[float]
-    phase: list[float]
-
-
-class ResponseJson(TypedDict):
-    """Frequency response from a unit load to a quantity."""
-
-    mechanism: str
-    masses: list[LinkMass]
-    gravity: list[float]
-    load: str
-    quantity: str
-    unit: str
-    response: ResponseColumns
 
 
 @command
@@ -150,7 +61,7 @@ def statics(
     ),
     assemblies: int = option(0, "Also search from N random configurations of any assembly.", metavar="N"),
     method: str = option("pose", "Whether MuJoCo checks the equilibria: pose, or none.", metavar="pose|none"),
-) -> Result[StaticsJson]:
+) -> Result:
     """List the equilibria and the families of them, and the torques that hold a configuration.
 
     The torques are those of the configuration that --initial states.
@@ -209,7 +120,7 @@ def statics(
     return _with_masses(model, Result(data, text, agreed), verbose)
 
 
-def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None = None) -> Result[Any]:
+def _with_masses(model: DynamicModel, result: Result, verbose: bool | None = None) -> Result:
     """Return a result with its masses, and a note of the states of motors that it does not contain."""
     stated = [actuator.name for actuator in model.forces.actuators if actuator.inflow is not None]
     if stated:
@@ -300,7 +211,7 @@ def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
     return ", ".join(texts)
 
 
-def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
+def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
     return {
         "q": dict(equilibrium.q),
         "stable": equilibrium.stable,
@@ -314,7 +225,7 @@ def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
     }
 
 
-def _mode_facts(mode: Mode) -> ModeJson:
+def _mode_facts(mode: Mode) -> dict[str, Any]:
     """Return a mode as plain data; amplitudes that are in phase or opposed are real numbers."""
     largest = max((abs(value) for value in mode.shape.values()), default=0.0)
     real = all(abs(value.imag) <= REAL * largest for value in mode.shape.values())
@@ -335,22 +246,22 @@ def modes(
     source: AtRest,
     loads: LoadOptions,
     initial: InitialConfiguration,
-    output: Annotated[str | None, table_file("Table of the modes to write")] = None,
-    plot: Annotated[str | None, plot_file("Draw the mode shapes")] = None,
-) -> Result[ModesJson]:
+    output: Annotated[list[str] | None, table_or_plot_file("Table of the modes", "their plot")] = None,
+) -> Result:
     """Compute natural frequencies, damping ratios and mode shapes about an equilibrium.
 
     It is the equilibrium next to the initial configuration; `mechsim dynamics statics` lists all.
 
     Examples:
     mechsim dynamics modes four_bar --initial crank.q=-95deg
-    mechsim dynamics modes four_bar --motor crank=-3*crank.q --plot modes.svg
+    mechsim dynamics modes four_bar --motor crank=-3*crank.q -o modes.svg
     """
     model = loads.dynamic_model(source.load(still=True))
     equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
     name = model.mechanism.name
-    if output is not None:
-        files.write_table(output, _mode_columns(equilibrium.modes))
+    table, plot = one_of_each(output, TABLES, PLOTS)
+    if table is not None:
+        files.write_table(table, _mode_columns(equilibrium.modes))
     if plot is not None:
         plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
 
@@ -407,28 +318,28 @@ def response(
     ],
     loads: LoadOptions,
     initial: InitialConfiguration,
-    output: Annotated[str | None, table_file("Table of the response to write")] = None,
-    plot: Annotated[str | None, plot_file("Bode diagram")] = None,
-) -> Result[ResponseJson]:
+    output: Annotated[list[str] | None, table_or_plot_file("Table of the response", "Bode diagram")] = None,
+) -> Result:
     """Compute the frequency response of a quantity to a load, about an equilibrium.
 
     Examples:
     mechsim dynamics response four_bar crank:B.x --initial crank.q=-95deg
-    mechsim dynamics response four_bar B.y:B.y --plot bode.svg
+    mechsim dynamics response four_bar B.y:B.y -o bode.svg
     """
     model = loads.dynamic_model(source.load(still=True))
     result = frequency_response(model, response, dict(initial.initial))
-    table = result.columns()
-    if output is not None:
-        files.write_table(output, table)
+    columns = result.columns()
+    table, plot = one_of_each(output, TABLES, PLOTS)
+    if table is not None:
+        files.write_table(table, columns)
     if plot is not None:
-        plots.write(plot, plots.bode_plot(table, f"{result.quantity} [{result.unit}]"))
-    magnitude, frequency = table["magnitude"], table["frequency"]
+        plots.write(plot, plots.bode_plot(columns, f"{result.quantity} [{result.unit}]"))
+    magnitude, frequency = columns["magnitude"], columns["frequency"]
     peak = int(np.argmax(magnitude))
     text = (
         f"{model.mechanism.name}: from a unit load {result.load} to {result.quantity}: "
         f"{number(magnitude[0])} {result.unit} at {number(frequency[0])} Hz, largest "
         f"{number(magnitude[peak])} {result.unit} at {number(frequency[peak])} Hz"
     )
-    data = {"load": result.load, "quantity": result.quantity, "unit": result.unit, "response": table}
+    data = {"load": result.load, "quantity": result.quantity, "unit": result.unit, "response": columns}
     return _with_masses(model, Result(data, lambda: print_text(text)))

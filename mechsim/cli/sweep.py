@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NotRequired
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -15,7 +15,6 @@ from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError, OutputError
 from mechsim.files import resolved_path
 from mechsim.model.limits import require_count
@@ -74,17 +73,6 @@ class SweepOptions:
     check: int = option(0, "Check N random designs against MuJoCo.", metavar="N")
 
 
-class SweepJson(WithMasses):
-    """Size and duration of a sweep, and designs that MuJoCo checked."""
-
-    model: str
-    output: str
-    designs: int
-    built: int
-    seconds: float
-    checked: NotRequired[dict[str, Any]]
-
-
 @command
 def sweep(
     source: Annotated[ModelOptions, Without("track", "loops")],
@@ -93,7 +81,7 @@ def sweep(
     *,
     stated: Stated,
     release: Annotated[InitialOptions, Without("until")],
-) -> Result[SweepJson]:
+) -> Result:
     """Measure many designs of a mechanism; write a table.
 
     Examples:
@@ -130,7 +118,7 @@ def sweep(
     seconds = time.perf_counter() - start
     checked = check_sweep(task, result, options.check) if options.check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()
-    data: Any = {"model": source.model, "output": output, "designs": task.designs.count}
+    data: dict[str, Any] = {"model": source.model, "output": output, "designs": task.designs.count}
     data |= {"built": built(result), "seconds": seconds} | masses_in_json(masses)
     if checked is not None:
         data["checked"] = {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import MISSING
-from typing import TypedDict
+from typing import Any
 
 from mechsim import units
 from mechsim.cli.command import Result, command
@@ -17,21 +17,6 @@ from mechsim.units import option
 DIMENSION_DIGITS = 6
 
 
-class LineDesign(TypedDict):
-    """Dimensions, and the largest distance of the coupler point from the line."""
-
-    frame: float
-    frame_angle: float
-    rocker: float
-    deviation: float
-
-
-class SynthesisJson(LineDesign):
-    """The design whose rocker follows its circle best, and the design with the straightest path."""
-
-    straightest: LineDesign
-
-
 @command
 def synthesize(
     model: Model,
@@ -39,7 +24,7 @@ def synthesize(
     tilt: str = option(MISSING, "Angle of the line from +Y towards +X, as in 1.3905deg."),
     length: str = option(MISSING, "Length of the line in y."),
     sets: Sets = None,
-) -> Result[SynthesisJson]:
+) -> Result:
     """Find frame, frame angle and rocker of a looper whose coupler point follows a line in the plane.
 
     It prints two linkages: the one with the smallest radial error of the rocker's end, the criterion of the
@@ -69,7 +54,7 @@ def synthesize(
     return Result({**_as_dict(circle_fit), "straightest": _as_dict(straightest)}, text)
 
 
-def _as_dict(design: Synthesis) -> LineDesign:
+def _as_dict(design: Synthesis) -> dict[str, Any]:
     return {
         "frame": design.frame,
         "frame_angle": design.frame_angle,

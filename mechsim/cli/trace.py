@@ -1,13 +1,13 @@
 """Command `mechsim trace`: every assembly of a mechanism as closed curves."""
 
 import math
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any
 
 from mechsim import files
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import Value, number, print_table, print_text
-from mechsim.cli.output_paths import plot_file, table_file
+from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
 from mechsim.model.limits import Ranges
@@ -22,7 +22,7 @@ from mechsim.report.assemblies import (
     trace_record,
     usual_columns,
 )
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve, TurningPoint
+from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.mechanism_trace import STARTS, AssemblyTrace
 from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
 from mechsim.units import option, parse_names
@@ -31,44 +31,15 @@ from mechsim.units import option, parse_names
 CURVE_DIGITS = 4
 
 
-class Component(TypedDict):
-    """A closed curve of assemblies."""
-
-    component: int
-    own: bool
-    starts_ended: int
-    length: float
-    turns: int
-    dead_centres: list[float]
-    turning_points: list[TurningPoint]
-
-
-class TraceJson(TypedDict):
-    """All curves, and the points at which they meet."""
-
-    mechanism: str
-    starts: int
-    seed: int
-    closed: int
-    components: list[Component]
-    branch_points: list[Any]
-    left_out: list[Any]
-    complete_at: int
-    reason: str
-    output: str | None
-    plot: str | None
-
-
 @command
 def trace(
     source: Annotated[ModelOptions, Without("duration", "track", "loops")],
-    output: Annotated[str | None, table_file("Table of the curves to write")] = None,
-    plot: Annotated[str | None, plot_file("Plot the curves")] = None,
+    outputs: Annotated[list[str] | None, table_or_plot_file("Table of the curves", "their plot")] = None,
     coordinates: str | None = option(
         None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
     ),
     starts: int = option(STARTS, "Random starts of the search for assemblies."),
-) -> Result[TraceJson]:
+) -> Result:
     """Trace all assemblies of a mechanism with one DOF as closed curves, past every dead centre.
 
     A curve holds the poses that are reached without a jump. The result lists the extreme values of joint
@@ -79,10 +50,11 @@ def trace(
 
     Examples:
     mechsim trace four_bar --set crank=90mm
-    mechsim trace rssr --plot curves.svg --of angle,rocker
+    mechsim trace rssr -o curves.svg --of angle,rocker
     """
+    output, plot = one_of_each(outputs, TABLES, PLOTS)
     if plot is None and coordinates is not None:
-        raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
+        raise InputError(f"--of {coordinates} selects what is plotted; add -o FILE.svg")
     require_other_drivers(source.model, source.sets, source)
     solver = source.load()
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))
@@ -95,7 +67,7 @@ def trace(
             plots.write(plot, plots.assembly_plot(table, over or usual_columns(curves, table)))
         if output is not None:
             files.write_table(output, joined(tables))
-    data: Any = {**trace_record(curves), "output": output, "plot": plot}
+    data: dict[str, Any] = {**trace_record(curves), "output": output, "plot": plot}
     return Result(data, lambda: _print(curves, solver.ranges), files=[output, plot])
 
 

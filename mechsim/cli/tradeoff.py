@@ -1,7 +1,7 @@
 """Command `mechsim tradeoff`: measured speed and accuracy of MuJoCo's settings."""
 
 import textwrap
-from typing import Annotated, Any, NotRequired, TypedDict, cast
+from typing import Annotated, Any
 
 import typer
 
@@ -10,11 +10,9 @@ from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, Speed, load_model
 from mechsim.cli.output import Value, number, print_table, print_text, width
-from mechsim.cli.output_paths import output_file, plot_file
+from mechsim.cli.output_paths import PLOTS, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
-from mechsim.numerics.convergence import Order
 from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
 from mechsim.studies.budget import Budget
@@ -30,48 +28,6 @@ MAX_FAMILIES = 3
 DEFAULTS_STEPS = (72, 720, 7200)
 
 
-class PointJson(TypedDict):
-    """One setting: cost and errors."""
-
-    method: str
-    integrator: str
-    steps_per_turn: int
-    defaults: bool
-    seconds_per_turn: float
-    position_error: float
-    velocity_error: float
-    acceleration_error: float
-    settings: NotRequired[Settings]
-
-
-class Recommendation(TypedDict):
-    """The cheapest setting within a bound."""
-
-    limit: float
-    point: PointJson | None
-    command: str | None
-
-
-class TradeoffJson(TypedDict):
-    """All measured settings, and the recommended ones."""
-
-    mechanism: str
-    reference: str
-    quantity: str
-    stroke: float
-    trials: int
-    left_out: int
-    untried: list[str]
-    seconds: float
-    recommended: list[Recommendation]
-    pareto: list[PointJson]
-    orders: dict[str, Order | None]
-    points: list[PointJson]
-    budget: float
-    output: str | None
-    plot: str | None
-
-
 @command
 def tradeoff(
     model: Model,
@@ -82,15 +38,17 @@ def tradeoff(
     by: str = option(
         "position", "Error that decides: position, velocity, acceleration, angle, loop or drive."
     ),
-    plot: Annotated[str | None, plot_file("Work-precision plot")] = None,
-    output: Annotated[str | None, output_file("Table of all trials to write: .csv.", ".csv")] = None,
-) -> Result[TradeoffJson]:
+    outputs: Annotated[
+        list[str] | None, table_or_plot_file("Table of all trials", "work-precision plot", (".csv",))
+    ] = None,
+) -> Result:
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism, and recommend some.
 
     Examples:
-    mechsim tradeoff slider_crank --budget 20s --plot precision.svg
+    mechsim tradeoff slider_crank --budget 20s -o precision.svg
     mechsim tradeoff gripper.xml --by velocity
     """
+    output, plot = one_of_each(outputs, (".csv",), PLOTS)
     if by not in COMPARED:
         raise InputError(f"there is no error by {by!r}; choose from {', '.join(COMPARED)}")
     seconds = units.parse_time(budget, "the budget")
@@ -114,7 +72,7 @@ def tradeoff(
         _print(result, by)
         _print_advice(result, by, model)
 
-    return Result(cast("TradeoffJson", data), text, files=[output, plot])
+    return Result(data, text, files=[output, plot])
 
 
 def _print(result: Tradeoff, by: str) -> None:

@@ -1,7 +1,7 @@
 """Command `mechsim tune`: the cheapest settings with which plain MuJoCo satisfies a tolerance on a scene."""
 
 from dataclasses import MISSING, replace
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any
 
 import typer
 
@@ -11,64 +11,16 @@ from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, require_distinct
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.output_paths import output_file
+from mechsim.cli.output_paths import one_of_each, output_file
 from mechsim.cli.progress import progress
+from mechsim.errors import InputError
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
-from mechsim.studies.scene.errors import SceneErrors, SceneTrial
+from mechsim.studies.scene.errors import SceneTrial
 from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.studies.scene.tune import SECONDS, Tuned
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes
 from mechsim.units import option
-
-
-class TriedSettings(TypedDict):
-    """Changed settings with their error and cost."""
-
-    error: float
-    ms_per_s: float
-    settings: dict[str, Any]
-    errors: SceneErrors
-
-
-class Published(TriedSettings):
-    """The settings of the file."""
-
-    reached: bool
-
-
-class TunedSettings(TriedSettings):
-    """The written settings; the error is that of the written file."""
-
-    estimate: float
-
-
-class LimitJson(TypedDict):
-    """The converged reference for errors, and its own errors."""
-
-    what: str
-    error: float
-    effort_error: float
-
-
-class TuneJson(TypedDict):
-    """The search and its result."""
-
-    mechanism: str
-    by: str
-    tolerance: float
-    unit: str
-    reached: bool
-    summary: list[str]
-    published: Published
-    tuned: TunedSettings
-    limit: LimitJson
-    put_in: list[Any]
-    diff: str
-    seconds: float
-    tried: list[TriedSettings]
-    output: str | None
-    python: str | None
 
 
 @command
@@ -88,23 +40,26 @@ def tune(
     controls: ControlOptions,
     allow: str = option("", f"What may be disabled or softened: {', '.join(ALLOWABLE)}.", metavar="KIND,..."),
     budget: str = option(f"{SECONDS:g}s", "Duration of the search; a bare number is in s."),
-    output: Annotated[str, output_file("Tuned scene to write: .xml.", ".xml", metavar="OUT.xml")],
-    python: Annotated[
-        str | None,
+    outputs: Annotated[
+        list[str],
         output_file(
-            "Also write a Python script that runs the scene, with its controls and forces.",
+            "Tuned scene to write: .xml. Give it twice for a Python script that runs the scene with its "
+            "controls and forces: .py.",
+            ".xml",
             ".py",
-            name="--python",
-            metavar="OUT.py",
+            metavar="OUT.xml",
         ),
-    ] = None,
-) -> Result[TuneJson]:
+    ],
+) -> Result:
     """Find the cheapest settings with which plain MuJoCo satisfies a tolerance on your own scene and motion.
 
     Examples:
     mechsim tune gripper.xml --tolerance 10um --ctrl fingers=120 -o tuned.xml
     mechsim tune leg.xml --tolerance 1um --by trajectory -o tuned.xml
     """
+    output, python = one_of_each(outputs, (".xml",), (".py",))
+    if output is None:
+        raise InputError("-o names no scene to write; give -o OUT.xml too")
     require_mjcf(model)
     seconds = units.parse_time(budget, "the budget")
     require_distinct("--ctrl", controls.ctrl)
@@ -123,7 +78,7 @@ def tune(
             **driven.as_arguments(),
         )
     notes.extend(result.notes)
-    data: Any = result.as_dict() | {"output": output, "python": python}
+    data: dict[str, Any] = result.as_dict() | {"output": output, "python": python}
     return Result(data, lambda: _print(result.report, data), result.reached)
 
 

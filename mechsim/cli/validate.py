@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import typer
 
@@ -26,18 +26,14 @@ from mechsim.cli.verdict_text import (
     print_verdicts,
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.finding import Finding, Outcome
-from mechsim.model.masses import LinkMass
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.studies.agreement.noise import Noise
-from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.subjects import catalog, gallery
 from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.readers import load
 from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option
-from mechsim.verdict.checks import Check, Verdict
+from mechsim.verdict.checks import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,58 +75,6 @@ class ValidateOptions:
         return tolerance
 
 
-class ChangeJson(TypedDict):
-    """A check whose error, tolerance or verdict changed; None where one of the two runs did not have it."""
-
-    mechanism: str
-    quantity: str
-    method: str
-    unit: str
-    before: float | None
-    now: float | None
-    change: Literal["better", "worse", "new", "gone"]
-
-
-class NoiseJson(TypedDict):
-    """Whether noise explains the residuals of a measured table."""
-
-    sigma: float
-    systematic: bool
-    chi_squared: float
-    degrees: int
-    probability: float
-    false_alarm: float
-    report: str
-    quantities: dict[str, Noise]
-
-
-class CaseJson(TypedDict):
-    """Checks of a mechanism."""
-
-    passed: bool
-    outcome: Outcome
-    checks: list[Check]
-    reason: NotRequired[str]
-    why: NotRequired[str]
-    against: NotRequired[str]
-    steps: NotRequired[int]
-    seconds: NotRequired[float]
-    compliance: NotRequired[float]
-    attribution: NotRequired[dict[str, Any]]
-    noise: NotRequired[NoiseJson]
-    published: NotRequired[PublishedRun]
-    findings: NotRequired[list[Finding]]
-    masses: NotRequired[list[LinkMass]]
-
-
-class ValidateJson(TypedDict):
-    """Output of `validate`."""
-
-    passed: bool
-    mechanisms: dict[str, CaseJson]
-    compared: NotRequired[list[ChangeJson]]
-
-
 @command
 def validate(
     models: Annotated[
@@ -148,7 +92,7 @@ def validate(
     sets: Sets = None,
     verbose: Verbose = False,
     as_json: JSON_OPTION = False,
-) -> Result[ValidateJson]:
+) -> Result:
     """Check formulas, loop equations and MuJoCo against each other, and name the cause of a difference.
 
     A formula that the file or --against names is Python code, and is run.
@@ -185,7 +129,7 @@ def _validate(
     *,
     verbose: bool,
     as_json: bool,
-) -> Result[ValidateJson]:
+) -> Result:
     """Validate models, and write a report into a folder if there is one."""
     driven_or_changed = driven != DriveOptions() or bool(sets)
     if chosen.against is not None:
@@ -279,7 +223,7 @@ def _validated(
     *,
     verbose: bool,
     as_json: bool,
-) -> Result[ValidateJson]:
+) -> Result:
     """Validate mechanisms; if one cannot be assembled, JSON reports it before the error is raised.
 
     Args:
@@ -295,7 +239,7 @@ def _validated(
         check, draw = sections(report, {"check": 1.0, "draw": 0.0 if folder is None else DRAWING})
         cases = _cases(designs, chosen, speed, quick, check, as_json)
         passed = all(case.passed for case in cases.values())
-        data: Any = {
+        data: dict[str, Any] = {
             "passed": passed,
             "mechanisms": {name: case.as_dict() for name, case in cases.items()},
         }
@@ -319,9 +263,7 @@ def _print_report(folder: str | None) -> None:
         typer.echo(f"report: {Path(folder) / 'index.html'}")
 
 
-def _against(
-    design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool
-) -> Result[ValidateJson]:
+def _against(design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool) -> Result:
     """Compare a model with a function or a table, and explain the difference."""
     source = chosen.against or ""
     from mechsim.studies.agreement.agreement import compare_model
@@ -332,7 +274,7 @@ def _against(
     agreement = compare_model(design, source, speed=crank_speed(chosen.speed), tolerance=tolerance)
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
-    data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}
+    data: dict[str, Any] = {"passed": agreement.passed, "mechanisms": {name: entry}}
     if folder is not None:
         from mechsim.report.validation import write_agreement_report
 
@@ -356,7 +298,7 @@ def report_code(solvers: Iterable[KinematicSolver]) -> None:
         print_stderr(f"mechsim: runs {', '.join(own)} (a formula is Python code)")
 
 
-def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
+def _by_reference(models: Sequence[str], verbose: bool) -> Result:
     """Compare mechanisms with the reference data; without names, all mechanisms with reference data.
 
     Raises:
@@ -380,7 +322,7 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
         typer.echo(f"{count} of {len(verdicts)} mechanisms agree with the reference data in {folder}")
 
     passed = count == len(verdicts)
-    data: Any = {
+    data: dict[str, Any] = {
         "passed": passed,
         "mechanisms": verdicts,
     }

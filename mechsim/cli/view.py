@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,7 +20,6 @@ from mechsim.cli.load_options import (
 )
 from mechsim.cli.options import SPEED, ModelOptions, load_parametric
 from mechsim.cli.output_paths import output_file
-from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
@@ -28,12 +27,6 @@ from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
     from mechsim.pictures.view.pose_grid import View
-
-
-class ViewJson(Written):
-    """A written page, and whether a browser opened it."""
-
-    opened: bool
 
 
 @command
@@ -51,7 +44,7 @@ def view(
     live: bool = option(
         False, "Solve in the page: sliders of dimensions, points to drag, TOML.", name="--live"
     ),
-) -> Result[ViewJson]:
+) -> Result:
     """Write an interactive 3-D page that works offline.
 
     Examples:
@@ -77,7 +70,7 @@ def view(
     opened = browser is not None and browser.open(path.resolve().as_uri())
     prefix = "no browser on this machine; " if output is None else ""
     text = f"opened {path}" if opened else f"{prefix}wrote {path}"
-    data: ViewJson = {"mechanism": contents.mechanism.name, "output": str(path), "opened": opened}
+    data: dict[str, Any] = {"mechanism": contents.mechanism.name, "output": str(path), "opened": opened}
     return Result(data, lambda: typer.echo(text))
 
 

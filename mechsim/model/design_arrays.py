@@ -133,17 +133,10 @@ def same_structure(first: Mechanism, other: Mechanism) -> bool:
     """Whether two mechanisms differ only in the positions of joints and points and in the guess."""
     return (
         [link.name for link in first.links] == [link.name for link in other.links]
-        and [_kind(joint) for joint in first.joints] == [_kind(joint) for joint in other.joints]
-        and first.drivers == other.drivers
-        and first.locked == other.locked
-        and first.laws == other.laws
+        and structure(first) == structure(other)
         and {name: link for name, (link, _) in first.points.items()}
         == {name: link for name, (link, _) in other.points.items()}
     )
-
-
-def _kind(joint: object) -> tuple[object, ...]:
-    return tuple(getattr(joint, name) for name in ("name", "kind", "cross_angle", "lead", "length"))
 
 
 def _designs_first(ends: Ends) -> Sides:

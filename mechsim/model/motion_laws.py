@@ -17,7 +17,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import quintic_spline
-from mechsim.numerics.inputs import number, numbers, units_remedy
+from mechsim.numerics.inputs import number, units_remedy
 
 if TYPE_CHECKING:
     from mechsim.numerics.balls import Ball
@@ -90,24 +90,6 @@ def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
         return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
 
     return CrankProfile(turns * REVOLUTION / abs(speed), abs(speed), state, steady=True)
-
-
-def table(time: ArrayLike, angle: ArrayLike) -> CrankProfile:
-    """Return a crank that follows a table of angles, interpolated by a quintic spline.
-
-    Args:
-        time: increasing from 0, (n,) in [s], at least 6 values.
-        angle: unwrapped, (n,) in [rad].
-    """
-    state = quintic_spline("a crank profile", time, angle)
-    time = numbers(time)
-    if time[0] != 0.0:
-        raise InputError(f"the times of a crank profile start at {time[0]:g} s; start at 0")
-    fine = np.linspace(0.0, time[-1], 20 * len(time))
-    fastest = float(np.abs(state(fine)[1]).max())
-    if not fastest > 0.0:
-        raise InputError("the crank profile is constant; give angles that change")
-    return CrankProfile(float(time[-1]), fastest, state)
 
 
 def swing(middle: float, reach: float, fastest: float) -> CrankProfile:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mechsim.theory.assur import AssurGroup
 
 
-def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
+def facts(solver: KinematicSolver, angle: float | None = None) -> dict[str, Any]:
     """Return all properties of a mechanism that need no simulation, for JSON.
 
     For several drivers: only properties that need no crank.
@@ -33,7 +33,6 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     Args:
         solver: the mechanism.
         angle: crank angle at which assemblies are listed, in [rad]; None takes the start of the assembly.
-        driver: driving link of the Assur groups; None takes the crank.
     """
     from mechsim.theory.assur import assur_groups
     from mechsim.theory.mobility_count import mobility
@@ -62,13 +61,11 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     groups: Sequence[AssurGroup] = ()
     explained: list[str] = []
     # racks and polynomial couplings belong to no Assur group
-    if (count.planar and not mechanism.couplings) or driver is not None:
+    if count.planar and not mechanism.couplings:
         try:
-            apart = assur_groups(mechanism, driver)
+            apart = assur_groups(mechanism)
             groups, explained = apart.groups, apart.lines()
         except MechsimError as error:  # locked joints and redundant links leave no groups
-            if driver is not None:
-                raise
             explained = [f"no Assur groups: {error}"]
     return {
         "mobility": count.actual,

@@ -10,14 +10,13 @@ if TYPE_CHECKING:
     from mechsim.model.motion_laws import CrankProfile as CrankProfile
     from mechsim.model.motion_laws import constant as constant
     from mechsim.model.motion_laws import swing as swing
-    from mechsim.model.motion_laws import table as table
     from mechsim.numerics.angles import REVOLUTION as REVOLUTION
     from mechsim.simulation.run import Run as Run
     from mechsim.simulation.run import simulate as simulate
     from mechsim.simulation.settings import Settings as Settings
 
 _NAMES = {
-    "model.motion_laws": "CrankProfile constant swing table",
+    "model.motion_laws": "CrankProfile constant swing",
     "numerics.angles": "REVOLUTION",
     "simulation.run": "Run simulate",
     "simulation.settings": "Settings",

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import is_table, read
+from mechsim.files import is_table
 from mechsim.model.cams import PERIODIC, Cam, LiftLaw, SegmentedLaw
 from mechsim.model.contacts import Contact
-from mechsim.model.coupling_functions import TabledFunction
 from mechsim.model.joints import Coupling
 from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects.toml_values import KeyPath, Values, written_function
+from mechsim.subjects.toml_values import KeyPath, Values, tabled_function, written_function
 
 # follower -> lengths that it has besides the base radius, and those that it may have
 _LENGTHS: Mapping[tuple[str, str], tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -76,12 +75,8 @@ def _law(values: Values, name: str, written: Any, unit: Any) -> LiftLaw:
     if isinstance(written, str) and not is_table(written):
         return written_function(values, f"{written} + 0*q", path)
     if isinstance(written, str):
-        file = str(values.source.sibling(written))
-        columns = read(file)
-        if set(columns) != {"q", "value"}:
-            raise values.source.error(path, f"has columns {', '.join(columns)}; give q and value")
-        q, lift = (tuple(columns[key].tolist()) for key in ("q", "value"))
-        law = TabledFunction(file, q, lift, periodic=True)
+        law = tabled_function(values, written, path, periodic=True)
+        q, lift = law.positions, law.targets
         if not (
             abs(q[-1] - q[0] - REVOLUTION) <= PERIODIC
             and abs(lift[-1] - lift[0]) <= PERIODIC * max(map(abs, lift))

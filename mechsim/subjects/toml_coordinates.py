@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import is_table, read
-from mechsim.model.coupling_functions import TabledFunction
+from mechsim.files import is_table
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Belt, Coupling, Gear, state_variable
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects.toml_values import KeyPath, Values, suggestion, written_function
+from mechsim.subjects.toml_values import KeyPath, Values, suggestion, tabled_function, written_function
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
@@ -473,12 +472,8 @@ def _function(written: WrittenCoupling) -> Coupling:
     if not driver:
         raise written.error("is a function without a driver; name the coordinate q")
     if is_table(text):
-        file = str(values.source.sibling(text))
-        columns = read(file)
-        if set(columns) != {"q", "value"}:
-            raise written.error(f"has columns {', '.join(columns)}; give q and value", "function")
-        positions, targets = (tuple(columns[name].tolist()) for name in ("q", "value"))
-        function = TabledFunction(file, positions, targets, table.get("periodic", False))
+        periodic = table.get("periodic", False)
+        function = tabled_function(values, text, (*written.path, "function"), periodic=periodic)
     else:
         function = written_function(values, text, (*written.path, "function"))
     return Coupling(written.name, driven, driver, (), zeros, table.get("turns", False), function=function)

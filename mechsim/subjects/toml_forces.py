@@ -22,7 +22,7 @@ from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Mo
 from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.subjects.law_text import LoadComponent, combine_components, parse_component
 from mechsim.subjects.toml_coordinates import leaves
-from mechsim.subjects.toml_motors import actuators_of, expression_controllers
+from mechsim.subjects.toml_motors import actuators_of, expression_controllers, require_motor_keys
 from mechsim.subjects.toml_springs import nonlinear_springs_of, point_of, springs_of
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
 from mechsim.units import Unit
@@ -187,16 +187,8 @@ def _unit(values: Values, mechanism: Mechanism, joint: str, path: KeyPath) -> Un
 
 
 def _motor(values: Values, table: Mapping[str, Any]) -> Motor:
-    path, kind = ("forces", "motor"), table["kind"]
-    make, required = _MOTORS[kind]
-    for key in required:
-        if key not in table:
-            raise values.source.error(
-                path, f"is of kind {kind!r} and has no {key!r}; give {', '.join(required)}"
-            )
-    for key in table:
-        if key not in ("kind", "gear", *required):
-            raise values.source.error((*path, key), f"does not go with kind {kind!r}; leave it out")
+    make, required = _MOTORS[table["kind"]]
+    require_motor_keys(values, table, ("forces", "motor"), required, ("gear",))
     motor = make(*(table[key] for key in required))
     return Geared(motor, table["gear"]) if "gear" in table else motor
 

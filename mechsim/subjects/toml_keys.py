@@ -28,18 +28,18 @@ def schema() -> Key:
 @cache
 def root() -> Key:
     """Return the key of a whole file: its schema with the definitions in place of references."""
-    return _resolved(schema(), schema()["$defs"])
+    return resolved(schema(), schema()["$defs"])
 
 
-def _resolved(node: Any, definitions: Key) -> Any:
+def resolved(node: Any, definitions: Key) -> Any:
     """Return a schema with definitions in place of references, whose other entries are kept."""
     if isinstance(node, list):
-        return [_resolved(entry, definitions) for entry in node]
+        return [resolved(entry, definitions) for entry in node]
     if not isinstance(node, dict):
         return node
     own = {
-        name: _resolved(entry, definitions) for name, entry in node.items() if name not in ("$ref", "$defs")
+        name: resolved(entry, definitions) for name, entry in node.items() if name not in ("$ref", "$defs")
     }
     if "$ref" not in node:
         return own
-    return _resolved(definitions[node["$ref"].rpartition("/")[2]], definitions) | own
+    return resolved(definitions[node["$ref"].rpartition("/")[2]], definitions) | own

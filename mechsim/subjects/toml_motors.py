@@ -1,7 +1,7 @@
 """Motors and actuators on the joints of a TOML file: `[forces.motors.NAME]`."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args
 
 from mechsim.errors import InputError
@@ -62,18 +62,26 @@ def actuators_of(values: Values, mechanism: Mechanism, table: Mapping[str, Any])
 
 
 def _require_keys(values: Values, entry: Mapping[str, Any], path: KeyPath) -> None:
-    """Raise InputError for keys of another kind of motor, and for missing ones."""
+    """Raise InputError for keys of another kind of motor on a joint, and for missing ones."""
     kind = entry["kind"]
     required, optional = (keys.split() for keys in JOINT_MOTORS[kind])
     if kind != "general":
         required = ["joint", *required]
+    others = () if kind == "expression" else ("rotor", "force_range" if kind == "general" else "limit")
+    require_motor_keys(values, entry, path, required, (*optional, *others))
+
+
+def require_motor_keys(
+    values: Values, entry: Mapping[str, Any], path: KeyPath, required: Sequence[str], optional: Sequence[str]
+) -> None:
+    """Raise InputError for a motor without a required key, or with one that is not of its kind."""
+    kind = entry["kind"]
     for key in required:
         if key not in entry:
             reason = f"is of kind {kind!r} and has no {key!r}; give {', '.join(required)}"
             raise values.source.error(path, reason)
-    others = () if kind == "expression" else ("rotor", "force_range" if kind == "general" else "limit")
     for key in entry:
-        if key not in ("kind", *required, *optional, *others):
+        if key not in ("kind", *required, *optional):
             raise values.source.error((*path, key), f"does not go with kind {kind!r}; leave it out")
 
 

@@ -2,17 +2,16 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.files import is_table, read
-from mechsim.model.coupling_functions import TabledFunction
+from mechsim.files import is_table
 from mechsim.model.forces import Location, Spring, located
 from mechsim.model.links import ORIGIN
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
 from mechsim.subjects.law_text import python_expression, quantity, time_function
-from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
+from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion, tabled_function
 from mechsim.units import Unit
 
 # keys of a linear spring, with their units along a displacement and along an angle
@@ -94,7 +93,8 @@ def _force(values: Values, text: str, unit: Unit, path: KeyPath) -> dict[str, An
     if not text:
         return {}
     if is_table(text):
-        return _table(values, text, path)
+        table = tabled_function(values, text, path, ("l", "v"), "force")
+        return {"table": table, "over": table.variable}
     scale, parameters = values.in_si(1.0, unit), values.parameters
     names = {match[1] for match in _NAME.finditer(text)}
     for name in names & {"l", "v"} & {*parameters}:
@@ -116,14 +116,3 @@ def _force(values: Values, text: str, unit: Unit, path: KeyPath) -> dict[str, An
         return {"text": _NAME.sub(in_si, python_expression(text)), "names": used, "values": values_used}
     except InputError as error:
         raise values.source.error(path, f"is {shown(text)}, which {error}") from None
-
-
-def _table(values: Values, text: str, path: KeyPath) -> dict[str, Any]:
-    """Return the law of a table with the columns l or v, and force, in SI."""
-    file = values.source.sibling(text)
-    columns = read(file)
-    over: Literal["l", "v"] = "l" if "l" in columns else "v"
-    if {*columns} != {over, "force"}:
-        raise values.source.error(path, f"has columns {', '.join(columns)}; give l or v, and force, in SI")
-    positions, targets = (tuple(columns[name].tolist()) for name in (over, "force"))
-    return {"table": TabledFunction(str(file), positions, targets, variable=over), "over": over}

@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
@@ -13,8 +13,8 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
-from mechsim.files import is_table
-from mechsim.model.coupling_functions import WrittenFunction
+from mechsim.files import is_table, read
+from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.expressions import FUNCTIONS, evaluate_number, variables
 from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.toml_keys import Key, root
@@ -341,6 +341,38 @@ def written_function(values: Values, text: str, path: KeyPath, variable: str = "
         raise values.source.error(path, "is in SI; give the file the units m and rad")
     names = [name for name in values.parameters if re.search(rf"\b{re.escape(name)}\b", text)]
     return WrittenFunction(text, tuple(names), tuple(values.parameters[name] for name in names), variable)
+
+
+def tabled_function(
+    values: Values,
+    text: str,
+    path: KeyPath,
+    over: Sequence[str] = ("q",),
+    value: str = "value",
+    *,
+    periodic: bool = False,
+) -> TabledFunction:
+    """Return a function in SI that a table beside the file has in two columns.
+
+    Args:
+        values: reader of the file's numbers.
+        text: name of the table.
+        path: key path of the text.
+        over: possible names of the column of the variable.
+        value: name of the column of values.
+        periodic: whether the function repeats.
+
+    Raises:
+        InputError: for a table with other columns.
+    """
+    file = str(values.source.sibling(text))
+    columns = read(file)
+    variable = next((name for name in over if name in columns), over[0])
+    if {*columns} != {variable, value}:
+        expected = f"{' or '.join(over)}, and {value}, in SI"
+        raise values.source.error(path, f"has columns {', '.join(columns)}; give {expected}")
+    positions, targets = (tuple(columns[name].tolist()) for name in (variable, value))
+    return TabledFunction(file, positions, targets, periodic, variable)
 
 
 def values_of(source: TomlSource) -> Values:

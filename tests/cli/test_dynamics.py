@@ -20,7 +20,7 @@ def run(capsys, monkeypatch, *arguments, analysis="inverse"):
 @pytest.mark.long
 def test_a_prescribed_crank_is_reported_as_json_and_table(capsys, monkeypatch, tmp_path):
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
-    arguments = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))
+    arguments = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "-o", str(plot))
     code, out, _ = run(capsys, monkeypatch, "four_bar", *arguments)
     reported = json.loads(out)
     assert code == 0
@@ -74,7 +74,7 @@ def test_gravity_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_pat
 def test_a_motor_too_weak_to_start_is_reported(capsys, monkeypatch, tmp_path):
     plot = tmp_path / "free.png"
     motor = ("--motor", "line:0.05,3000rpm", "--turns", "1", "--samples", "30", "--method", "none")
-    code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot), analysis="forward")
+    code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "-o", str(plot), analysis="forward")
     reported = json.loads(out)["free"]
     assert code == 0
     assert reported["outcome"] == "done"
@@ -146,7 +146,7 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     file = tmp_path / "five_bar.toml"
     file.write_text(FIVE_BAR)
     table = tmp_path / "out.csv"
-    arguments = (str(file), *MOVED, "--json", "-o", str(table), "--plot", str(tmp_path / "out.svg"))
+    arguments = (str(file), *MOVED, "--json", "-o", str(table), "-o", str(tmp_path / "out.svg"))
     code, out, _ = run(capsys, monkeypatch, *arguments)
     reported = json.loads(out)
     assert code == 0

@@ -174,7 +174,7 @@ def test_runs_modes_and_responses_are_plotted(tmp_path, command):
     run = ["--until", "crank.q=-20deg", "--duration", "0.05s", "--method", "none"]
     for i, arguments in enumerate((run, ["modes"], ["response", "crank:B.x"])):
         picture = tmp_path / f"{i}.png"
-        code, _, error = command(*arguments, "--initial", "crank.q=-95deg", "--plot", str(picture))
+        code, _, error = command(*arguments, "--initial", "crank.q=-95deg", "-o", str(picture))
         assert (code, error) == (1 if i == 0 else 0, "")
         assert picture.stat().st_size > 10_000
 

@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from mechsim.cli import COMMANDS, main
-from mechsim.cli.schema import output_schema, output_types
+from mechsim.cli.schema import OUTPUTS, output_schema
 
 ROOT = Path(__file__).parents[2]
 LINES = """
@@ -130,8 +130,8 @@ def test_every_command_with_json_has_a_schema(capsys, monkeypatch):
     with_json = {
         name for name in COMMANDS if any("--json" in option.opts for option in load_command(name).params)
     }
-    assert with_json == set(output_types())
-    assert {command_of(line) for line in [*LINES, *SLOW]} | TESTED_ELSEWHERE == set(output_types())
+    assert with_json == set(OUTPUTS["properties"])
+    assert {command_of(line) for line in [*LINES, *SLOW]} | TESTED_ELSEWHERE == set(OUTPUTS["properties"])
 
 
 def test_schema_prints_the_requested_schema(mechsim):

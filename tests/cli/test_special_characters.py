@@ -142,7 +142,7 @@ def test_a_page_escapes_names():
         "solve odd.toml --angles 0:20:10deg",
         "show odd.toml --angle 30deg",
         pytest.param("plot odd.toml --kind motion -o p.png", marks=pytest.mark.slow),
-        "dynamics inverse odd.toml --plot p.svg",
+        "dynamics inverse odd.toml -o p.svg",
         "export odd.toml -o x.xml",
     ],
 )

@@ -19,7 +19,7 @@ def trace(mechsim):
 
 @pytest.mark.long
 def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
-    arguments = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A")
+    arguments = ("-o", "all.csv", "-o", "all.svg", "--of", "angle,A")
     code, out, err = trace(*SWINGS, *arguments)
     assert code == 0, err
     assert "2 components; 20 of 20 random starts (seed 1)" in " ".join(out.split())

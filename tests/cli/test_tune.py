@@ -151,9 +151,7 @@ def test_an_open_start_is_reported_and_closed_in_the_tuned_file(mechsim, tmp_pat
 @pytest.mark.slow
 def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
     arguments = ("--tolerance", "1e-15", "--drive", "knuckle=0.5*sin(2*pi*t)", "--budget", "4s")
-    answer = mechsim(
-        "tune", "finger.xml", *arguments, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py"
-    )
+    answer = mechsim("tune", "finger.xml", *arguments, "--duration", "0.1s", "-o", "out.xml", "-o", "run.py")
     assert answer.code == 1
     assert "no MJCF file reaches 1e-15 m for this scene" in answer.out
     assert "def steps(" in (tmp_path / "run.py").read_text()

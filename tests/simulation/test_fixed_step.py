@@ -5,6 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.errors import InputError
+from mechsim.model.motion_laws import tabled
 
 LAW = {"crank": "0.3*sin(2*pi*t)"}
 SPEED = ms.units.rpm(600)
@@ -75,6 +76,6 @@ def test_an_invalid_time_step_is_rejected(swung, case):
 
 def test_a_step_too_long_for_a_swing_is_rejected_with_the_limit():
     time = np.linspace(0.0, 0.05, 20)
-    profile = ms.simulation.table(time, 1.0 + 0.1 * np.sin(60.0 * time))
+    profile = ms.simulation.CrankProfile(0.05, 6.0, tabled("crank", time, 1.0 + 0.1 * np.sin(60.0 * time)))
     with pytest.raises(InputError, match=r"lasts 0\.05 s and needs 48 steps at least; take 0\.00104 s"):
         ms.simulate(ms.catalog.make("rssr"), profile=profile, timestep=0.002)

@@ -10,7 +10,7 @@ from model_files import model_text
 from mechsim import catalog, loops, simulation
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import swing
+from mechsim.model.motion_laws import swing, tabled
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.source import assembled
@@ -130,7 +130,8 @@ def test_rates_and_positions_have_the_same_instant() -> None:
 def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
     linkage = catalog.make("rssr")
     time = np.linspace(0.0, 0.5, 101)
-    profile = simulation.table(time, 0.3 + 20.0 * time**2 - 4.0 * np.sin(6.0 * time))
+    law = tabled("crank", time, 0.3 + 20.0 * time**2 - 4.0 * np.sin(6.0 * time))
+    profile = simulation.CrankProfile(0.5, 44.0, law)
     for method, limit in (("pose", 1e-12), ("step", 1e-4)):
         run = simulate(linkage.mechanism, profile=profile, method=method, samples=100)
         required, speed, acceleration = profile.state(run.motion.time)

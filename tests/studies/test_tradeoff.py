@@ -94,7 +94,7 @@ def test_the_seed_determines_the_trials_of_a_short_budget():
 @pytest.mark.usefixtures("fast_timers")
 def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     table, plot = tmp_path / "out.csv", tmp_path / "out.svg"
-    words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "--plot", str(plot))
+    words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "-o", str(plot))
     assert run("tradeoff", *words) == 0
     result = json.loads(capsys.readouterr().out)
     assert [item["limit"] for item in result["recommended"]] == list(BOUNDS)
