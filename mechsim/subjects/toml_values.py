@@ -352,7 +352,7 @@ def tabled_function(
     *,
     periodic: bool = False,
 ) -> TabledFunction:
-    """Return a function in SI that a table beside the file has in two columns.
+    """Return a function in SI that a table next to the file has in two columns.
 
     Args:
         values: reader of the file's numbers.

@@ -84,7 +84,10 @@ REJECTED = {
         "is of type .*; give one of type Motion",
     ),
     "nothing to compare": (lambda: ms.crosscheck(RUN.motion, None), "the analytic side is of type NoneType"),
-    "places as text": (lambda: ms.crosscheck(RUN.motion, lambda f: {"P3": "x"}), "'P3' of shape"),
+    "places as text": (
+        lambda: ms.crosscheck(RUN.motion, lambda f: {"P3": "x"}),
+        "type function; give a motion",
+    ),
     "a load as text": (lambda: ms.Load("P3", "3 N"), "the load on P3 is of type str"),
     "a spring as text": (lambda: ms.Spring("P2", "P3", "soft"), "stiffness of the spring .* is soft"),
     "gravity as text": (lambda: ms.Forces(gravity="down"), "gravity is down m/s2; give three finite"),
@@ -112,7 +115,7 @@ PUBLIC = """
     Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia
     InputError Joint JointSpring Link Load Look Mechanism MechsimError Motion MotionLaws Pose Run Scene
     Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
-    compile crosscheck dynamics export fit formulas joint_map list load load_profile loops masses motors moved
+    compile crosscheck dynamics export fit formulas identify joint_map list load load_profile loops masses motors moved
     plot plots reduce render sample sensitivity show simulate simulation sweep testing
     tolerance_study trace tune units validate vectors view
 """

@@ -35,6 +35,8 @@ DEFINING_MODULES = {
     "mechsim.studies.release",  # "distance" is a quantity there
     "mechsim.subjects.toml_cams",  # the joints that a cam and its follower consist of
     "mechsim.subjects.toml_curves",  # the joints that a point on a curve consists of
+    "mechsim.subjects.sdf_reader",  # types of joints in SDF
+    "mechsim.subjects.sdf_writer",  # types of joints in SDF
     "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
 }
 
