@@ -106,7 +106,7 @@ def validate(
     if chosen.reference:
         used = {"reference", "models", "verbose", "as_json", "compare_to"}
         stated.exclude(stated.options.keys() - used, "with --reference")
-    compared: Callable[[Result[Any]], Result[Any]] | None = None
+    compared: Callable[[Result], Result] | None = None
     if chosen.compare_to is not None:
         from mechsim.cli.earlier import compared_with, earlier_checks
 

@@ -115,8 +115,8 @@ PUBLIC = """
     Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia
     InputError Joint JointSpring Link Load Look Mechanism MechsimError Motion MotionLaws Pose Run Scene
     Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
-    compile crosscheck dynamics export fit formulas identify joint_map list load load_profile loops masses motors moved
-    plot plots reduce render sample sensitivity show simulate simulation sweep testing
+    compile crosscheck dynamics export fit formulas identify joint_map list load load_profile loops masses
+    motors moved plot plots reduce render sample sensitivity show simulate simulation sweep testing
     tolerance_study trace tune units validate vectors view
 """
 NAMES = PUBLIC.split()

@@ -8,7 +8,6 @@ from scene_texts import FINGER, scene
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.run import run_scene
-from mechsim.studies.scene.step_sizes import finer
 
 CONTROL = {"servo": "0.5*sin(2*pi*t)"}
 RINGING = PlainSettings(integrator="RK4", solref=(-1e9, -1.0), solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0))
@@ -39,16 +38,6 @@ def test_the_stiff_element_is_reported_with_a_stable_step(tmp_path, element):
     assert run_scene(item, replace(rk4, timestep=3.0 * stable_step).applied(item.model)).broken
 
 
-def test_an_element_too_stiff_for_any_step_is_stepped_implicitly(tmp_path):
-    item = scene(tmp_path, ctrl=CONTROL, text=FINGER.replace(*STIFF["the spring of joint swing"]))
-    run, errors, used = finer(item, PlainSettings(), 1e-5)
-    assert not run.broken
-    assert errors.closure <= 1e-5
-    assert used.integrator == "discrete"
-    rk4_run = finer(item, PlainSettings(integrator="RK4"), 1e-5)[0]
-    assert rk4_run.broken
-
-
 def test_a_diverging_joint_limit_is_reported(tmp_path):
     limited = FINGER.replace(
         '<joint name="swing"',
@@ -61,22 +50,3 @@ def test_a_diverging_joint_limit_is_reported(tmp_path):
 
 def test_a_converged_run_has_no_divergence_reason(tmp_path):
     assert divergence_reason(run_scene(scene(tmp_path, ctrl=CONTROL))) == ""
-
-
-def test_a_diverged_run_is_repeated_with_finer_steps(tmp_path):
-    item = scene(tmp_path, ctrl=CONTROL, text=FINGER.replace('damping="0.001"', 'damping="0.02"'))
-    coarse = PlainSettings(integrator="RK4", timestep=5e-4)
-    run, errors, _ = finer(item, coarse, 1e-5, fixed=True)
-    assert run.broken
-    run, errors, used = finer(item, coarse, 1e-5)
-    assert not run.broken
-    assert errors.closure <= 1e-5
-    assert used.timestep < 5e-4
-
-
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
-def test_steps_are_no_finer_than_the_tolerance_needs(tmp_path, tolerance):
-    item = scene(tmp_path, drive={"knuckle": "0.5*sin(2*pi*t)"})
-    _, errors, used = finer(item, PlainSettings(timestep=0.002), tolerance)
-    assert errors.closure <= tolerance
-    assert used.timestep >= (2e-3 if tolerance == 1e-4 else 5e-4)

@@ -113,7 +113,7 @@ def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
         ("no_such.xml",),
         ("rssr", "--budget", "0s"),
         ("rssr", "--by", "luck"),
-        ("rssr", "-o", "out.pdf"),
+        ("rssr", "-o", "out.txt"),
         ("rssr", "--set", "coupler=1um"),
     ],
 )
