@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,12 @@ def check_each(
     result: list[Violation] = []
     for model in models:
         try:
-            result += violations(_read(model, loops))
+            read = _read(model, loops)
+            # the file that is checked, not the name of what it becomes in MuJoCo
+            path = fspath(model) if isinstance(model, str | PathLike) else read.path
+            result += [
+                replace(each, file=path) if each.file == read.path else each for each in violations(read)
+            ]
         except MechsimError as error:
             if len(models) == 1:
                 raise

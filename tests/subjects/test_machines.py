@@ -173,3 +173,8 @@ def test_machines_are_shown_balanced_and_drawn(name, mechsim, tmp_path):
         output = ["-o", "still.png"] if command in drawn else []
         result = mechsim(*command.split(), str(bare), *output)
         assert result.code == 0, (command, result.err)
+
+
+def test_findings_name_the_file_that_is_checked():
+    path = str(gallery.machines()["cam_press"])
+    assert {violation.file for violation in ms.check(path)} == {path}
