@@ -175,6 +175,7 @@ def test_machines_are_shown_balanced_and_drawn(name, mechsim, tmp_path):
         assert result.code == 0, (command, result.err)
 
 
+@pytest.mark.long
 def test_findings_name_the_file_that_is_checked():
     path = str(gallery.machines()["cam_press"])
     assert {violation.file for violation in ms.check(path)} == {path}

@@ -178,6 +178,7 @@ def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration(tmp_pa
     assert abs(stepped.motion.joints["rail"].value[-1] - exact.y[0, 1]) < 1e-9
 
 
+@pytest.mark.long
 def test_a_bead_bounces_at_the_end_of_its_wire_as_an_independent_integration(tmp_path):
     wire = BEAD.replace("[curves.wire]\n", "[curves.wire]\nrange = [-0.4, 0.9]\n")
     (tmp_path / "bead.toml").write_text(
@@ -221,6 +222,7 @@ def test_a_window_on_a_rail_of_the_frame_stops_at_its_end():
     assert np.abs((force * tangent).sum(1)).max() < 1e-11 * np.abs(force).max()
 
 
+@pytest.mark.long
 def test_the_parts_of_a_joint_on_a_curve_are_not_shown(mechsim):
     for command in ("show", "dynamics inverse", "solve"):
         result = mechsim(*command.split(), str(FOLDER / "window_regulator.toml"))
