@@ -77,7 +77,7 @@ def _draw(extra: Path, name: str) -> None:
     # several drivers follow their motion laws and have no turn
     crank = json.loads(_output(f"show {name} --json")).get("crank_range")
     if not (view := extra / "views" / f"{name}.html").is_file():
-        options = f"{'--speed 60rpm' if crank else ''} -o {view}"
+        options = f"-o {view}"
         try:
             _output(f"view {name} --live {options}")
         except RuntimeError:

@@ -74,6 +74,9 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 #define TAIL 3
 #define NEWTON_ITERATIONS 20
 #define SHRINKING 0.5
+/* change of Newton's method, relative to the tolerance, that is small enough (Hairer and Wanner, Solving Ordinary
+   Differential Equations II, IV.8: 0.1 to 0.01) */
+#define NEGLIGIBLE 0.01
 #define STIFF_ROUNDING 30.0
 #define STIFF_SAFETY 0.85
 #define STIFF_LARGEST 3.0
@@ -495,7 +498,7 @@ static double collocate(const Model *m, Work *w, Run *run, Nodes *x, double leng
             }
         add_scaled(NODES * size, 1.0, x->residuals, x->states);
         if (!(change < INFINITY)) return NAN;
-        if (change < 1.0 || (SHRINKING * before < change && change < STIFF_ROUNDING)) return change;
+        if (change < NEGLIGIBLE || (SHRINKING * before < change && change < STIFF_ROUNDING)) return change;
         before = change;
     }
     return NAN;
