@@ -17,9 +17,14 @@ MAX_SECONDS = 60.0
 
 def main():
     failed, start = [], time.process_time()
-    for name in [name for group in ms.list().values() for name in group]:
+    for name in [name for group in ("mechanisms", "gallery") for name in ms.list()[group]]:
         begin = time.process_time()
-        proof = ms.certify(name)
+        try:
+            proof = ms.certify(name)
+        except ms.InputError as error:
+            # couplings by functions, as of cams
+            print(f"{name:19s} refused   {error}")
+            continue
         seconds = time.process_time() - begin
         outcome = "certified" if proof.certified else "not"
         points = ", ".join(f"{p.kind} {p.parameter:.10f} ± {p.width:.0e}" for p in proof.singular)
