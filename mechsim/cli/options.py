@@ -73,11 +73,7 @@ def _without_unit(text: str) -> float | None:
 
 def complete_models(incomplete: str) -> list[str]:
     """Return the names of mechanisms, and folders and files that may contain one."""
-    names = [
-        name
-        for name in (*catalog.MECHANISMS, *gallery.files(), *gallery.machines())
-        if name.startswith(incomplete)
-    ]
+    names = [name for name in (*catalog.MECHANISMS, *gallery.named()) if name.startswith(incomplete)]
     return names + paths_from(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
 
 
@@ -90,7 +86,7 @@ def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
 def _parameter_names(model: str) -> list[str]:
     if model in catalog.MECHANISMS:
         return list(catalog.parameters(model))
-    path = {**gallery.files(), **gallery.machines()}.get(model, Path(model))
+    path = gallery.named().get(model, Path(model))
     if path.suffix.lower() != ".toml":
         return []
     try:

@@ -105,12 +105,13 @@ def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
         print_text(f"assemblies meet at {driver} {angle}: component {locations}")
     for line in trace.left_out:
         print_text(line)
-    exceeded = {
-        point.coordinate.removesuffix(".q")
+    extremes = [
+        (point.coordinate.removesuffix(".q"), point.value)
         for curve in trace.curves
         for point in curve.turning_points
-        for low, high in [ranges.get(point.coordinate.removesuffix(".q"), (-math.inf, math.inf))]
-        if not low <= point.value <= high
+    ]
+    exceeded = {
+        name for name, value in extremes if name in ranges and not ranges[name][0] <= value <= ranges[name][1]
     }
     if exceeded:
         names = ", ".join(sorted(exceeded))

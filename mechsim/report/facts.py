@@ -109,7 +109,7 @@ def about(solver: KinematicSolver) -> str:
     """Return the description of a catalogue or gallery mechanism; empty for others."""
     if solver.closed_form is not None:
         return solver.closed_form.declared.about
-    path = None if solver.source is not None else {**gallery.files(), **gallery.machines()}.get(solver.name)
+    path = None if solver.source is not None else gallery.named().get(solver.name)
     return "" if path is None else head_comment(str(path))
 
 

@@ -21,6 +21,11 @@ def machines() -> dict[str, Path]:
     return {path.stem: path for path in sorted((catalog.models() / "machines").glob("*.toml"))}
 
 
+def named() -> dict[str, Path]:
+    """Return the files of gallery and machines by the names that a model may have: name -> file."""
+    return {**files(), **machines()}
+
+
 def list() -> dict[str, dict[str, str]]:
     """Return the mechanisms that come with mechsim: catalogue, gallery and machines, name -> description.
 

@@ -53,7 +53,7 @@ def open_model(model: Model) -> ModelSource:
         return reader.open(name)
     if name in catalog.MECHANISMS:
         return catalog.MECHANISMS[name]
-    files = {**gallery.files(), **gallery.machines()}
+    files = gallery.named()
     if name not in files:
         raise _unknown_model(name, [*catalog.MECHANISMS, *files])
     return open_model(files[name])
