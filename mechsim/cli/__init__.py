@@ -165,7 +165,7 @@ GROUPS = {
         "compile": ("compile.compile_solver", "Write a solver as a C header or JavaScript."),
     },
     "Pictures": {
-        "plot": ("plot.plot", "Plot motions, curves, errors, dynamics, studies."),
+        "plot": ("plot.plot", "Plot motions, curves, errors and quantities."),
         "render": ("render.render", "Draw or animate a mechanism without a screen."),
         "view": ("view.view", "Write an interactive 3-D page of a mechanism."),
     },

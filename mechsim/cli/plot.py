@@ -2,14 +2,13 @@
 
 from typing import Annotated, Any
 
-from mechsim.cli.command import Result, Stated, Without, command, option_names
+from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed
+from mechsim.cli.options import SPEED, ModelOptions, Speed
 from mechsim.cli.output_paths import plot_file
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
-from mechsim.report.study_plots import drawn_sweep
 from mechsim.units import crank_speed, option
 
 # kind of plot that needs a crank without a motion law
@@ -22,39 +21,35 @@ def plot(
     output: Annotated[str, plot_file("Plot to write")],
     options: PlotOptions,
     stated: Stated,
-    kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto."),
+    kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}."),
     speed: Speed = SPEED,
 ) -> Result:
     """Plot motions, curves, errors or quantities: .svg, .pdf or .png.
 
     Forces, runs, vibrations and assemblies are drawn by `-o` of `mechsim dynamics` and `mechsim trace`.
-    The kinds map, parallel and pareto draw measures, named by --of, from a file of `mechsim sweep`.
 
     Examples:
     mechsim plot four_bar --kind curve -o curve.svg
-    mechsim plot sweep.nc --kind map --of range:rocker -o map.png
     mechsim plot four_bar --kind quantities --of rocker.v -o rocker.svg
     """
     if source.model.lower().endswith((".nc", ".csv")):
-        require_taken("of a sweep", ("coordinates",), options)
-        stated.exclude(("sets", "speed", *option_names(DriveOptions)), "on the file of a sweep")
-        figure = drawn_sweep(source.model, options.coordinates, None if kind == "motion" else kind)
-        name, masses = source.model, ()
-    else:
-        if kind not in PLOTS:
-            raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
-        row = PLOTS[kind]
-        require_taken(kind, row.takes, options)
-        stated.exclude(["track"], f"on plot {kind!r}", kind in OF_CRANKS)
-        solver = source.load_moving()
-        if not solver.motion_laws.crank and kind in OF_CRANKS:
-            kinds = ", ".join(name for name in PLOTS if name not in OF_CRANKS)
-            raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")
-        plotted = PlotSource(
-            solver=solver, speed=crank_speed(speed), options=options, model=LoadOptions().dynamic_model
+        raise InputError(
+            f"{source.model} is a table, and plot draws mechanisms; draw it with xarray or pandas"
         )
-        stated.exclude(["speed"], "under motion laws", not solver.motion_laws.crank)
-        figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
+    if kind not in PLOTS:
+        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
+    row = PLOTS[kind]
+    require_taken(kind, row.takes, options)
+    stated.exclude(["track"], f"on plot {kind!r}", kind in OF_CRANKS)
+    solver = source.load_moving()
+    if not solver.motion_laws.crank and kind in OF_CRANKS:
+        kinds = ", ".join(name for name in PLOTS if name not in OF_CRANKS)
+        raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")
+    plotted = PlotSource(
+        solver=solver, speed=crank_speed(speed), options=options, model=LoadOptions().dynamic_model
+    )
+    stated.exclude(["speed"], "under motion laws", not solver.motion_laws.crank)
+    figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(output, figure)
     data: dict[str, Any] = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
     return Result(data, lambda: print_masses(masses), files=[output])

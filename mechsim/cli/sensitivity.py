@@ -1,6 +1,6 @@
 """Command `mechsim sensitivity`: exact derivatives by dimensions, and propagation of tolerances."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,26 +11,14 @@ from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, print_table, print_text, without_noise
 from mechsim.cli.output_paths import table_file
-from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
-from mechsim.studies.sensitivity.tolerance_analysis import (
-    SAMPLES,
-    ToleranceStudy,
-    tolerance_study,
-)
-from mechsim.studies.sensitivity.tolerances import (
-    CLEARANCE,
-    DISTRIBUTIONS,
-    parsed_tolerances,
-    written_tolerances,
-)
+from mechsim.studies.sensitivity.tolerance_analysis import ToleranceStudy, tolerance_study
+from mechsim.studies.sensitivity.tolerances import CLEARANCE, parsed_tolerances, written_tolerances
 from mechsim.units import crank_speed, option
 
-# limit on the number of random samples of a tolerance analysis
-MAX_SAMPLES = 10_000_000
 # maximum number of printed contributions to a tolerance
 MAX_SHARES = 3
 
@@ -60,21 +48,9 @@ class SensitivityOptions:
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     tolerances: str | None = option(
         None,
-        "Tolerances of dimensions (crank=±0.02mm), clearances of joints (P3.clearance=0.01mm), or a table "
-        "with columns dimension, tolerance.",
+        "Tolerances of dimensions (crank=±0.02mm), and clearances of joints (P3.clearance=0.01mm).",
         metavar="P=BOUND,...",
     )
-    distribution: str = option(
-        "uniform", f"Distribution of dimensions within their bounds: {', '.join(DISTRIBUTIONS)}."
-    )
-    samples: int = option(SAMPLES, "Random mechanisms of the Monte Carlo check; 0 omits it.")
-
-    def check(self) -> None:
-        """Raise InputError for invalid options, before any computation."""
-        if not self.quantities:
-            raise InputError("--of is missing; name the quantities, as in --of P3,rocker,torque")
-        if not 0 <= self.samples <= MAX_SAMPLES:
-            raise InputError(f"--samples is {self.samples}; give 0 to {MAX_SAMPLES}")
 
 
 @command
@@ -93,8 +69,8 @@ def sensitivity(
     mechsim sensitivity four_bar --of B,rocker --to crank,coupler
     mechsim sensitivity slider_crank --of B.x --tolerances crank=0.02mm,rod=0.05mm
     """
-    options.check()
-    stated.exclude(["distribution", "samples"], "without --tolerances", options.tolerances is None)
+    if not options.quantities:
+        raise InputError("--of is missing; name the quantities, as in --of P3,rocker,torque")
     parametric = source.load_parametric()
     solver = parametric.make({})
     stated.exclude(["angles", "speed"], "under motion laws", not solver.motion_laws.crank)
@@ -107,15 +83,10 @@ def sensitivity(
     tolerances = None
     if options.tolerances is not None:
         bounds = written_tolerances(options.tolerances)
-        tolerances = parsed_tolerances(
-            bounds, parametric.dimensions, solver.mechanism, options.distribution, solver.written
-        )
-    with progress("sensitivity", None) as report:
-        to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
-        table = derivative_table(moved, options.quantities, to)
-        study = None
-        if tolerances is not None:
-            study = tolerance_study(table, tolerances, samples=options.samples, progress=report)
+        tolerances = parsed_tolerances(bounds, parametric.dimensions, solver.mechanism, solver.written)
+    to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
+    table = derivative_table(moved, options.quantities, to)
+    study = None if tolerances is None else tolerance_study(table, tolerances)
     if output is not None:
         files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
     masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
@@ -152,13 +123,9 @@ def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]
     }
     if study is None:
         return data
-    sampled = study.sampled
-    monte_carlo = None if sampled is None else {"samples": sampled.samples, **asdict(sampled.sampling)}
     clearances = {joint + CLEARANCE: value for joint, value in study.tolerances.clearances.items()}
     data["tolerances"] = {
         "bounds": {**study.tolerances.bounds, **clearances},
-        "distribution": study.tolerances.distribution,
-        "monte_carlo": monte_carlo,
         "quantities": {quantity: _deviations(study, quantity) for quantity in table.values},
     }
     return data
@@ -167,7 +134,7 @@ def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]
 def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
     """Return the largest deviation of a quantity over the motion, its position, and the contributions."""
     worst, (_, instants) = study.worst(quantity), study.table.moved.over
-    data: dict[str, Any] = {
+    return {
         "unit": study.table.units[quantity],
         "worst": float(worst.max()),
         "at": float(instants[int(np.argmax(worst))]),
@@ -175,11 +142,6 @@ def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
         "deviation": float(study.deviation(quantity).max()),
         "shares": study.shares(quantity),
     }
-    random = study.random(quantity)
-    if random:
-        data |= {"std": float(random["std"].max()), "mean": float(np.abs(random["mean"]).max())}
-        data |= {"low": float(random["low"].min()), "high": float(random["high"].max())}
-    return data
 
 
 def _instant_head(table: Sensitivity) -> str:
@@ -207,26 +169,7 @@ def _print_tolerances(study: ToleranceStudy) -> None:
         largest = _deviations(study, quantity)
         shares = sorted(largest["shares"].items(), key=lambda pair: -pair[1])[:MAX_SHARES]
         contributions = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share > 0.0)
-        numbers = (largest["worst"], largest["rss"], largest["deviation"], largest.get("std"))
+        numbers = (largest["worst"], largest["rss"], largest["deviation"])
         rows.append((quantity, *numbers, largest["unit"], largest["at"], contributions))
-    head = (
-        "of",
-        "worst",
-        "rss",
-        "std linear",
-        "std random",
-        "unit",
-        _instant_head(study.table),
-        "contributions",
-    )
-    print_table(f"{study.table.name}: largest deviations", head, rows)
-    sampled = study.sampled
-    if sampled is None:
-        return
-    sampling = sampled.sampling
-    how = {1: "to first order", 0: "each solved"}[sampling.order]
-    note = f"; {sampling.failed} could not be assembled" if sampling.failed else ""
-    if sampling.order:
-        error = f"{sampling.expansion_error:.2g} standard deviations"
-        note = f"; largest error of {sampling.solved} solved ones {error}"
-    print_text(f"{sampled.samples} random mechanisms {how}{note} (seed {sampling.seed})")
+    head = ("of", "worst", "rss", "std", "unit", _instant_head(study.table), "contributions")
+    print_table(f"{study.table.name}: largest deviations, to first order", head, rows)

@@ -1,4 +1,4 @@
-"""Plots of studies: sweeps, maps of extremes, and work-precision diagrams of a trade-off."""
+"""The work-precision diagram of a trade-off."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -7,8 +7,6 @@ import numpy as np
 
 from mechsim.numerics.convergence import Order
 from mechsim.pictures.plots.figure import COLOURS, blank, decades, round_numbers, styled
-from mechsim.pictures.plots.sweeps import SweepTable, sweep_plot
-from mechsim.studies.sweep.table import TEXTS, design_columns, read_sweep
 from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff
 from mechsim.verdict.quantities import QUANTITIES
@@ -61,29 +59,3 @@ def _costs_and_errors(points: Sequence[Point], quantity: str) -> tuple[list[floa
 
 def _order(order: Order | None) -> str:
     return "no order" if order is None or not np.isfinite(order.order) else f"order {order.order:.1f}"
-
-
-def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -> "Figure":
-    """Return a figure of a sweep file.
-
-    Args:
-        path: of the sweep file.
-        measures: measures to draw; None for all.
-        kind: of plot; None for the default of the data.
-
-    Raises:
-        InputError: for a file without a sweep, or a measure it does not contain.
-    """
-    result = read_sweep(path)
-    table = design_columns(result)
-    parameter_names = [str(name) for name in result.coords]
-    measure_names = [name for name in table if name not in (*parameter_names, *TEXTS)]
-    measured_columns = {name: table[name] for name in measure_names}
-    description = {
-        str(name): str(variable.attrs.get("units", "1")) for name, variable in result.variables.items()
-    }
-    title = str(result.attrs.get("model", path))
-    parameters = {name: table[name] for name in parameter_names}
-    return sweep_plot(
-        SweepTable(title, parameters, measured_columns, description, result["outcome"].shape), measures, kind
-    )

@@ -31,7 +31,7 @@ dynamics forward four_bar --until crank.q=900deg --duration 0.01s --method none
 dynamics modes four_bar --initial crank.q=-95deg --motor crank=-1e-5*crank.v
 dynamics response four_bar crank:B.x --initial crank.q=-95deg
 synthesize looper --through 12.8751,29.9574mm --tilt 1.3905deg --length 4mm
-sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=0.02mm --samples 100
+sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=0.02mm
 fit slider_crank --to tests/measured_slider.csv --vary crank,rod
 validate slider_crank
 validate --reference four_bar

@@ -1,10 +1,9 @@
-"""Command `mechsim sensitivity`: table, JSON, plots, rejected input."""
+"""Command `mechsim sensitivity`: table, JSON, rejected input."""
 
 import json
 
 import numpy as np
 import pytest
-from drawing import draws
 
 from mechsim import files
 
@@ -27,22 +26,19 @@ def test_derivatives_are_written_and_reported(sensitivity, tmp_path):
     assert reported["columns"]["P3.x/crank"] == table["P3.x/crank"].tolist()
 
 
-@pytest.mark.long
-@draws
 def test_tolerances_are_reported_and_their_bands_written(sensitivity, tmp_path):
     tolerances = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"
-    arguments = ("four_bar", "--of", "C", "--tolerances", tolerances, "--samples", "500")
+    arguments = ("four_bar", "--of", "C", "--tolerances", tolerances)
     code, out, err = sensitivity(*arguments, "--angles", "0:360:60deg", "-o", "t.csv", "--json")
     assert code == 0, err
     reported = json.loads(out)["tolerances"]
     item = reported["quantities"]["C.x"]
     assert item["worst"] >= item["rss"] >= item["deviation"] > 0.0
     assert sum(item["shares"].values()) == pytest.approx(1.0)
-    assert reported["monte_carlo"]["samples"] == 500
     assert reported["bounds"]["A.clearance"] == pytest.approx(1e-5)
     table = files.read(tmp_path / "t.csv")
     assert np.abs(table["C.x.worst"].max() - item["worst"]) <= 1e-18
-    assert {"C.x/crank", "C.y/coupler", "C.y.low", "C.y.std"} <= set(table)
+    assert {"C.x/crank", "C.y/coupler", "C.y.rss", "C.y.deviation"} <= set(table)
 
 
 @pytest.mark.parametrize(
@@ -52,11 +48,6 @@ def test_tolerances_are_reported_and_their_bands_written(sensitivity, tmp_path):
         (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
         (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
         (["four_bar", "--of", "C", "--tolerances", "none.csv"], "which is not NAME=BOUND"),
-        (
-            ["four_bar", "--of", "C", "--distribution", "normal"],
-            "--distribution has no effect without --tolerances",
-        ),
-        (["four_bar", "--of", "C", "--samples", "-1"], "give 0 to"),
         (["five_bar", "--of", "P", "--speed", "5"], "--speed has no effect under motion laws"),
     ],
 )

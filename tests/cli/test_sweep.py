@@ -3,9 +3,9 @@
 import json
 
 import pytest
+import xarray
 
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.studies.sweep.table import read_sweep
 
 VARY = ("--vary", "crank=20mm:60mm:5", "--vary", "coupler=30mm:100mm:4")
 
@@ -15,7 +15,7 @@ def test_a_sweep_is_written_and_reported(mechsim):
     assert answer.code == 0
     assert "20 of 20 designs built" in answer.out
     assert "10 of them swing: they are measured over their reachable ranges" in answer.out
-    result = read_sweep("out.nc")
+    result = xarray.open_dataset("out.nc")
     assert result["range:rocker"].dims == ("crank", "coupler")
     assert result.attrs["speed"] == pytest.approx(62.83185307)
 
@@ -47,15 +47,3 @@ def test_random_designs_are_checked_in_mujoco(mechsim, monkeypatch):
     answer = mechsim("sweep", "four_bar", *arguments, "-o", "wrong.nc", "--samples", "12", "--json")
     assert answer.code == 1
     assert json.loads(answer.out)["checked"]["passed"] == 0
-
-
-@pytest.mark.long
-def test_a_sweep_file_is_plotted(mechsim, tmp_path):
-    mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "--measure", "max:C.x", "-o", "out.nc")
-    for kind in ("map", "parallel", "pareto"):
-        assert mechsim("plot", "out.nc", "--kind", kind, "-o", f"{kind}.svg").code == 0
-        assert (tmp_path / f"{kind}.svg").stat().st_size > 5000
-    answer = mechsim("plot", "out.nc", "--of", "range:nothing", "-o", "none.svg")
-    assert (answer.code, "has no measure 'range:nothing'" in answer.err) == (2, True)
-    answer = mechsim("plot", "out.nc", "--kind", "torque", "-o", "none.svg")
-    assert (answer.code, "choose from map, parallel, pareto" in answer.err) == (2, True)

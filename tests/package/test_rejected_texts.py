@@ -31,7 +31,7 @@ def reader(kind):
         "setting": setting_of,
         "range": lambda text: parsed_range(text, "rssr", swept_designs("rssr")[1], sampled=False),
         "measure": lambda text: measure(text, ms.catalog.make("rssr").mechanism),
-        "tolerance": lambda text: ms.tolerance_study(four_bar_table(), written_tolerances(text), samples=0),
+        "tolerance": lambda text: ms.tolerance_study(four_bar_table(), written_tolerances(text)),
     }[name or kind]
 
 

@@ -35,7 +35,6 @@ QUICK = (
     "sensitivity/fifty_digits.py four_bar",
     "sensitivity/fit_coverage.py 3 four_bar",
     "sensitivity/noisy_tables.py 4 2",
-    "sensitivity/tolerance_speed.py four_bar",
     "speed/closed_form_speed.py",
     "speed/loop_speed.py",
     "speed/pose_speed.py",

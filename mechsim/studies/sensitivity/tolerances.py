@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -15,12 +14,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import SI_UNITS, Unit, WrittenUnits
 
-Distribution = Literal["uniform", "normal"]
-DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
 # suffix of a joint's name for its clearance
 CLEARANCE = ".clearance"
-# standard deviation of a dimension relative to its bound, which is three deviations of a normal distribution
-SPREAD: dict[Distribution, float] = {"uniform": 1.0 / np.sqrt(3.0), "normal": 1.0 / 3.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,24 +25,16 @@ class Tolerances:
     Attributes:
         bounds: dimension -> largest deviation to either side, in SI.
         clearances: hinge or ball -> largest distance of its pin from the hole's centre, in [m].
-        distribution: of dimensions between their bounds.
     """
 
     bounds: Mapping[str, float]
     clearances: Mapping[str, float]
-    distribution: Distribution = "uniform"
-
-    @property
-    def spread(self) -> float:
-        """Standard deviation of a dimension relative to its bound."""
-        return SPREAD[self.distribution]
 
 
 def parsed_tolerances(
     written: Mapping[str, str | float],
     dimensions: Mapping[str, Dimension],
     mechanism: Mechanism,
-    distribution: str = "uniform",
     declared: WrittenUnits = SI_UNITS,
 ) -> Tolerances:
     """Return tolerances from names and bounds, which may follow ± or +-.
@@ -56,14 +43,11 @@ def parsed_tolerances(
         written: dimension, or JOINT.clearance -> bound.
         dimensions: the known dimensions.
         mechanism: the mechanism that has the joints.
-        distribution: "uniform" between the bounds, or "normal" with bounds of three standard deviations.
         declared: units of the model's file. Text without a unit is SI, and rejected where these differ.
 
     Raises:
         InputError: for an unknown name, or a bound that is not a positive finite number with a clear unit.
     """
-    if distribution not in DISTRIBUTIONS:
-        raise InputError(f"the distribution is {distribution!r}; choose from {', '.join(DISTRIBUTIONS)}")
     bounds: dict[str, float] = {}
     clearances: dict[str, float] = {}
     joints = {joint.name: joint for joint in mechanism.joints}
@@ -80,7 +64,7 @@ def parsed_tolerances(
             raise InputError(f"{mechanism.name} has no dimension {name!r}{suggestion(name, dimensions)}")
     if not bounds and not clearances:
         raise InputError("no tolerance is given; write crank=±0.02mm")
-    return Tolerances(bounds, clearances, "normal" if distribution == "normal" else "uniform")
+    return Tolerances(bounds, clearances)
 
 
 def _tolerance(name: str, written: str | float, unit: str, declared: WrittenUnits) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim._version import __version__
-from mechsim.errors import InputError, cut, needs
+from mechsim.errors import InputError, needs
 from mechsim.files import atomic_path
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
@@ -127,25 +127,3 @@ def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
     names = [*map(str, result.coords), *map(str, result.data_vars)]
     broadcast = {name: result[name].broadcast_like(result["outcome"]).transpose(*dims) for name in names}
     return {name: column.values.ravel() for name, column in broadcast.items()}
-
-
-def read_sweep(path: str | Path) -> "Dataset":
-    """Return a sweep from a file with units.
-
-    Raises:
-        InputError: for a missing file, a file without a sweep, or one in .csv.
-    """
-    if suffix_of(path) == ".csv":
-        raise InputError(f"{path} has no units and no grid; write the sweep to a file .nc and name that")
-    if not Path(path).exists():
-        raise InputError(f"there is no file {path}; name the output of a sweep")
-    require_libraries(path)
-    try:
-        with library("xarray").open_dataset(path, engine="netcdf4") as file:
-            result = file.load()
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        line = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path} contains no sweep: {cut(line, 120)}") from None
-    if "outcome" not in result:
-        raise InputError(f"{path} contains no sweep: it has no column outcome")
-    return result
