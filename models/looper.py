@@ -117,7 +117,6 @@ class PlanarLoop:
 class Looper(ClosedForm):
     """Looper drive of a sewing machine: a spatial five-bar."""
 
-    theories = frozenset({"coupler line"})
     array_parameters = frozenset(
         ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
     )

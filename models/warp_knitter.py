@@ -50,7 +50,6 @@ MAX_RATIO = 1000.0
 class WarpKnitter(ClosedForm):
     """Needle drive of a warp knitting machine: two geared cranks."""
 
-    theories = frozenset({"velocity plan"})
     gear = "gear_ratio"
 
     def check(self) -> None:

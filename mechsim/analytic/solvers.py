@@ -126,11 +126,6 @@ class KinematicSolver:
         return self.closed_form is not None or bool(self.formula)
 
     @property
-    def theories(self) -> frozenset[str]:
-        """Studies that exist only for some mechanisms: "coupler line", "velocity plan"."""
-        return frozenset() if self.closed_form is None else self.closed_form.theories
-
-    @property
     def gear(self) -> str:
         """Parameter that is a gear ratio; empty if there is none."""
         return "" if self.closed_form is None else self.closed_form.gear

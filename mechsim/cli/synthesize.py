@@ -36,8 +36,9 @@ def synthesize(
     mechsim synthesize looper --through 13,30mm --tilt 2deg --length 5mm --json
     """
     base = load_model(model, sets)
-    if "coupler line" not in base.theories:
-        choices = catalog.with_theory("coupler line")
+    if not hasattr(base.closed_form, "planar_point"):
+        all_formulas = {name: formula.formulas for name, formula in catalog.MECHANISMS.items()}
+        choices = ", ".join(name for name, made in all_formulas.items() if hasattr(made, "planar_point"))
         raise InputError(f"{base.name} cannot be synthesised; choose from {choices}")
     point = units.parse_vector(through, "m", "--through")
     if len(point) != 2:

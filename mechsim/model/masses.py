@@ -149,9 +149,6 @@ def with_inertia(
     mechanism: Mechanism,
     density: float = STEEL,
     diameter: float | None = None,
-    *,
-    shape: Literal["round", "slender"] = "round",
-    replace_all: bool = False,
 ) -> Mechanism:
     """Return the mechanism with an inertia on every link.
 
@@ -162,27 +159,23 @@ def with_inertia(
         mechanism: the mechanism.
         density: density of the rods in [kg/m3].
         diameter: diameter of the rods in [m]; the default is 0.05 of the characteristic length.
-        shape: "slender" keeps the masses of the rods and uses the moments of infinitely thin rods.
-        replace_all: whether links that have an inertia get a new one too.
     """
     mechanism = described(mechanism)
     _positive("density of the rods", density, "kg/m3")
     rod_diameter = RELATIVE_DIAMETER * mechanism.characteristic_length if diameter is None else diameter
-    if replace_all or any(link.inertia is None for link in mechanism.links):
+    if any(link.inertia is None for link in mechanism.links):
         _positive("diameter of the rods", rod_diameter, "m")
     links = tuple(
         link
-        if link.inertia is not None and not replace_all
-        else replace(
-            link, inertia=_link_inertia(mechanism, link.name, link.outline, density, rod_diameter, shape)
-        )
+        if link.inertia is not None
+        else replace(link, inertia=_link_inertia(mechanism, link.name, link.outline, density, rod_diameter))
         for link in mechanism.links
     )
     return replace(mechanism, links=links)
 
 
 def _link_inertia(
-    mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float, shape: str
+    mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float
 ) -> Inertia:
     ends = mechanism.ends(name)
     points = _distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
@@ -192,11 +185,7 @@ def _link_inertia(
         pin = round_rod(_tuple(points[0] - arm), _tuple(points[0] + arm), density, diameter)
         return replace(pin, rods=Rods(PIN_LENGTH * diameter, diameter, density))
     rods = [(_tuple(points[i]), _tuple(points[j])) for i, j in _spanning_tree(np.array(points))]
-    section = density * np.pi * diameter**2 / 4.0
-    if shape == "slender":
-        whole = combine(slender_rod(a, b, section * _length(a, b)) for a, b in rods)
-    else:
-        whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
+    whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
     return replace(whole, rods=Rods(sum(_length(a, b) for a, b in rods), diameter, density))
 
 

@@ -73,11 +73,6 @@ def parameters(name: str) -> Mapping[str, FormulaParameter]:
     return MECHANISMS[name].rows
 
 
-def with_theory(theory: str) -> str:
-    """Return the names of the mechanisms for which a theory exists, as text."""
-    return ", ".join(name for name, mechanism in MECHANISMS.items() if theory in mechanism.formulas.theories)
-
-
 # names that an error message lists
 MAX_LISTED = 16
 

@@ -1,1 +1,1 @@
-"""Theory of the papers: mobility, Assur groups, assembly curves, synthesis, velocity plans."""
+"""Theory of the papers: mobility, Assur groups, assembly curves, synthesis."""

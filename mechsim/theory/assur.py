@@ -1,6 +1,6 @@
 """Assur groups: decomposition of a planar chain into the smallest groups of zero mobility."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -120,12 +120,10 @@ class Decomposition:
 
     Attributes:
         drivers: driving links.
-        stopped: links that count as frame.
         groups: groups in the order of assembly.
     """
 
     drivers: tuple[str, ...]
-    stopped: tuple[str, ...]
     groups: tuple[AssurGroup, ...]
 
     @property
@@ -135,29 +133,27 @@ class Decomposition:
 
     def lines(self) -> list[str]:
         """Return the drivers and each group in words."""
-        still = f", with {', '.join(self.stopped)} stopped" if self.stopped else ""
-        return [f"driven by {', '.join(self.drivers)}{still}", *(str(group) for group in self.groups)]
+        return [f"driven by {', '.join(self.drivers)}", *(str(group) for group in self.groups)]
 
     def __str__(self) -> str:
         return "; ".join(self.lines())
 
 
-def assur_groups(mechanism: Mechanism, driver: str | Sequence[str] | None = None) -> Decomposition:
+def assur_groups(mechanism: Mechanism) -> Decomposition:
     """Decompose a planar chain into Assur groups.
+
+    Driving links are those of the driven joints, and the links geared to them. Links of locked joints count
+    as one: with one crank locked and a joint of it driven instead, its rod drives, as in Koshel and Koshel.
 
     Args:
         mechanism: a planar mechanism.
-        driver: driving link or links. The default is the crank and the links geared to it. A link on the
-            frame replaces the crank, which becomes an ordinary link. A link connected to a driven link, but
-            not to the frame, drives with that link stopped, as in Koshel and Koshel. Such an exchange
-            releases gears; other driven links remain drivers as long as there are degrees of freedom.
 
     Returns:
-        Drivers, stopped links and groups in the order of assembly.
+        Drivers and groups in the order of assembly.
 
     Raises:
-        InputError: for a spatial mechanism, a link that cannot drive, or a chain that its drivers leave
-            underdetermined or overdetermined; names the links.
+        InputError: for a spatial mechanism, a driven joint that is not on the frame, or a chain that its
+            drivers leave underdetermined or overdetermined; names the links.
 
     Source: Assur 1914; classes after Artobolevskii, Theory of Mechanisms; the exchange of drivers in
     Koshel and Koshel.
@@ -167,16 +163,15 @@ def assur_groups(mechanism: Mechanism, driver: str | Sequence[str] | None = None
             f"{mechanism.name} is not planar, and Assur groups are those of planar chains; "
             "look at its mobility instead"
         )
-    pairs = planar_pairs(mechanism)
-    drivers, stopped = inputs(mechanism, pairs, driver)
+    pairs, drivers = planar_pairs(mechanism), driven_links(mechanism)
     order = [name for name, first in rigid(mechanism).items() if name == first != GROUND]
-    unknown = [link for link in order if link not in (*drivers, *stopped)]
+    unknown = [link for link in order if link not in drivers]
     groups: list[AssurGroup] = []
     for equations, units in blocks(mechanism, pairs, unknown):
         links = tuple(link for link in unknown if Unit(link, 0) in units)
         if links:  # otherwise only the position of a pin on a placed link
             groups.append(_group(links, equations, units))
-    return Decomposition(drivers, stopped, tuple(groups))
+    return Decomposition(drivers, tuple(groups))
 
 
 def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -> AssurGroup:
@@ -205,52 +200,13 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
     return AssurGroup(widest, outer, links, outer + len(contours) - len(pairs))
 
 
-def inputs(
-    mechanism: Mechanism, pairs: Sequence[Pairs], driver: str | Sequence[str] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the driving links and the stopped ones, selected as in `assur_groups`.
-
-    Raises:
-        InputError: for an unknown link, or one that cannot drive.
-    """
-    requested = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
-    links = [link.name for link in mechanism.links]
-    for name in requested:
-        if name not in links:
-            raise InputError(f"{mechanism.name} has no moving link {name!r}; choose from {', '.join(links)}")
-    body = rigid(mechanism)
-    requested, driven = (
-        tuple(dict.fromkeys(body[link] for link in links if body[link] != GROUND))
-        for links in (requested, driven_links(mechanism))
-    )
-    if not requested:
-        return driven, ()
-    stopped: tuple[str, ...] = ()
-    for link in requested:
-        neighbour_links = neighbours(pairs, link)
-        if not neighbour_links & {GROUND, *stopped, *requested}:
-            stopped += _to_stop(mechanism, link, [other for other in driven if other in neighbour_links])
-    dofs = planar_dofs(mechanism, pairs, stopped)
-    if dofs < len(requested):
-        still = f" with {', '.join(stopped)} stopped" if stopped else ""
-        raise InputError(
-            f"{mechanism.name}: {', '.join(requested)} cannot drive{still}, which leaves W = {dofs}; "
-            f"links on the frame that can: {', '.join(_on_frame(mechanism, pairs))}"
-        )
-    if len(requested) > 1:
-        return requested, stopped
-    # the new driver replaces the crank first
-    rest = [link for link in driven[1:] + driven[:1] if link not in (*requested, *stopped)]
-    return (*requested, *rest[: dofs - 1]), stopped
-
-
 def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the links whose pose the crank angle determines alone: the crank, then links geared to it.
+    """Return the links whose pose the drivers determine alone: the crank, then links geared to it.
 
     Raises:
         InputError: if a driven joint is on links that are not placed by the drive.
     """
-    names = [joint.name for joint in mechanism.driven_joints]
+    names, body = [joint.name for joint in mechanism.driven_joints], rigid(mechanism)
     while more := [
         name
         for gear in mechanism.gears
@@ -261,43 +217,13 @@ def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
     waiting = [mechanism.joint(name) for name in names]
     placed = [GROUND]
     while waiting:
-        joint = next((j for j in waiting if (j.a.link in placed) or (j.b.link in placed)), None)
+        joint = next((j for j in waiting if not {body[link] for link in j.links}.isdisjoint(placed)), None)
         if joint is None:
             lost = ", ".join(j.name for j in waiting)
             raise InputError(
                 f"{mechanism.name}: driven joint {lost} is not on the frame, so its links do not drive; "
-                "name the driving link"
+                "drive a joint on the frame, or lock the links between"
             )
         waiting.remove(joint)
-        placed += [end.link for end in (joint.a, joint.b) if end.link not in placed]
+        placed += [body[link] for link in joint.links if body[link] not in placed]
     return tuple(placed[1:])
-
-
-def neighbours(pairs: Iterable[Pairs], link: str) -> set[str]:
-    """Return the links that have a pair with a link."""
-    return {other for pair in pairs if link in pair.links for other in pair.links} - {link}
-
-
-def planar_dofs(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[str]) -> int:
-    """Return W = 3n - 2p of the lower pairs alone, with stopped links as frame."""
-    fixed = {GROUND, *stopped}
-    dofs = 3 * (len({*rigid(mechanism).values()}) - 1 - len(stopped))
-    for pair in pairs:
-        unknown = sum(link not in fixed for link in pair.links)
-        dofs -= 2 * (unknown - (unknown == len(pair.links)))
-    return dofs
-
-
-def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
-    """Return the crank that must be stopped so that a floating link can drive, as in Koshel and Koshel."""
-    if not cranks:
-        raise InputError(
-            f"{mechanism.name}: link {link!r} has a pair with neither the frame nor a driven link, so it "
-            "cannot drive; stop a link with which it has a pair, or choose another"
-        )
-    return (cranks[0],)
-
-
-def _on_frame(mechanism: Mechanism, pairs: Sequence[Pairs]) -> list[str]:
-    neighbour_links = neighbours(pairs, GROUND)
-    return [link.name for link in mechanism.links if link.name in neighbour_links]

@@ -127,7 +127,8 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     Links that are fixed to each other count once; a joint that does not constrain the plane is no pair.
     """
     body = rigid(mechanism)
-    hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
+    moving = [joint for joint in mechanism.joints if not _welded(mechanism, joint)]
+    hinges = [joint for joint in moving if KINDS[joint.kind].hinge]
     tolerance = PARALLEL_TOLERANCE * mechanism.characteristic_length
     shared = [(a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance)]
     order = [link.name for link in mechanism.links]
@@ -135,16 +136,21 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     for pin in components([joint.name for joint in hinges], shared):
         links = {body[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
         pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True, tuple(pin)))
-    slides = (joint for joint in mechanism.joints if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
+    slides = (joint for joint in moving if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
     return pairs + [Pairs((body[joint.a.link], body[joint.b.link]), False, (joint.name,)) for joint in slides]
 
 
 def rigid(mechanism: Mechanism) -> dict[str, str]:
     """Return link (the ground included) -> the first link of those that are fixed to it."""
     order = [GROUND, *(link.name for link in mechanism.links)]
-    welded = [(joint.a.link, joint.b.link) for joint in mechanism.joints if not KINDS[joint.kind].dof]
-    bodies = components(order, welded)
+    bodies = components(order, [joint.links for joint in mechanism.joints if _welded(mechanism, joint)])
     return {name: min(next(body for body in bodies if name in body), key=order.index) for name in order}
+
+
+def _welded(mechanism: Mechanism, joint: Joint) -> bool:
+    """Whether a joint cannot move: it has no degree of freedom, or is locked."""
+    kind = KINDS[joint.kind]
+    return not kind.dof or (not kind.ball and mechanism.locked.keys() >= {*joint.coordinates})
 
 
 def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:

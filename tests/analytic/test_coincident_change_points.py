@@ -7,7 +7,7 @@ import pytest
 from wheel_linkages import START, assert_equal_rotation, wheel_linkages
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.motion import crank_path
+from mechsim.analytic.loops.motion import driven_path
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End
@@ -30,7 +30,7 @@ def test_coupled_wheels_rotate_equally_through_coincident_change_points(wheels):
 
 @pytest.mark.parametrize("steps", [61, pytest.param(400, marks=pytest.mark.slow)])
 def test_a_change_point_of_two_pairs_is_detected_for_any_step(steps):
-    path = crank_path(wheel_linkages(3))
+    path = driven_path(wheel_linkages(3))
     for end in np.linspace(START, START + 2.0 * np.pi, steps):
         path.extend(end)
     assert sorted(path.change_points)[:2] == pytest.approx([np.pi, 2.0 * np.pi], abs=1e-10)

@@ -10,7 +10,7 @@ from mechanisms import three_cranks
 
 import mechsim as ms
 from mechsim import catalog, loops
-from mechsim.analytic.loops.motion import crank_path
+from mechsim.analytic.loops.motion import driven_path
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
@@ -37,7 +37,7 @@ def segments_tried(path, stops):
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
 def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
-    path = crank_path(catalog.make(name).mechanism)
+    path = driven_path(catalog.make(name).mechanism)
     tried, accepted = segments_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
     # measured 24, 37 and 21: the smoothness of a segment limits the length of the next
     assert tried == accepted <= most
@@ -47,14 +47,14 @@ def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
 
 
 def test_a_path_is_traced_backwards_only_near_a_change_point():
-    path = crank_path(catalog.make("four_bar").mechanism)
+    path = driven_path(catalog.make("four_bar").mechanism)
     path.extend(path.initial)
     assert not path.segments[-1]
     ((solver, which, rows),) = path.chunks(np.array([path.initial, path.initial]))
     assert solver is path.first
     assert which.tolist() == [0, 1]
     assert np.array_equal(rows, path.loops.flat(path.start).repeat(2, 0))
-    close = crank_path(three_cranks((0.04, 0.0), start=0.02))
+    close = driven_path(three_cranks((0.04, 0.0), start=0.02))
     close.extend(close.initial)
     assert close.change_points == pytest.approx([0.0], abs=1e-9)
 
@@ -68,7 +68,7 @@ def test_a_path_that_is_too_long_is_rejected_before_it_is_traced():
 
 def test_the_tangent_predictor_has_second_order():
     mechanism = catalog.make("rssr").mechanism
-    path = crank_path(mechanism)
+    path = driven_path(mechanism)
     start = path.initial
     solver = loop_solver(path.loops, path.start)
     for direction in (1, -1):
@@ -87,7 +87,7 @@ def test_the_tangent_predictor_has_second_order():
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
 def test_step_control_reaches_the_target_correction(moved, before):
-    path, step = crank_path(catalog.make("four_bar").mechanism), 0.4
+    path, step = driven_path(catalog.make("four_bar").mechanism), 0.4
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
     growth = path.growth(step, 1, np.zeros(1), np.array([moved]))[0]
@@ -104,7 +104,7 @@ def test_step_control_reaches_the_target_correction(moved, before):
 
 @pytest.mark.parametrize(("ratio", "accepted"), [(0.19, False), (0.21, True)])
 def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(ratio, accepted, monkeypatch):
-    path = crank_path(catalog.make("four_bar").mechanism)
+    path = driven_path(catalog.make("four_bar").mechanism)
     monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * ratio, 3.0, CONTROL.nodes))
     segment, length = path.next_segment(path.initial, 1, 0.05)
     assert (segment is not None) == accepted
@@ -117,7 +117,7 @@ def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passi
     linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     poses = loops.solve(linkage.mechanism, [0.5]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    path = crank_path(linkage.mechanism.with_guess(guess, 0.5), passing)
+    path = driven_path(linkage.mechanism.with_guess(guess, 0.5), change_point=passing)
     assert not path.drop_last_segment(direction)
     path.reach(to, direction)
     (branch_point,) = path.change_points
@@ -131,7 +131,7 @@ def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passi
     assert direction * segments[-1].nodes[0] <= direction * branch_point < direction * segments[-1].nodes[-1]
     path.reach(to, direction)
     assert path.change_points == [branch_point]
-    other = crank_path(linkage.mechanism)
+    other = driven_path(linkage.mechanism)
     other.reach(other.initial + direction, direction)
     while other.drop_last_segment(direction):
         pass
@@ -162,7 +162,7 @@ def test_the_motion_is_smooth_through_change_points(lengths):
 def test_a_parallelogram_keeps_its_assembly_mode_over_revolutions():
     linkage = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
     mechanism = linkage.mechanism
-    path = crank_path(mechanism)
+    path = driven_path(mechanism)
     path.extend(7.0)
     path.extend(-7.0)
     result = np.sort(path.change_points)
@@ -206,7 +206,7 @@ def test_change_points_are_detected_from_any_start(start):
     linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
     poses = loops.solve(linkage.mechanism, [start]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    path = crank_path(linkage.mechanism.with_guess(guess, float(start)))
+    path = driven_path(linkage.mechanism.with_guess(guess, float(start)))
     path.extend(7.0)
     path.extend(-7.0)
     result = np.sort(path.change_points) / np.pi
@@ -226,7 +226,7 @@ def test_change_points_are_detected_from_any_start(start):
 
 
 def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
-    path = crank_path(catalog.make("four_bar").mechanism)
+    path = driven_path(catalog.make("four_bar").mechanism)
     signed_distance, hidden = Linearised.signed_distance.func, []
 
     def wrong_sign(loops):
@@ -275,7 +275,7 @@ def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
         name: Pose(item.position[0], item.rotation[0]) for name, item in linkage.solve([start]).links.items()
     }
     with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
-        crank_path(linkage.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
+        driven_path(linkage.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
 
 
 @pytest.mark.long
@@ -298,7 +298,7 @@ def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(deficit):
     linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - deficit)
     ((low, high),) = linkage.crank_range().arcs
     assert high - low < 2 * np.pi
-    path = crank_path(linkage.mechanism)
+    path = driven_path(linkage.mechanism)
     with pytest.raises(AssemblyError, match="cannot pass") as error:
         path.extend(high + 2.0 * (2 * np.pi - (high - low)))
     output = float(str(error.value).split("cannot pass ")[1].split()[0])

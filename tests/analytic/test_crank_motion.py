@@ -8,7 +8,7 @@ from driven_mechanisms import five_bar
 from mechanisms import end_at
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.motion import crank_path, motion_along
+from mechsim.analytic.loops.motion import driven_path, motion_along
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Coupling, Joint
 from mechsim.model.links import EX, GROUND, Link, Pose
@@ -81,7 +81,7 @@ def test_geared_links_must_repeat_on_another_revolution(ratio, turns, revolution
 
 def test_a_path_can_start_on_another_revolution():
     mechanism = swinging()
-    path, _ = motion_along(crank_path(mechanism), *np.array([[mechanism.start + REVOLUTION], [1.0], [0.0]]))
+    path, _ = motion_along(driven_path(mechanism), *np.array([[mechanism.start + REVOLUTION], [1.0], [0.0]]))
     assert path.initial == mechanism.start + REVOLUTION
     assert path.start.values[path.loops.driven[0]] == path.initial
     assert loops.solve(mechanism, [0.1, 0.2]).speed.tolist() == [1.0, 1.0]

@@ -8,7 +8,7 @@ from driven_mechanisms import circle_intersection, five_bar, sinusoidal
 from mechanisms import end_at
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.motion import crank_path, motion_along
+from mechsim.analytic.loops.motion import driven_path, motion_along
 from mechsim.analytic.loops.path import CHUNK, rates_of_polynomial
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
@@ -101,7 +101,7 @@ def duplicated(mechanism):
 
 
 def test_polynomial_rates_agree_with_the_loop_equations():
-    path = crank_path(duplicated(catalog.make("rssr").mechanism))
+    path = driven_path(duplicated(catalog.make("rssr").mechanism))
     angle = path.initial + np.linspace(0.1, 2.0, 7)
     _, motion = motion_along(path, angle, np.ones(7), np.zeros(7))
     assert len(path.loops.tree.balls) == 2

@@ -13,7 +13,6 @@ from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation import mechanism_trace, segments
-from mechsim.theory.continuation.assembly_curve import even_motion
 from mechsim.theory.continuation.mechanism_trace import trace
 
 REVOLUTION = 2.0 * np.pi
@@ -322,44 +321,6 @@ def test_invalid_traces_are_rejected():
         trace(catalog.make("four_bar"), seed=1.5)
     with pytest.raises(InputError, match="of type NoneType"):
         trace(None)
-
-
-def test_the_motion_along_a_curve_has_uniform_speed():
-    linkage = SOLVERS["rssr swinging"]
-    curve = traced("rssr swinging").curves[0]
-    motion = even_motion(curve, 96, 3.0)
-    squares = sum(
-        ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / linkage.mechanism.characteristic_length**2
-        + 0.5 * ((link.rotation[1:] - link.rotation[:-1]) ** 2).sum((1, 2))
-        for name, link in motion.links.items()
-        if name != "coupler"
-    )
-    # the ends of crank and rocker belong to the coupler, too
-    for name in ("P2", "P3"):
-        position = motion.points[name].position
-        squares = (
-            squares
-            + ((position[1:] - position[:-1]) ** 2).sum(1) / linkage.mechanism.characteristic_length**2
-        )
-    assert np.ptp(np.sqrt(squares)) <= 0.02 * np.sqrt(squares).mean()
-    for point in motion.points.values():
-        assert np.abs(point.position[-1] - point.position[0]).max() <= 1e-9
-    signs = {
-        float(sign)
-        for sign in np.sign(linkage.assembly_sign({n: p.position for n, p in motion.points.items()}))
-    }
-    assert signs >= {1.0, -1.0}
-    assert motion.time[-1] == pytest.approx(3.0)
-
-
-def test_rates_along_a_curve_agree_with_the_closed_form():
-    linkage = catalog.make("rssr")
-    motion = even_motion(trace(linkage, starts=0).curves[0], 24, 2.0)
-    exact = linkage.solve(motion.angle, motion.speed, motion.acceleration)
-    for name, point in exact.points.items():
-        for rate in ("position", "velocity", "acceleration"):
-            result, expected = getattr(motion.points[name], rate), getattr(point, rate)
-            assert np.abs(result - expected).max() <= 1e-7 * max(1e-2, np.abs(expected).max())
 
 
 def test_a_dwell_is_one_turning_point_at_its_middle():

@@ -79,12 +79,10 @@ class ClosedForm(ABC):
     Attributes:
         declared: parameters, links, joints and points, which other methods use too.
         values: parameter -> value in SI.
-        theories: studies that exist only for this mechanism: "coupler line", "velocity plan".
         gear: name of the parameter that is a gear ratio; empty if there is none.
         array_parameters: parameters that may be arrays, one number per design.
     """
 
-    theories: frozenset[str] = frozenset()
     gear: str = ""
     array_parameters: frozenset[str] = frozenset()
     change_point: ChangePointPolicy = "smooth"

@@ -41,25 +41,6 @@ MIN_SPIN = 1e-6
 INTEGER_TOLERANCE = 1e-12
 
 
-def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> LoopPath:
-    """Return the path of a mechanism's assembly mode over its crank angle; it contains only its start.
-
-    Args:
-        mechanism: its guess selects the assembly mode.
-        change_point: policy "smooth" or "branch" at change points.
-
-    Raises:
-        AssemblyError: where the loops do not close at the start.
-        MobilityError: if the crank leaves joints or tracked points undetermined, or the loops lock it.
-        InputError: for a mechanism without a crank.
-    """
-    crank = mechanism.crank.name
-    first = checked_start(mechanism)
-    initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
-    locked = locked_values(mechanism)
-    return LoopPath(first, lambda angle: with_locked(angle[None], locked), initial, change_point)
-
-
 def solve(
     mechanism: Mechanism,
     angles: ArrayLike,
@@ -93,7 +74,7 @@ def solve(
     crank_angle = crank_angles(name, angles)
     rate = crank_rate(name, "speed", speed, len(crank_angle))
     mechanism = described(starting_at(mechanism, crank_angle, float(rate[0])))
-    return solve_along(crank_path(mechanism, change_point), crank_angle, rate, acceleration)
+    return solve_along(driven_path(mechanism, CRANK, change_point), crank_angle, rate, acceleration)
 
 
 def solve_along(
@@ -209,9 +190,11 @@ def motion_record(
 
 
 def driven_path(
-    mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
+    mechanism: Mechanism, motion_laws: MotionLaws = CRANK, change_point: ChangePointPolicy = "smooth"
 ) -> LoopPath:
-    """Return the path of a mechanism's assembly mode over the path parameter of its motion laws.
+    """Return the path of a mechanism's assembly mode over its crank angle, or over its motion laws.
+
+    It contains only its start.
 
     Args:
         mechanism: its guess selects the assembly mode; from the guess the drivers move straight to the start
@@ -222,21 +205,19 @@ def driven_path(
     Raises:
         AssemblyError: where the loops do not close at the guess or on the path to the start of the laws.
         MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
+        InputError: for a mechanism without a crank, if no motion laws are given.
     """
-    if motion_laws.crank:
-        return crank_path(mechanism, change_point)
-    first = checked_start(mechanism)
-    locked = locked_values(mechanism)
+    crank = mechanism.crank.name if motion_laws.crank else None
+    first, locked = checked_start(mechanism), locked_values(mechanism)
 
     def prescribed(parameter: Array) -> Array:
         return with_locked(motion_laws.along_path(parameter)[0], locked)
 
+    if crank is not None:
+        initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
+        return LoopPath(first, prescribed, initial, change_point)
     first = _moved_to_start(first, prescribed(np.zeros(1)), change_point)
-    names = PathNames(
-        "the drivers",
-        motion_laws.instant_label,
-        motion_laws.instant_label,
-    )
+    names = PathNames("the drivers", motion_laws.instant_label, motion_laws.instant_label)
     return LoopPath(first, prescribed, 0.0, change_point, names)
 
 

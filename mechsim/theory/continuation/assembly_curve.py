@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.kinematics import LinkPoses, link_poses
-from mechsim.analytic.loops.record import tracked_points
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion, Motion, short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import Interpolant, Piecewise
@@ -362,56 +361,3 @@ class AssemblyCurve:
                     (first[tree.index_of[column.coordinate]] - initial[i]) / REVOLUTION
                 )
         return offsets * self.joints.angular
-
-
-def even_motion(curve: AssemblyCurve, steps: int, duration: float) -> Motion:
-    """Return the motion along a whole closed curve at constant arc-length rate; the last pose is the first.
-
-    Args:
-        curve: of assemblies.
-        steps: number of time steps.
-        duration: of the whole curve in [s].
-
-    Accuracy: poses close the loops; rates, for arrows, to about 1e-8.
-    """
-    arc, rate = np.linspace(0.0, curve.length, steps + 1), curve.length / duration
-    poses = curve.poses_at(arc)
-    states = _link_states(curve).derivative()
-    first, second = (
-        table.evaluate(arc).reshape(len(arc), -1, 12) * rate**order
-        for order, table in ((1, states), (2, states.derivative()))
-    )
-    links = {
-        name: _link_motion(poses.poses[name], first[:, i], second[:, i])
-        for name, i in curve.loops.loops.tree.links.items()
-    }
-    column, rates = curve.joints.columns.index(curve.driver), curve.joints.rates
-    return Motion(
-        source="loop equations",
-        angle=poses.angle,
-        speed=rates.evaluate(arc)[:, column] * rate,
-        acceleration=rates.derivative().evaluate(arc)[:, column] * rate**2,
-        points=tracked_points(curve.mechanism, links),
-        links=links,
-        time=arc / rate,
-    )
-
-
-def _link_states(curve: AssemblyCurve) -> Piecewise[Interpolant]:
-    """Return polynomials of the links' positions and rotations, 12 numbers of each."""
-    tables: list[Interpolant] = []
-    for segment in curve.traced.segments:
-        poses = link_poses(curve.loops.loops.tree, segment.coordinates)
-        links, _, n = poses.position.shape
-        states = np.concatenate([poses.position, poses.rotation.reshape(links, 9, n)], 1)
-        tables.append(Interpolant(segment.nodes, states.reshape(-1, n).T, segment.weights))
-    return Piecewise(tables)
-
-
-def _link_motion(pose: Pose, first: Array, second: Array) -> LinkMotion:
-    """Return the motion of a link from derivatives (n, 12) of its position and rotation."""
-    transposed = pose.rotation.transpose(0, 2, 1)
-    spin = first[:, 3:].reshape(-1, 3, 3) @ transposed
-    changing = second[:, 3:].reshape(-1, 3, 3) @ transposed - spin @ spin
-    vectors = [0.5 * (m - m.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] for m in (spin, changing)]
-    return LinkMotion(pose.position, pose.rotation, first[:, :3], vectors[0], second[:, :3], vectors[1])
