@@ -8,7 +8,6 @@ at crank angles. `TwoBranchForm` adds the discriminant whose sign changes are th
 from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import (
     circle_sphere,
     column,
@@ -23,6 +22,7 @@ from mechsim.analytic.vector_method.vectors import (
     unit_at_angles,
 )
 from mechsim.model.links import EX, EY, EZ, ORIGIN, Vector
+from mechsim.model.motion_laws import Arcs
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin, values, with_value
 

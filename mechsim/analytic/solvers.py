@@ -16,13 +16,12 @@ from mechsim.analytic.loops.motion import driven_path, solve_along, solve_prescr
 from mechsim.analytic.loops.path import Instants, LoopPath
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.path_instants import path_instants
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, InputError, SingularStartError
 from mechsim.model.limits import Ranges
 from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion, short_repr
-from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
+from mechsim.model.motion_laws import CRANK, Arcs, MotionLaws, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.units import WrittenUnits

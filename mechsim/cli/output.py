@@ -8,16 +8,18 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mechsim import units
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import plain
 from mechsim.model.finding import counted_findings
 from mechsim.numerics.arrays import Array
+
+if TYPE_CHECKING:
+    from mechsim.analytic.solvers import KinematicSolver
 
 Units = Annotated[
     str | None,
@@ -77,7 +79,7 @@ def in_units(
     }
 
 
-def output_units(text: str | None, solver: KinematicSolver) -> OutputUnits | None:
+def output_units(text: str | None, solver: "KinematicSolver") -> OutputUnits | None:
     """Return the units of `--units`; None without it.
 
     Raises:

@@ -248,24 +248,12 @@ class End:
         assert self.reference is not None
         return _frame(self.axis, self.reference)
 
-    @property
-    def frame_columns(self) -> tuple[Vector, Vector, Vector]:
-        """The columns of `frame`."""
-        assert self.reference is not None
-        return _columns(self.axis, self.reference)
-
 
 @cache
 def _frame(axis: Vector, reference: Vector) -> Array:
     frame = np.column_stack([reference, np.cross(axis, reference), axis])
     frame.flags.writeable = False
     return frame
-
-
-@cache
-def _columns(axis: Vector, reference: Vector) -> tuple[Vector, Vector, Vector]:
-    first, second, third = (vector(column) for column in _frame(axis, reference).T)
-    return first, second, third
 
 
 @dataclass(frozen=True)

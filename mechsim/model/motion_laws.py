@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,14 +62,37 @@ class CrankProfile:
         return 1 if self.steady else MIN_INSTANTS
 
 
-class CrankRange(Protocol):
-    """The intervals of crank angle in which a mechanism can be assembled; its text lists them."""
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """Intervals of crank angle.
 
-    @property
-    def full(self) -> bool: ...
+    Attributes:
+        full: whether the crank rotates fully; then `arcs` is one revolution.
+        arcs: (from, to) in [rad], from < to, from in [-pi, pi); empty if the loop closes nowhere.
+    """
 
-    @property
-    def arcs(self) -> Sequence[tuple[float, float]]: ...
+    full: bool
+    arcs: tuple[tuple[float, float], ...]
+
+    def start(self) -> float:
+        """Return the start angle: 0 if it is in an interval, else the middle of the longest interval.
+
+        In an interval of more than a revolution, angles that differ by revolutions are different poses, and 0
+        can be replaced by such an angle.
+        """
+        if self.full or not self.arcs:
+            return 0.0
+        for low, high in self.arcs:
+            for angle in (0.0, REVOLUTION):
+                if low < angle < high:
+                    return angle if high - low > REVOLUTION else 0.0
+        low, high = max(self.arcs, key=lambda arc: arc[1] - arc[0])
+        return (low + high) / 2.0
+
+    def __str__(self) -> str:
+        if self.full:
+            return "anywhere in the turn"
+        return " and ".join(f"from {low:.6g} to {high:.6g} rad" for low, high in self.arcs)
 
 
 def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
@@ -120,7 +143,7 @@ def no_crank_range_error(name: str) -> AssemblyError:
     return AssemblyError(f"{name}: the loops close at no crank angle; change the dimensions")
 
 
-def interval_around(arcs: CrankRange, angle: float) -> tuple[float, float] | None:
+def interval_around(arcs: Arcs, angle: float) -> tuple[float, float] | None:
     """Return the interval that contains a crank angle, in the revolution of the angle, in [rad]; else None.
 
     Angles that differ by a revolution are the same configuration: the interval from 1 to 7 rad contains 0.5
@@ -135,7 +158,7 @@ def interval_around(arcs: CrankRange, angle: float) -> tuple[float, float] | Non
 
 
 def within_range(
-    mechanism: Mechanism, arcs: CrankRange, speed: float, turns: float = 1.0, through: float | None = None
+    mechanism: Mechanism, arcs: Arcs, speed: float, turns: float = 1.0, through: float | None = None
 ) -> CrankProfile:
     """Return a crank motion that a mechanism can make: full revolutions, or a swing inside its range.
 

@@ -2,8 +2,7 @@
 
 from mechsim.analytic.loops.maximal_coordinates import Rows, equations, residual_norms
 from mechsim.analytic.loops.mobility import DofCount, dof_count
-from mechsim.analytic.loops.motion import conditioning, solve
-from mechsim.analytic.loops.start import assemble
+from mechsim.analytic.loops.motion import assemble, conditioning, solve
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.link_poses import guessed_poses
 from mechsim.numerics.rank import RANK_TOLERANCE

@@ -10,7 +10,7 @@ import numpy as np
 from mechsim.analytic.loops.constraints import tree_loops
 from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import DofCount, dof_count
-from mechsim.analytic.loops.start import assemble
+from mechsim.analytic.loops.motion import assemble
 from mechsim.errors import AssemblyError, several
 from mechsim.model.joint_kinds import KINDS, Axis, Kind
 from mechsim.model.joints import End, Joint

@@ -4,7 +4,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import turns
 
-from mechsim.analytic.vector_method.trig_polynomial import REVOLUTION, Arcs, reachable_arcs
+from mechsim.analytic.vector_method.trig_polynomial import reachable_arcs
+from mechsim.model.motion_laws import Arcs
+from mechsim.numerics.angles import REVOLUTION
 
 
 def with_roots(roots, scale=1.0):

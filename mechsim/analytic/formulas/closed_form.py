@@ -13,12 +13,11 @@ from mechsim.analytic.formulas.parameters import FormulaParameter, assembled_val
 from mechsim.analytic.path_instants import crank_angles, crank_rate
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
-from mechsim.model.motion_laws import no_crank_range_error
+from mechsim.model.motion_laws import Arcs, no_crank_range_error
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, constant_jet, values
@@ -399,12 +398,12 @@ def _joints(
     crank_angle = {mechanism.crank.name: angle, **geared}
     motions: dict[str, JointMotion] = {}
     for joint in mechanism.joints:
+        side_a = geometry.frames.get(joint.name)
+        sides = None if side_a is None else (side_a, joint.b.frame)
         coordinates: Sequence[Values] = (
             [crank_angle[joint.name]]
             if joint.name in crank_angle
-            else link_frames.joint_coordinates(
-                joint, frames[joint.a.link], frames[joint.b.link], geometry.frames.get(joint.name)
-            )
+            else link_frames.joint_coordinates(joint, frames[joint.a.link], frames[joint.b.link], sides)
         )
         motions |= link_frames.motions_of_joint(joint, coordinates, len(values(angle)))
     return motions

@@ -13,7 +13,6 @@ from mechsim.analytic.formulas.closed_form import ClosedForm
 from mechsim.analytic.formulas.parameters import FormulaParameter
 from mechsim.analytic.path_instants import crank_angles
 from mechsim.analytic.vector_method.trig_polynomial import (
-    Arcs,
     SignedRoot,
     reachable_arcs,
     sampled_polynomial,
@@ -21,7 +20,7 @@ from mechsim.analytic.vector_method.trig_polynomial import (
 )
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.model.motion import ChangePointPolicy
-from mechsim.model.motion_laws import interval_around
+from mechsim.model.motion_laws import Arcs, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, values

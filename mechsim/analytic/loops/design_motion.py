@@ -12,10 +12,9 @@ from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
 from mechsim.analytic.loops.path import Instants, LoopMotion, LoopPath, closed_chunks, with_rates
-from mechsim.analytic.loops.record import link_or_ground_motion, point_on
+from mechsim.analytic.loops.record import joint_motions, point_on
 from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.tree import JointSides
-from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import AssemblyError
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
@@ -370,17 +369,8 @@ def design_record(
             # the motion of a hinge that closes a loop
             joint = mechanism.joint(name)
             _, frame_a, _, frame_b = arrays.ends[joint.name]
-            a, b = (link_or_ground_motion(end.link, links) for end in (joint.a, joint.b))
-            side_a, side_b = (
-                link.rotation @ np.repeat(np.moveaxis(frame, -1, 0), repeat, 0)
-                for link, frame in ((a, frame_a), (b, frame_b))
-            )
-            axis, along = side_a[..., 2], side_b[..., 0]
-            coordinates[name] = JointMotion(
-                np.arctan2(dot(side_a[..., 1], along), dot(side_a[..., 0], along)),
-                dot(axis, b.angular_velocity - a.angular_velocity),
-                dot(axis, b.angular_acceleration - a.angular_acceleration),
-            )
+            sides = np.repeat(frame_a, repeat, -1), np.repeat(frame_b, repeat, -1)
+            coordinates |= joint_motions(joint, links, sides)
         else:
             value, rate, second = (table[:, index] for table in (motion.values, motion.rates, motion.second))
             coordinates[name] = JointMotion(value, rate, second, "m" if tree.slides[index] else "rad")

@@ -1,17 +1,17 @@
 """Joint coordinates and positions of points, with their rates, from the motion of links."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.tree import SpanningTree
-from mechsim.analytic.vector_method.rotations import dot
-from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.analytic.vector_method.link_frames import frame_of, joint_coordinates, motions_of_joint
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
 from mechsim.model.link_poses import rotated
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.angles import REVOLUTION
@@ -57,20 +57,16 @@ def tracked_points(mechanism: Mechanism, links: Mapping[str, LinkMotion]) -> dic
     return {name: point_on(links[link], local) for name, link, local in moving}
 
 
-def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
-    """Return the motion of each coordinate of a joint from those of its links; angles are unwrapped."""
-    kind = KINDS[joint.kind]
-    a, b = (link_or_ground_motion(end.link, links) for end in (joint.a, joint.b))
-    values = joint_coordinate(joint, *(Pose(link.position, link.rotation) for link in (a, b)))
-    translations, angles = _slides(joint, a, b), _turns(joint, a, b)
-    motions: dict[str, JointMotion] = {}
-    for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
-        index = None if kind.single else i
-        if unit == "m":
-            motions[name] = JointMotion(values[..., i], *next(translations), "m", index)
-        else:
-            motions[name] = JointMotion(unwrapped_angles(values[..., i]), *next(angles), "rad", index)
-    return motions
+def joint_motions(
+    joint: Joint, links: Mapping[str, LinkMotion], sides: tuple[Array, Array] | None = None
+) -> dict[str, JointMotion]:
+    """Return the motion of each coordinate of a joint from those of its links; angles are in (-pi, pi].
+
+    The frames of its sides are (3, 3), by default those of the joint, or (3, 3, n) of many designs.
+    """
+    a, b = (frame_of(link_or_ground_motion(end.link, links)) for end in (joint.a, joint.b))
+    count = len(next(iter(links.values())).position)
+    return motions_of_joint(joint, joint_coordinates(joint, a, b, sides), count)
 
 
 def tree_joint_motions(
@@ -91,54 +87,15 @@ def tree_joint_motions(
     for joint in joints:
         kind = KINDS[joint.kind]
         if tree.first_index(joint.name) is None:
-            motions |= joint_motions(joint, links)
+            for name, motion in joint_motions(joint, links).items():
+                angle = motion.unit == "rad"
+                motions[name] = replace(motion, value=unwrapped_angles(motion.value)) if angle else motion
             continue
         for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
             value, rate, second = (rows[tree.index_of[name]] for rows in values)
             component = None if kind.single else i
             motions[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", component)
     return motions
-
-
-def _slides(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
-    """Yield first and second derivative of each displacement, along the axes of link a."""
-    ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
-    gap = ends[1].position - ends[0].position
-    relative = ends[1].velocity - ends[0].velocity - cross(a.angular_velocity, gap)
-    second = ends[1].acceleration - ends[0].acceleration - cross(a.angular_acceleration, gap)
-    second -= cross(a.angular_velocity, 2.0 * relative + cross(a.angular_velocity, gap))
-    frame = a.rotation @ joint.a.frame
-    for axis in KINDS[joint.kind].slides:
-        along = frame[..., COLUMN[axis]]
-        yield dot(along, relative), dot(along, second)
-
-
-def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
-    """Yield first and second derivative of each angle: relative rotation about the joint's axes."""
-    kind = KINDS[joint.kind]
-    if kind.ball or not kind.turns:
-        return
-    angular_velocity = b.angular_velocity - a.angular_velocity
-    angular_acceleration = b.angular_acceleration - a.angular_acceleration
-    axis = a.rotation @ np.asarray(joint.a.axis)
-    if not kind.crossed:
-        # a rate of the axis is perpendicular to it
-        yield dot(axis, angular_velocity), dot(axis, angular_acceleration)
-        return
-    other = b.rotation @ np.asarray(joint.b.axis)
-    first = _along(axis, other, angular_velocity)
-    transport = first[0][..., None] * cross(a.angular_velocity, axis)
-    transport = transport + first[1][..., None] * cross(b.angular_velocity, other)
-    yield from zip(first, _along(axis, other, angular_acceleration - transport), strict=True)
-
-
-def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
-    """Return the components of vectors, (..., 3), along two crossing unit vectors."""
-    cosine, components = dot(axis, other), (dot(axis, vector), dot(other, vector))
-    sine_squared = 1.0 - cosine**2
-    return (components[0] - cosine * components[1]) / sine_squared, (
-        components[1] - cosine * components[0]
-    ) / sine_squared
 
 
 def link_or_ground_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.vector_method.vectors import column, cross, dot
+from mechsim.analytic.vector_method.vectors import array_cross, column, cross, dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import EX, EY, EZ, Vector
+from mechsim.model.links import EX, EY, EZ
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values, values
+from mechsim.numerics.jets import Jet, Values, angle_of, values
 
 # rate of a constant frame, (3, 1)
 REST = np.zeros((3, 1))
@@ -26,13 +26,15 @@ REST = np.zeros((3, 1))
 class LinkFrame:
     """A link's origin and axes in the ground frame, (3, n) each, or (3, 1) if constant.
 
-    One axis may be omitted: it is the vector product of the other two, computed when needed.
+    One axis may be omitted: it is the vector product of the other two, computed when needed. So are the
+    angular velocity and acceleration, (3, n) each, if `spin` does not give them.
     """
 
     origin: Values
     x: Values | None = None
     y: Values | None = None
     z: Values | None = None
+    spin: tuple[Array, Array] | None = None
 
     def axis(self, i: int) -> Any:
         """Return axis x, y or z by its index."""
@@ -84,6 +86,8 @@ class LinkFrame:
         and u'.v along u, v and w; u'' and v'' give the acceleration, less the products of these components.
         A link with a constant axis rotates about it.
         """
+        if self.spin is not None:
+            return self.spin
         missing = next((i for i in range(3) if self._axes[i] is None), 2)
         u, v, w = self.axis((missing + 1) % 3), self.axis((missing + 2) % 3), self.pose.axis(missing)
         if not isinstance(u, Jet):
@@ -146,20 +150,35 @@ def motion_of_frame(frame: LinkFrame, n: int) -> LinkMotion:
     )
 
 
-def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | None = None) -> list[Values]:
+def frame_of(link: LinkMotion) -> LinkFrame:
+    """Return the frame of a link in motion; an axis u has the rates w x u and a x u + w x (w x u)."""
+    spin, change = link.angular_velocity.T, link.angular_acceleration.T
+
+    def axis(i: int) -> Jet:
+        u = link.rotation[..., i].T
+        rate = array_cross(spin, u)
+        return Jet(u, rate, array_cross(change, u) + array_cross(spin, rate))
+
+    origin = Jet(link.position.T, link.velocity.T, link.acceleration.T)
+    return LinkFrame(origin, axis(0), axis(1), axis(2), (spin, change))
+
+
+def joint_coordinates(
+    joint: Joint, a: LinkFrame, b: LinkFrame, sides: tuple[Array, Array] | None = None
+) -> list[Values]:
     """Return the coordinates of a joint between two frames, (n,) each in [m] or in (-pi, pi] rad.
 
-    The frame of side a is (3, 3), by default that of the joint, or (3, 3, n) of many designs.
+    The frames of its sides are (3, 3), by default those of the joint, or (3, 3, n) of many designs.
     """
     kind, coordinates = KINDS[joint.kind], list[Values]()
-    columns_a = joint.a.frame_columns if side_a is None else tuple(side_a.swapaxes(0, 1))
+    frames = (joint.a.frame, joint.b.frame) if sides is None else sides
+    columns_a, (reference_b, side_b, axis_b) = map(_columns, frames)
     reference, side, axis = columns_a
     if kind.slides:
         gap = b.point(joint.b.point) - a.point(joint.a.point)
         coordinates += [dot(gap, a.direction(columns_a[COLUMN[along]])) for along in kind.slides]
     if kind.ball or not kind.turns:
         return coordinates
-    reference_b, side_b, axis_b = joint.b.frame_columns
     if kind.hinge:
         return [_hinge_angle(columns_a, reference_b, a, b)]
     # b's axis (crossed axes) or b's reference, in the frame of side a
@@ -171,7 +190,12 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
     return coordinates
 
 
-def _hinge_angle(columns: Sequence[Any], reference_b: Vector, a: LinkFrame, b: LinkFrame) -> Values:
+def _columns(frame: Array) -> Sequence[Any]:
+    """Return the columns of a frame, of one design as plain numbers, which are faster."""
+    return frame.T.tolist() if frame.ndim == 2 else frame.swapaxes(0, 1)
+
+
+def _hinge_angle(columns: Sequence[Any], reference_b: Sequence[Any], a: LinkFrame, b: LinkFrame) -> Values:
     """Return the angle of a hinge, (n,), with its rates where the frames have them.
 
     The rates are those of link b relative to link a about the axis, whose own rate is perpendicular to it.
@@ -184,7 +208,7 @@ def _hinge_angle(columns: Sequence[Any], reference_b: Vector, a: LinkFrame, b: L
     """
     reference, side, axis = (a.pose.direction(column) for column in columns)
     observed = b.pose.direction(reference_b)
-    angle = np.arctan2(dot(side, observed), dot(reference, observed))
+    angle = angle_of(dot(side, observed), dot(reference, observed))
     if not (a.has_rates or b.has_rates):
         return angle
     velocity, acceleration = (

@@ -13,7 +13,7 @@ from itertools import permutations
 import numpy as np
 
 from mechsim.analytic.vector_method import trig_polynomial
-from mechsim.analytic.vector_method.trig_polynomial import Arcs
+from mechsim.model.motion_laws import Arcs
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 

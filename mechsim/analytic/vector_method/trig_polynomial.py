@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.motion_laws import Arcs
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin, values
@@ -255,39 +256,6 @@ def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
 
 def _wrapped(angle: float) -> float:
     return (angle + np.pi) % REVOLUTION - np.pi
-
-
-@dataclass(frozen=True, slots=True)
-class Arcs:
-    """Intervals of crank angle.
-
-    Attributes:
-        full: whether the crank rotates fully; then `arcs` is one revolution.
-        arcs: (from, to) in [rad], from < to, from in [-pi, pi); empty if the loop closes nowhere.
-    """
-
-    full: bool
-    arcs: tuple[tuple[float, float], ...]
-
-    def start(self) -> float:
-        """Return the start angle: 0 if it is in an interval, else the middle of the longest interval.
-
-        In an interval of more than a revolution, angles that differ by revolutions are different poses, and 0
-        can be replaced by such an angle.
-        """
-        if self.full or not self.arcs:
-            return 0.0
-        for low, high in self.arcs:
-            for angle in (0.0, REVOLUTION):
-                if low < angle < high:
-                    return angle if high - low > REVOLUTION else 0.0
-        low, high = max(self.arcs, key=lambda arc: arc[1] - arc[0])
-        return (low + high) / 2.0
-
-    def __str__(self) -> str:
-        if self.full:
-            return "anywhere in the turn"
-        return " and ".join(f"from {low:.6g} to {high:.6g} rad" for low, high in self.arcs)
 
 
 def reachable_arcs(discriminant: Callable[[Array], Array], degree: int) -> Arcs:
