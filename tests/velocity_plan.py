@@ -22,31 +22,31 @@ class Plan(NamedTuple):
 
 def velocity_plans(linkage, angle, speed, speed2=None) -> tuple[Plan, Plan, dict[str, np.ndarray]]:
     """Return the plans with crank 2 and with crank 1 stopped, and the velocities of A, B, C, D, K."""
-    at = {name: complex(flat(path)[0]) for name, path in linkage.positions([angle]).items()}
-    at |= {"O1": 0j, "O2": complex(*linkage.pivot2), "E": complex(*linkage.pivot_rocker)}
+    pins = {name: complex(flat(path)[0]) for name, path in linkage.positions([angle]).items()}
+    pins |= {"O1": 0j, "O2": complex(*linkage.pivot2), "E": complex(*linkage.pivot_rocker)}
     speed2 = linkage.gear_ratio * speed if speed2 is None else speed2
-    first = _plan(at, "CD", ("B", "A", "O1"), speed)
-    second = _plan(at, "BA", ("C", "D", "O2"), speed2)
+    first = _plan(pins, "CD", ("B", "A", "O1"), speed)
+    second = _plan(pins, "BA", ("C", "D", "O2"), speed2)
     return first, second, {name: first.velocities[name] + second.velocities[name] for name in "ABCDK"}
 
 
-def _plan(at: dict[str, complex], driving: str, driven: tuple[str, str, str], speed: float) -> Plan:
+def _plan(pins: dict[str, complex], driving: str, driven: tuple[str, str, str], speed: float) -> Plan:
     """Draw a plan from the point of the base link on the driving rod and the rod's fixed end."""
     (p, stand), (q, pin, pivot) = driving, driven
-    first = 1j * (at[p] - at[stand]) / abs(at[p] - at[stand])
+    first = 1j * (pins[p] - pins[stand]) / abs(pins[p] - pins[stand])
     # the first vector has one direction; if the crank then rotates backwards, the other
     for direction in (1.0, -1.0):
         vector = {stand: 0j, p: direction * first}
         # V_K = V_C + V_KC with V_KC across KC, and V_K across KE: eq. (1), in eq. (4) from B
-        vector["K"] = _crossing(vector[p], 1j * (at["K"] - at[p]), 1j * (at["K"] - at["E"]))
+        vector["K"] = _crossing(vector[p], 1j * (pins["K"] - pins[p]), 1j * (pins["K"] - pins["E"]))
         # the plan contains a figure similar to the base link
-        vector[q] = vector[p] + (vector["K"] - vector[p]) * (at[q] - at[p]) / (at["K"] - at[p])
+        vector[q] = vector[p] + (vector["K"] - vector[p]) * (pins[q] - pins[p]) / (pins["K"] - pins[p])
         # V_A = V_B + V_AB with V_AB across AB, and V_A across O1A: eq. (2), in eq. (4) D from C
-        vector[pin] = _crossing(vector[q], 1j * (at[pin] - at[q]), 1j * (at[pin] - at[pivot]))
-        if cross(at[pin] - at[pivot], vector[pin]) * speed >= 0.0:
+        vector[pin] = _crossing(vector[q], 1j * (pins[pin] - pins[q]), 1j * (pins[pin] - pins[pivot]))
+        if cross(pins[pin] - pins[pivot], vector[pin]) * speed >= 0.0:
             break
     # eqs (3) and (5)
-    scale = abs(speed) * abs(at[pin] - at[pivot]) / abs(vector[pin])
+    scale = abs(speed) * abs(pins[pin] - pins[pivot]) / abs(vector[pin])
     ends = {name: np.array([v.real, v.imag]) for name, v in vector.items()}
     return Plan(ends, scale, {name: np.append(scale * end, 0.0) for name, end in ends.items()})
 

@@ -29,7 +29,6 @@ class StepControl:
         max_correction: corrector displacement above which a segment is rejected: Newton's method may
             have converged to another assembly mode.
         target_correction: corrector displacement for which the next segment is chosen.
-        safety: factor on the allowed ratio.
 
     Source: P. Deuflhard, Newton methods for nonlinear problems (2004), chapter 5.
     """
@@ -44,7 +43,6 @@ class StepControl:
     target_error: float = 1e-5
     max_correction: float = 5e-2
     target_correction: float = 5e-3
-    safety: float = 1.0
 
     def growth(self, error: ArrayLike, correction: ArrayLike | None = None, ratio: float = 1.0) -> Array:
         """Return the largest ratio of the next segment's length to this one's.
@@ -57,9 +55,7 @@ class StepControl:
         """
         # the interpolation error of half the nodes grows with the length to the power of their number
         order = (self.nodes + 1) / 2
-        growth = np.minimum(
-            self.max_growth, self.safety * (self.target_error / np.maximum(error, TINY)) ** (1.0 / order)
-        )
+        growth = np.minimum(self.max_growth, (self.target_error / np.maximum(error, TINY)) ** (1.0 / order))
         if correction is None:
             return growth
         # the error of an extrapolated polynomial grows as the product of the distances to its nodes

@@ -37,27 +37,8 @@ class Best:
     active: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Circle:
-    """The best-fitting circle of points.
-
-    Attributes:
-        centre: (2,) in [m].
-        radius: in [m].
-        error: |B - centre|2 - radius2 at every point, (n,) in [m2].
-        level: largest absolute error.
-        alternation: indices of the active points, usually four, increasing.
-    """
-
-    centre: Array
-    radius: float
-    error: Array
-    level: float
-    alternation: tuple[int, ...]
-
-
-def best_circle(points: Array) -> Circle:
-    """Return the circle that minimises the largest error |B - m|2 - r2.
+def best_circle(points: Array) -> tuple[Array, float, Best]:
+    """Return centre (2,) and radius of the circle with the smallest largest error |B - m|2 - r2, and its fit.
 
     Args:
         points: B, (n, 2) in [m].
@@ -68,7 +49,7 @@ def best_circle(points: Array) -> Circle:
     origin = points.mean(0)
     best = least_worst(*circle_rows(points - origin))
     centre, radius = circle_of(best.x)
-    return Circle(origin + centre, radius, best.error, best.level, best.active)
+    return origin + centre, radius, best
 
 
 def circle_rows(points: Array) -> tuple[Array, Array]:
@@ -298,9 +279,9 @@ class _Task:
 
     def circle_fit(self) -> _Trial:
         """Return the linkage whose B keeps its circle best with C on every `every`-th point of the curve."""
-        circle = best_circle(self.b[:: self.every])
-        alternation = tuple(self.every * index for index in circle.alternation)
-        return self._trial(circle.centre, circle.radius, self.angles, alternation)
+        centre, radius, best = best_circle(self.b[:: self.every])
+        alternation = tuple(self.every * index for index in best.active)
+        return self._trial(centre, radius, self.angles, alternation)
 
     def equal_ripple(self) -> Synthesis:
         """Return the linkage whose C has the smallest deviation from the curve."""

@@ -1,18 +1,14 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mpmath import mp
 from strategies import CLOSED, random_knitter
-from two_cranks import velocities
 
-from mechsim import catalog, loops
+from mechsim import catalog
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import triad
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.links import Pose
 
 REVOLUTION = 2 * np.pi
 # a longer crank 1 cannot turn fully
@@ -234,38 +230,6 @@ def test_the_transmission_angle_follows_from_the_instant_centre():
         force, arm = a + s * (b - a) - k, k - linkage.pivot_rocker
         cosine = abs(force @ arm) / np.linalg.norm(force) / np.linalg.norm(arm)
         assert value == pytest.approx(np.arccos(cosine), rel=1e-12)
-
-
-def test_without_gears_the_mechanism_has_two_degrees_of_freedom():
-    linkage = catalog.make("warp_knitter")
-    links = linkage.solve([0.4]).links
-    poses = {name: Pose(link.position, link.rotation) for name, link in links.items()}
-    assert loops.dof_count(replace(linkage.mechanism, gears=()), poses).mobility == 2
-    assert loops.dof_count(linkage.mechanism, poses).mobility == 1
-    assert loops.dof_count(linkage.mechanism, poses).redundant == 6
-
-
-def test_velocities_of_both_cranks_superpose():
-    linkage = catalog.make("warp_knitter")
-    f = np.linspace(0.0, REVOLUTION, 13)
-    geared = linkage.gear_ratio * f + linkage.phase
-    exact = linkage.solve(f, 3.0)
-    one_crank, other_crank = (
-        velocities(linkage, f, geared, 3.0, 0.0),
-        velocities(linkage, f, geared, 0.0, -6.0),
-    )
-    for name, point in exact.points.items():
-        scale = np.abs(point.velocity).max()
-        assert np.abs(one_crank[name] + other_crank[name] - point.velocity).max() <= 1e-13 * scale
-    assert np.abs(one_crank["D"]).max() == 0.0
-    assert np.abs(other_crank["A"]).max() == 0.0
-
-
-def test_a_second_crank_without_full_rotation_is_rejected():
-    # a longer crank 2 reaches a dead centre
-    linkage = catalog.make("warp_knitter", crank2=0.028)
-    with pytest.raises(AssemblyError, match="crank 2 cannot turn"):
-        velocities(linkage, 0.0, np.linspace(0.0, REVOLUTION, 12), 1.0, 1.0)
 
 
 @pytest.mark.parametrize("assembly", [0, 3, -1])

@@ -13,7 +13,6 @@ def test_the_length_grows_until_the_error_is_the_target():
     assert CONTROL.growth(CONTROL.target_error) == pytest.approx(1.0)
     assert CONTROL.growth(4.0 * CONTROL.target_error) == pytest.approx(0.25 ** (2 / (CONTROL.nodes + 1)))
     np.testing.assert_allclose(CONTROL.growth(np.array([0.0, CONTROL.target_error])), [3.0, 1.0])
-    assert StepControl(safety=0.5).growth(CONTROL.target_error) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(("correction", "ratio"), [(0.01, 0.75), (0.06, 0.5), (0.004, 2.25)])

@@ -10,10 +10,10 @@ from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_align
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import KINDS, antiparallel_message
-from mechsim.model.joints import End, joint_coordinate
+from mechsim.model.joint_kinds import FIXED, KINDS, antiparallel_message
+from mechsim.model.joints import End, Joint, joint_coordinate
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
-from mechsim.model.links import GROUND, IDENTITY, Pose, vector
+from mechsim.model.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -400,30 +400,18 @@ def _poses_about_guess(mechanism: Mechanism) -> dict[str, Pose]:
 
 
 def _with_guess_on_frame(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism in which the guessed links are parts of the frame."""
-
-    def on_frame(end: End) -> End:
-        if end.link not in mechanism.guess:
-            return end
-        pose, frame = mechanism.guess[end.link], mechanism.guess[end.link].rotation @ end.frame
-        return End(GROUND, vector(pose.point(end.point)), vector(frame[:, 2]), vector(frame[:, 0]))
-
-    points = {
-        name: (GROUND, vector(mechanism.guess[link].point(local)))
-        if link in mechanism.guess
-        else (link, local)
-        for name, (link, local) in mechanism.points.items()
-    }
+    """Return a mechanism with the guessed links fixed to the frame, without the joints between them."""
     frame = {GROUND, *mechanism.guess}
-    moving = [joint for joint in mechanism.joints if not {joint.a.link, joint.b.link} <= frame]
-    joints = [replace(joint, a=on_frame(joint.a), b=on_frame(joint.b)) for joint in moving]
+    joints = [joint for joint in mechanism.joints if not frame.issuperset(joint.links)]
     kept = {name for joint in joints for name in joint.coordinates}
+    for link, pose in mechanism.guess.items():
+        x, _, z = map(vector, pose.rotation.T)
+        on_frame = End(GROUND, vector(pose.position), z, x)
+        joints.append(Joint(f"{VIRTUAL_PREFIX}guess of {link}", FIXED, on_frame, End(link)))
     return replace(
         mechanism,
-        links=tuple(link for link in mechanism.links if link.name not in mechanism.guess),
         joints=tuple(joints),
         driver=tuple(name for name in mechanism.drivers if name in kept),
-        points=points,
         gears=tuple(gear for gear in mechanism.gears if {gear.driver, gear.driven} <= kept),
         guess={},
         couplings=tuple(law for law in mechanism.couplings if kept.issuperset(law.coordinates)),

@@ -67,9 +67,8 @@ class LinkFrame:
     @cached_property
     def pose(self) -> "LinkFrame":
         """The frame without its rates."""
-        return LinkFrame(
-            values(self.origin), *(None if axis is None else values(axis) for axis in self._axes)
-        )
+        x, y, z = (None if axis is None else values(axis) for axis in self._axes)
+        return LinkFrame(values(self.origin), x, y, z)
 
     def rotation(self, n: int) -> Array:
         """Return the matrices whose columns are the axes, (n, 3, 3)."""
@@ -190,7 +189,7 @@ def joint_coordinates(
     return coordinates
 
 
-def _columns(frame: Array) -> Sequence[Any]:
+def _columns(frame: Array) -> Any:
     """Return the columns of a frame, of one design as plain numbers, which are faster."""
     return frame.T.tolist() if frame.ndim == 2 else frame.swapaxes(0, 1)
 
