@@ -61,7 +61,8 @@ def exit_code(command: Callable[[], Any]) -> int:
     with _listening() as signals:
         code = _outcome(command, signals)
     if code in (0, 1):
-        for line in (*(f"mechsim: {question}" for question in questions), *notes):
+        # a command may read its model several times
+        for line in dict.fromkeys((*(f"mechsim: {question}" for question in questions), *notes)):
             print_stderr(line)
     return _flushed(code)
 

@@ -103,7 +103,7 @@ def export(
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     result = export_model(
-        model if options.is_twin else load_model(model, sets, driven),
+        model if options.is_twin else load_model(model, sets, driven, still=True),
         path,
         set=changed_parameters(sets) if options.is_twin else None,
         independent=joint_ranges("--independent", options.independent) if options.independent else (),

@@ -88,7 +88,10 @@ class AnimationOptions:
         if self.frames_per_turn is not None:
             raise InputError("--slow determines the number of frames; leave out --frames-per-turn")
         if not 0.0 < slow < 1e6 or not 0.0 < self.fps <= 1000.0:
-            raise InputError(f"{slow:g} times slower at {self.fps:g} frames a second; give numbers above 0")
+            raise InputError(
+                f"{slow:g} times slower at {self.fps:g} frames a second; give numbers above 0, --slow below "
+                "1e+06 and --fps up to 1000"
+            )
         return duration * slow * self.fps
 
 

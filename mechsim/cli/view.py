@@ -98,7 +98,10 @@ def _live(contents: "View", source: ModelOptions, release: ReleaseOptions) -> "V
     if release.requested:
         raise InputError("--live moves a mechanism by its drivers; leave --initial and --mode out")
     designs = load_parametric(source.model, source.sets, source, moving=False)
-    return live_view(contents, open_model(source.model), source.load(), designs, crank_speed(SPEED))
+    solver = source.load(still=True)
+    if not solver.mechanism.drivers:
+        raise InputError(f"{solver.name}: nothing is driven, and --live moves drivers; leave it out")
+    return live_view(contents, open_model(source.model), solver, designs, crank_speed(SPEED))
 
 
 def _browser() -> webbrowser.BaseBrowser | None:

@@ -109,7 +109,8 @@ def export(
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
         require_compatible(format, scene, settings, timestep, speed)
-        solver = model if isinstance(model, KinematicSolver) and not set else load(model, set, **options)
+        loaded = isinstance(model, KinematicSolver) and not set
+        solver = model if loaded else load(model, set, still=True, **options)
         contents = _Contents(scene, settings, timestep, speed)
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = _exported(solver, format, style, contents)

@@ -68,7 +68,7 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         if solver.mechanism.contacts:
             raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
         if plane_normal(solver.mechanism) is None:
-            raise UnsolvedGroupError("it is not planar")
+            raise UnsolvedGroupError("not all joints belong to planar Assur groups")
         if solver.mechanism.couplings:
             raise UnsolvedGroupError("racks and couplings belong to no Assur group")
         links = solver.solve_along([angle]).links

@@ -349,9 +349,9 @@ def stroke_of(motion: Motion) -> float:
 
 
 def reach_of(motion: Motion) -> float:
-    """Return the largest coordinate of any point or link's origin in [m]."""
+    """Return the largest coordinate of any point or link's origin in [m]; 1 if all lie at the origin."""
     paths = (*motion.points.values(), *motion.links.values())
-    return float(max(np.abs(path.position).max() for path in paths))
+    return float(max(np.abs(path.position).max() for path in paths)) or 1.0
 
 
 def largest_acceleration(motion: Motion, reach: float) -> float:

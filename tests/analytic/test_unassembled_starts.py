@@ -1,6 +1,7 @@
 """Unassembled starts: the nearest assembly is found and reported, or the loops that lock."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +34,15 @@ def test_an_unassembled_start_closes_at_the_nearest_values_and_reports_them(tmp_
     reported = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", note))
     assert float(reported["rod"]) == pytest.approx(angle, abs=1e-3)
     assert float(reported["rocker"]) == pytest.approx(joints["rocker"].value[0], abs=1e-3)
+
+
+def test_reported_values_are_those_of_joints_of_the_file_without_rounding(tmp_path):
+    # a cam whose follower is written a radian away; its contact has joints of its own
+    text = (Path(ms.__file__).parents[1] / "models" / "gallery" / "cam_follower.toml").read_text()
+    guess = "[guess]\ncam = {}\nfollower = { at = [1, 30, 0], turn = { axis = [0, 0, 1], angle = 60 } }\n"
+    (tmp_path / "cam.toml").write_text(text.partition("[formula]")[0] + guess)
+    note = ms.load(str(tmp_path / "cam.toml")).facts[-1]
+    assert set(re.findall(r"(\S+) = ", note)) == {"cam", "guide", "contact"}
 
 
 def test_a_description_that_closes_far_from_its_guess_is_rejected_without_a_reader(tmp_path):

@@ -19,7 +19,11 @@ def test_only_stated_options_are_excluded():
 
 @pytest.mark.parametrize(
     ("function", "reason"),
-    [("return {'x': 1.0}", "returns dict"), ("return motion.nosuch", "ends in AttributeError")],
+    [
+        ("return {'x': 1.0}", "returns dict"),
+        ("return motion.nosuch", "ends in AttributeError"),
+        ("return '3'", "returns str"),
+    ],
 )
 def test_a_wrong_measure_ends_a_sweep(mechsim: Call, tmp_path: Path, function: str, reason: str):
     (tmp_path / "m.py").write_text(f"def f(motion):\n    {function}\n")
@@ -36,9 +40,10 @@ def test_a_measure_without_value_at_one_design_does_not_end_a_sweep(mechsim: Cal
     # the crank of 30 mm gives sqrt(-0.0005), that of 31 mm sqrt(0.0005)
     sweep = "sweep four_bar --vary crank=3cm:3.1cm:2 --measure m.py:f -o s.csv --samples 9"
     assert mechsim(*sweep.split())[0] == 0
-    values = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True, dtype=None, encoding=None)["mpyf"]
-    assert np.isnan(values[0])
-    assert values[1] == pytest.approx(np.sqrt(0.0005), rel=1e-9)
+    values = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    assert np.isnan(values["mpyf"][0])
+    assert values["mpyf"][1] == pytest.approx(np.sqrt(0.0005), rel=1e-9)
+    assert list(values["outcome"]) == ["not measured", "passed"]
 
 
 def test_a_sweep_whose_designs_all_fail_fails(mechsim: Call):

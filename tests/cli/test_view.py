@@ -4,6 +4,7 @@ import webbrowser
 from pathlib import Path
 
 import pytest
+from model_files import model_text
 
 from mechsim.cli import app, exit_codes
 from mechsim.errors import InputError
@@ -25,6 +26,15 @@ def test_without_a_browser_the_page_is_written_to_the_folder(folder, capsys):
     run("four_bar")
     assert capsys.readouterr().out == "no browser on this machine; wrote four_bar.view.html\n"
     assert [path.name for path in folder.iterdir()] == ["four_bar.view.html"]
+
+
+def test_a_page_that_reads_its_model_several_times_states_each_note_once(mechsim):
+    text = model_text("planar_linkage_sim.json")
+    Path("a.json").write_text(text.replace('"coupler_points":', '"seen": 1, "coupler_points":'))
+    err = mechsim("view", "a.json", "--live", "-o", "a.html").err
+    lines = [line for line in err.splitlines() if line.endswith("is not read")]
+    assert lines
+    assert len(lines) == len(set(lines))
 
 
 def test_a_browser_opens_the_page_and_no_file_remains(folder, monkeypatch, capsys):

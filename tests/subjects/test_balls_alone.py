@@ -1,5 +1,6 @@
 """Open chains of balls and universal joints, which have no coordinate, are validated and drawn."""
 
+import mujoco
 import numpy as np
 import pytest
 from model_files import model_text
@@ -37,6 +38,17 @@ def test_a_run_from_an_initial_state_keeps_the_ball(tmp_path):
     path = tmp_path / "pendulum.toml"
     path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))
     assert ms.load(str(path), still=True).mechanism.joints[0].kind == "spherical"
+
+
+def test_an_undriven_ball_is_exported_as_a_ball_and_not_driven_in_a_live_page(tmp_path, mechsim):
+    path, copy = tmp_path / "pendulum.toml", tmp_path / "copy.toml"
+    path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))
+    model = mujoco.MjModel.from_xml_string(ms.export(str(path)).text)
+    assert [int(kind) for kind in model.jnt_type] == [mujoco.mjtJoint.mjJNT_BALL]
+    ms.export(str(path), copy, format="toml")
+    assert ms.load(str(copy), still=True).mechanism.joints[0].kind == "spherical"
+    code, _, err = mechsim("view", str(path), "--live", "-o", "a.html")
+    assert (code, "nothing is driven, and --live moves drivers; leave it out" in err) == (2, True)
 
 
 ROD_TOML = model_text("balls_alone_rod.toml")

@@ -183,6 +183,8 @@ def test_stroke_and_reach_of_a_path_are_its_extents():
     assert reach_of(moving(path)) == pytest.approx(3.0)
     # without motion the largest coordinate replaces the stroke
     assert stroke_of(moving(FLAT + np.array([0.1, -0.7, 0.2]))) == pytest.approx(0.7)
+    # a crank of length 0 keeps all points at the origin: tolerances are those of a mechanism of 1 m
+    assert stroke_of(moving(0.0 * FLAT)) == reach_of(moving(0.0 * FLAT)) == 1.0
 
 
 @pytest.mark.parametrize(("off", "same"), [(8e-13, True), (2e-12, False)])

@@ -572,8 +572,13 @@ def _distance_text(stated: Mechanism, assembly: _Assembly) -> str:
         if stated.drivers
         else [*stated.guess_coordinates]
     )
-    names = dict.fromkeys([*first, *sorted(change, key=lambda name: -change[name])])
-    listed = ", ".join(f"{name} = {values[name]:.4g} {stated.unit(name)}" for name in [*names][:NAMED])
+    ordered = dict.fromkeys([*first, *sorted(change, key=lambda name: -change[name])])
+    written = {name for joint in stated.written_joints for name in joint.coordinates}
+    names = [name for name in ordered if name in written or name in first][:NAMED]
+    # zeros have the rounding of the solution
+    zero = SAME_POSE * min(1.0, stated.characteristic_length)
+    rounded = {name: 0.0 if abs(values[name]) < zero else values[name] for name in names}
+    listed = ", ".join(f"{name} = {value:.4g} {stated.unit(name)}" for name, value in rounded.items())
     return (
         f"the loops do not close at the stated values; the nearest assembly found is {assembly.distance:.3g} "
         f"away, in rad or lengths of the longest link, at {listed}"

@@ -234,6 +234,12 @@ class MeasureError(InputError):
     """A user's function that is wrong for every design."""
 
 
+class NoValueError(InputError):
+    """A user's function that has no number for one design, as a root or a logarithm."""
+
+    outcome = "not measured"
+
+
 def _function_values(where: str, turns: Turns) -> Array:
     """Return a user's function of each motion, (designs,)."""
     function = run_object(where)
@@ -243,17 +249,19 @@ def _function_values(where: str, turns: Turns) -> Array:
         try:
             value = run_user_code(where, lambda motion=motion: function(motion))
         except InputError as error:
-            # a design may have no number, as a root or a logarithm; any other error is one of the function
-            if isinstance(error.__cause__, ArithmeticError | ValueError):
-                raise
-            raise MeasureError(str(error)) from error
+            of_design = isinstance(error.__cause__, ArithmeticError | ValueError)
+            raise (NoValueError if of_design else MeasureError)(str(error)) from error
         out[i] = _number(where, value)
     return out
 
 
 def _number(where: str, value: object) -> float:
     try:
+        if isinstance(value, str | complex):
+            raise TypeError
         return float(value)  # pyright: ignore[reportArgumentType]
+    except OverflowError:
+        return np.inf
     except (TypeError, ValueError):
         raise MeasureError(f"{where} returns {type(value).__name__}; return one number") from None
 

@@ -29,7 +29,7 @@ from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
-from mechsim.studies.sweep.measures import FACTS, MeasureError, Turns
+from mechsim.studies.sweep.measures import FACTS, MeasureError, NoValueError, Turns
 from mechsim.studies.sweep.released_runs import released_alone
 from mechsim.studies.sweep.task import (
     CrankRows,
@@ -256,7 +256,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         except MeasureError:
             raise
         except MechsimError as error:
-            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+            outcome = error.outcome if isinstance(error, MobilityError | NoValueError) else "cannot assemble"
             result.reject(row, outcome, cut(str(error), MAX_REASON))
             continue
         except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
@@ -266,7 +266,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         result.store(row, {name: np.array([value]) for name, value in values.items()})
         result.reject(row, outcome, reason)
         if invalid:
-            result.reject(row, "diverged", f"{invalid[0]} is not finite")
+            result.reject(row, "not measured", f"{invalid[0]} is not finite")
 
 
 def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:

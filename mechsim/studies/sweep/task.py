@@ -34,6 +34,7 @@ OUTCOMES = (
     "underdetermined",
     "overdetermined",
     "swings",
+    "not measured",
 )
 # outcomes of designs that were built
 BUILT = ("passed", "swings")
