@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import FilePosition, Finding
+from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
@@ -32,7 +32,7 @@ def fighting(scene: Inspected) -> Iterator[Finding]:
 
 def _too_many(scene: Inspected) -> Iterator[Finding]:
     """Yield servos that add no rank to the loops and the other servos, in every sample state."""
-    model, lines = scene.model, _lines(scene)
+    model = scene.model
     servos = [a for a in range(actuator_count(model)) if _stiffness(scene, a) > 0.0]
     jacobians = [jacobian for jacobian, _ in scene.sample_jacobians]
     arms = [_directions(scene, qpos) for qpos in scene.sample_states]
@@ -42,15 +42,11 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
             jacobians = wider
             continue
         name = actuator_names(model)[a]
-        yield Finding(
-            kind="actuator",
-            what=name,
-            by=_stiffness(scene, a),
-            message=f"actuator {name} is redundant: the loops and the other servos determine its joint, so "
-            "that they act against each other unless their controls agree exactly",
-            remedy=f"leave {name} out, or make it a motor",
-            **lines[a],
+        message = (
+            f"actuator {name} is redundant: the loops and the other servos determine its joint, so that they "
+            "act against each other unless their controls agree exactly"
         )
+        yield _finding(scene, a, _stiffness(scene, a), message, f"leave {name} out, or make it a motor")
 
 
 def _directions(scene: Inspected, qpos: Array) -> Array:
@@ -72,16 +68,11 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
         off = force / kp if kp > 0.0 else 0.0
         if int(model.actuator_trntype[a]) not in ON_JOINT or abs(off) <= KICK:
             continue
-        name = actuator_names(model)[a]
-        yield Finding(
-            kind="actuator",
-            what=name,
-            by=abs(force),
-            message=f"actuator {name} starts {abs(off):.3g} from the target of its control, 0, "
-            f"with a force of {abs(force):.3g}",
-            remedy="give it the control of the start by --ctrl",
-            **_lines(scene)[a],
+        message = (
+            f"actuator {actuator_names(model)[a]} starts {abs(off):.3g} from the target of its control, 0, "
+            f"with a force of {abs(force):.3g}"
         )
+        yield _finding(scene, a, abs(force), message, "give it the control of the start by --ctrl")
 
 
 def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
@@ -94,16 +85,12 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
         largest = float(np.abs(forces[:, a]).max(initial=0.0))
         if _stiffness(scene, a) <= 0.0 or largest <= SLIGHT * float(np.abs(forces).max()):
             continue
-        name = actuator_names(scene.model)[a]
-        yield Finding(
-            kind="actuator",
-            what=name,
-            by=largest,
-            message=f"actuator {name} fights the drive: at control 0 it works against the motion laws "
-            f"by up to {largest:.3g} N or N m",
-            remedy="drive by its own control (--ctrl), or leave it out of the scene",
-            **_lines(scene)[a],
+        message = (
+            f"actuator {actuator_names(scene.model)[a]} fights the drive: at control 0 it works against the "
+            f"motion laws by up to {largest:.3g} N or N m"
         )
+        remedy = "drive by its own control (--ctrl), or leave it out of the scene"
+        yield _finding(scene, a, largest, message, remedy)
 
 
 def controls_beyond_range(scene: Inspected) -> Iterator[Finding]:
@@ -125,15 +112,12 @@ def controls_beyond_range(scene: Inspected) -> Iterator[Finding]:
         if not excess > EXCESS * (most - least):
             continue
         name, unit = actuator_names(model)[a], "m" if int(model.jnt_type[joint]) == SLIDE else "rad"
-        yield Finding(
-            kind="control-range",
-            what=name,
-            by=excess,
-            message=f"actuator {name} has controls for {low:.4g} to {high:.4g} {unit}, {excess:.3g} {unit} "
-            f"beyond the range of {model.joint(joint).name}, {least:.4g} to {most:.4g}",
-            remedy=f"take ctrlrange for {least:.4g} to {most:.4g} {unit}, or widen the range of the joint",
-            **_lines(scene)[a],
+        message = (
+            f"actuator {name} has controls for {low:.4g} to {high:.4g} {unit}, {excess:.3g} {unit} "
+            f"beyond the range of {model.joint(joint).name}, {least:.4g} to {most:.4g}"
         )
+        remedy = f"take ctrlrange for {least:.4g} to {most:.4g} {unit}, or widen the range of the joint"
+        yield _finding(scene, a, excess, message, remedy, "control-range")
 
 
 def _actuator_forces(scene: Inspected, motion: Swing) -> Array:
@@ -155,5 +139,8 @@ def _stiffness(scene: Inspected, actuator: int) -> float:
     return -float(scene.model.actuator_biasprm[actuator, 1])
 
 
-def _lines(scene: Inspected) -> list[FilePosition]:
-    return [scene.location(actuator) for actuator in scene.read.spec.actuators]
+def _finding(
+    scene: Inspected, a: int, by: float, message: str, remedy: str, kind: str = "actuator"
+) -> Finding:
+    name = actuator_names(scene.model)[a]
+    return scene.finding(kind, scene.read.spec.actuators[a], by, message, remedy, name)

@@ -19,6 +19,8 @@ VISIBLE_GAP = 1e-4
 MAX_PREDICTED = 0.1
 # a gap rings if a time step reverses its sign and leaves more than this fraction of it
 RINGING = 0.25
+# reduction of the step in the search of a stable one, and largest number of reductions
+REDUCTION, MAX_REDUCTIONS = 0.9, 200
 # smallest time constant that `refsafe` allows, in time steps
 MIN_STEPS = 2.0
 
@@ -48,14 +50,9 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
         remedy = f"{solref} {solimp} leaves {remainder} {unit}"
         if after > 0.1 * by:
             remedy += ", for dampers that the integrator takes implicitly hold the rest back: a smaller step"
-        yield Finding(
-            kind="soft",
-            what=loop.name,
-            by=min(by, limit),
-            message=f"{loop.name} is soft: its forces open a {gap} {when}",
-            remedy=f"{remedy}; mechsim tune finds the settings for your tolerance",
-            **loop.location,
-        )
+        message = f"{loop.name} is soft: its forces open a {gap} {when}"
+        remedy += "; mechsim tune finds the settings for your tolerance"
+        yield scene.finding("soft", loop.element, min(by, limit), message, remedy)
 
 
 def _gaps(scene: Inspected, motion: Swing | None) -> dict[int, float]:
@@ -88,15 +85,12 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
             groups.setdefault(constant, []).append(loop)
     for constant, loops in groups.items():
         names = ", ".join(loop.name for loop in loops)
-        yield Finding(
-            kind="refsafe",
-            what=names,
-            by=least / constant,
-            message=f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
-            f"gaps are {(least / constant) ** 2:.3g} times wider than the file asks for",
-            remedy=f"take a step of {constant / MIN_STEPS:g} s, or a time constant of {least:g} s",
-            **loops[0].location,
+        message = (
+            f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
+            f"gaps are {(least / constant) ** 2:.3g} times wider than the file asks for"
         )
+        remedy = f"take a step of {constant / MIN_STEPS:g} s, or a time constant of {least:g} s"
+        yield scene.finding("refsafe", loops[0].element, least / constant, message, remedy, names)
 
 
 def timestep(scene: Inspected) -> Iterator[Finding]:
@@ -110,24 +104,26 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
         return
     matrix, loop = stiffest
     step = float(model.opt.timestep)
-    values = np.linalg.eigvals(amplification(matrix, step))
-    worst, most_negative = float(np.abs(values).max()), float(values.real.min())
-    if worst <= 1.0 + 1e-9 and most_negative >= -RINGING:
+
+    def extremes(step: float) -> tuple[float, float]:
+        values = np.linalg.eigvals(amplification(matrix, step))
+        return float(np.abs(values).max()), float(values.real.min())
+
+    def rests(worst: float, most_negative: float) -> bool:
+        return worst <= 1.0 + 1e-9 and most_negative >= -RINGING
+
+    worst, most_negative = extremes(step)
+    if rests(worst, most_negative):
         return
-    stable = _stable_step(amplification, matrix, step)
+    stable = stable_step(lambda shorter: rests(*extremes(shorter)), step)
     ends = (
         f"grows {worst:.3g}-fold a step"
         if worst > 1.0 + 1e-9
         else f"oscillates: {-most_negative:.2g} of it returns with the opposite sign"
     )
-    yield Finding(
-        kind="timestep",
-        what=loop.name,
-        by=step / stable,
-        message=f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}",
-        remedy=f"take a step of {stable:.2g} s, or make the loop {step / stable:.2g} times slower",
-        **loop.location,
-    )
+    message = f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}"
+    remedy = f"take a step of {stable:.2g} s, or make the loop {step / stable:.2g} times slower"
+    yield scene.finding("timestep", loop.element, step / stable, message, remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,11 +183,10 @@ AMPLIFICATION: dict[int, Amplification] = {
 }
 
 
-def _stable_step(amplification: Amplification, matrix: GapDynamics, step: float) -> float:
-    """Return a time step that neither rings nor diverges, by repeated reduction by 10 percent."""
-    for _ in range(200):
-        values = np.linalg.eigvals(amplification(matrix, step))
-        if np.abs(values).max() <= 1.0 + 1e-9 and values.real.min() >= -RINGING:
+def stable_step(is_stable: Callable[[float], bool], step: float) -> float:
+    """Return a stable time step below an unstable one, by repeated reduction."""
+    for _ in range(MAX_REDUCTIONS):
+        step *= REDUCTION
+        if is_stable(step):
             break
-        step *= 0.9
     return step

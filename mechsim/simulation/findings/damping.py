@@ -1,15 +1,15 @@
 """Negative damping, friction and armature; dampers and springs too stiff for the time step."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import NO_POSITION, Finding
+from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.compliance import AMPLIFICATION, GapDynamics
+from mechsim.simulation.findings.compliance import AMPLIFICATION, GapDynamics, stable_step
 from mechsim.simulation.findings.inspected import OFF, Element, Inspected, null_space
 from mechsim.simulation.findings.predicted_gap import EULER, IMPLICIT, moment_arms
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
@@ -18,8 +18,6 @@ from mechsim.simulation.state import SCALAR, data_at, is_disabled, mass_matrix
 
 # growth in a step, less 1, above which a motion is unstable; rounding of eigenvalues leaves 1e-8
 GROWTH = 1e-6
-# reduction of the step in the search of a stable one, and largest number of reductions
-REDUCTION, MAX_REDUCTIONS = 0.9, 200
 
 
 def negative_losses(scene: Inspected) -> Iterator[Finding]:
@@ -33,14 +31,8 @@ def negative_losses(scene: Inspected) -> Iterator[Finding]:
             for attribute in attributes:
                 value = float(np.ravel(getattr(element, attribute))[0])
                 if value < 0.0:
-                    yield Finding(
-                        kind="negative",
-                        what=element.name,
-                        by=abs(value),
-                        message=f"{label} {element.name} has a {attribute} of {value:g}, which adds energy",
-                        remedy="write 0 or more",
-                        **scene.location(element),
-                    )
+                    message = f"{label} {element.name} has a {attribute} of {value:g}, which adds energy"
+                    yield scene.finding("negative", element, abs(value), message, "write 0 or more")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,19 +85,15 @@ def too_stiff_for_step(scene: Inspected) -> Iterator[Finding]:
     damper = max(dampers, key=lambda damper: sum(damper.shares(direction, step)))
     by_damping, by_stiffness = damper.shares(direction, step)
     quantity = "damping" if by_damping > by_stiffness else "stiffness"
-    stable = _stable_step(lambda shorter: motion.growth(model, integrator, shorter)[0], step)
+    stable = stable_step(lambda shorter: motion.growth(model, integrator, shorter)[0] <= 1.0 + GROWTH, step)
     remedy = f"take a step of {stable:.2g} s"
     if integrator not in IMPLICIT and motion.growth(model, IMPLICIT[1], step)[0] <= 1.0 + GROWTH:
         remedy = f'take integrator="implicitfast", or a step of {stable:.2g} s'
-    yield Finding(
-        kind="explicit",
-        what=damper.name,
-        by=step / stable,
-        message=f"the {quantity} of {damper.label} is too large for the step of {step:g} s with "
-        f"{option_value('integrator', integrator)}: a motion grows {growth:.3g}-fold a step",
-        remedy=remedy,
-        **(NO_POSITION if damper.element is None else scene.location(damper.element)),
+    message = (
+        f"the {quantity} of {damper.label} is too large for the step of {step:g} s with "
+        f"{option_value('integrator', integrator)}: a motion grows {growth:.3g}-fold a step"
     )
+    yield scene.finding("explicit", damper.element, step / stable, message, remedy, damper.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,33 +139,22 @@ def _is_implicit(model: mujoco.MjModel, integrator: int, damper: _SpringDamper) 
     return integrator in IMPLICIT or (integrator == EULER and damper.always and eulerdamp)
 
 
-def _stable_step(growth: Callable[[float], float], step: float) -> float:
-    """Return a stable time step by repeated reduction."""
-    for _ in range(MAX_REDUCTIONS):
-        step *= REDUCTION
-        if growth(step) <= 1.0 + GROWTH:
-            break
-    return step
-
-
 def _springs_and_dampers(scene: Inspected, qpos: Array) -> Iterator[_SpringDamper]:
     """Yield the dampers and springs of joints, tendons and servos at a state; negative ones count as 0."""
     model, spec = scene.model, scene.read.spec
     damps, springs = (not is_disabled(model, flag) for flag in (OFF.mjDSBL_DAMPER, OFF.mjDSBL_SPRING))
-    joints = {joint.name: joint for joint in spec.joints}
     for dof in range(model.nv):
         joint = int(model.dof_jntid[dof])
         name, scalar = str(model.joint(joint).name), int(model.jnt_type[joint]) in SCALAR
         damping = damps * _linear(model.dof_damping[dof])
         stiffness = springs * scalar * _linear(model.jnt_stiffness[joint])
         arm = np.eye(model.nv)[dof]
-        yield _SpringDamper(f"joint {name}", name, joints.get(name), arm, damping, stiffness, always=True)
-    tendons = {tendon.name: tendon for tendon in spec.tendons}
+        yield _SpringDamper(f"joint {name}", name, spec.joint(name), arm, damping, stiffness, always=True)
     for t, arm in enumerate(_tendon_arms(scene, qpos)):
         name = str(model.tendon(t).name)
         damping = damps * _linear(model.tendon_damping[t])
         stiffness = springs * _linear(model.tendon_stiffness[t])
-        yield _SpringDamper(f"tendon {name}", name, tendons.get(name), arm, damping, stiffness)
+        yield _SpringDamper(f"tendon {name}", name, spec.tendon(name), arm, damping, stiffness)
     if is_disabled(model, OFF.mjDSBL_ACTUATION):
         return
     for a, arm in enumerate(moment_arms(scene, qpos)):

@@ -26,12 +26,11 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
-    bodies = {body.name: body for body in scene.read.spec.bodies}
     carried = carried_masses(scene)
     for b in moving:
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
-        element = bodies[name]
+        element = scene.read.spec.body(name)
         problem = _triangle_violation(_moments(element)) if element.explicitinertial else None
         if not problem and element.explicitinertial and element.mass < 0.0:
             problem = float(element.mass), f"has a mass of {element.mass:g} kg", "no body has it: weigh it"
@@ -46,14 +45,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
             )
         if problem:
             by, what, remedy = problem
-            yield Finding(
-                kind="inertia",
-                what=name,
-                by=abs(by),
-                message=f"body {name} {what}",
-                remedy=remedy,
-                **scene.location(element),
-            )
+            yield scene.finding("inertia", element, abs(by), f"body {name} {what}", remedy)
 
 
 def carried_masses(scene: Inspected) -> Array:
@@ -153,29 +145,18 @@ def mistaken_units(scene: Inspected) -> Iterator[Finding]:
 def _lengths(scene: Inspected) -> Iterator[Finding]:
     model, longest = scene.model, _longest_link(scene)
     if longest > MAX_LENGTH:
-        yield Finding(
-            kind="units",
-            what="lengths",
-            by=longest,
-            message=f"links are up to {longest:.3g} m long: their lengths look like mm",
-            remedy="MuJoCo takes gravity as 9.81 in the units of lengths: write m",
-        )
+        message = f"links are up to {longest:.3g} m long: their lengths look like mm"
+        remedy = "MuJoCo takes gravity as 9.81 in the units of lengths: write m"
+        yield scene.finding("units", None, longest, message, remedy, "lengths")
         return
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     distances = {b: _distance(scene, b) for b in moving}
     middle = float(np.median([by for by in distances.values() if by > 0.0] or [0.0]))
-    bodies = {body.name: body for body in scene.read.spec.bodies}
     for b, by in distances.items():
         if middle > 0.0 and by > MAX_RATIO * middle and by > 1.0:
             name = str(model.body(b).name)
-            yield Finding(
-                kind="units",
-                what=name,
-                by=by,
-                message=f"body {name} is {by:.3g} m from the next, others {middle:.2g} m: it looks like mm",
-                remedy="write m",
-                **scene.location(bodies[name]),
-            )
+            message = f"body {name} is {by:.3g} m from the next, others {middle:.2g} m: it looks like mm"
+            yield scene.finding("units", scene.read.spec.body(name), by, message, "write m")
 
 
 def _longest_link(scene: Inspected) -> float:
@@ -198,20 +179,16 @@ def _distance(scene: Inspected, b: int) -> float:
 def _strokes(scene: Inspected) -> Iterator[Finding]:
     """Yield slides of loops with ranges far beyond the size of the mechanism."""
     model = scene.model
-    joints = {joint.name: joint for joint in scene.read.spec.joints}
     for j in np.flatnonzero(model.jnt_limited & (model.jnt_type == SLIDE)).tolist():
         low, high = (float(end) for end in model.jnt_range[j])
         by, name = max(abs(low), abs(high)), str(model.joint(j).name)
         if by > MAX_STROKE * scene.length and _in_loop(scene, j):
-            yield Finding(
-                kind="units",
-                what=name,
-                by=by,
-                message=f"{name} of a loop has the range {low:g} to {high:g} m in a mechanism of "
-                f"{scene.length:.2g} m: it looks like mm",
-                remedy='write m, or limited="false" if nothing limits it',
-                **scene.location(joints[name]),
+            message = (
+                f"{name} of a loop has the range {low:g} to {high:g} m in a mechanism of "
+                f"{scene.length:.2g} m: it looks like mm"
             )
+            remedy = 'write m, or limited="false" if nothing limits it'
+            yield scene.finding("units", scene.read.spec.joint(name), by, message, remedy)
 
 
 def _masses(scene: Inspected) -> Iterator[Finding]:
@@ -226,21 +203,17 @@ def _masses(scene: Inspected) -> Iterator[Finding]:
         return
     names = [str(model.body(b).name) for b in moving[mass > most].tolist()]
     i = int(np.argmax(mass * (mass > most)))
-    bodies, name = {body.name: body for body in scene.read.spec.bodies}, str(model.body(moving[i]).name)
-    yield Finding(
-        kind="units",
-        what=", ".join(names),
-        by=float(mass[i]),
-        message=f"body {name} weighs {mass[i]:.3g} kg, more than a ball of osmium of its size, "
-        f"{most[i]:.2g} kg: masses look like g",
-        remedy="write kg, and kg m2 for inertias",
-        **scene.location(bodies[name]),
+    name = str(model.body(moving[i]).name)
+    message = (
+        f"body {name} weighs {mass[i]:.3g} kg, more than a ball of osmium of its size, {most[i]:.2g} kg: "
+        "masses look like g"
     )
+    body, remedy = scene.read.spec.body(name), "write kg, and kg m2 for inertias"
+    yield scene.finding("units", body, float(mass[i]), message, remedy, ", ".join(names))
 
 
 def _angles(scene: Inspected) -> Iterator[Finding]:
-    model = scene.model
-    joints = {joint.name: joint for joint in scene.read.spec.joints}
+    model, spec = scene.model, scene.read.spec
     hinges = [
         int(j)
         for j in np.flatnonzero(model.jnt_limited)
@@ -249,31 +222,23 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
     widths = {j: float(np.abs(model.jnt_range[j]).max()) for j in hinges}
     wide = [j for j, width in widths.items() if width > WIDE_RANGE and _in_loop(scene, j)]
     # a range of several revolutions in degrees is intended
-    if wide and not scene.read.spec.compiler.degree:
+    if wide and not spec.compiler.degree:
         names = ", ".join(str(model.joint(j).name) for j in wide)
         low, high = model.jnt_range[max(wide, key=lambda j: widths[j])]
-        yield Finding(
-            kind="units",
-            what=names,
-            by=max(widths[j] for j in wide),
-            message=f"{names} of a loop have the range {low:g} to {high:g} rad, which looks like degrees",
-            remedy='write rad, or angle="degree" for the whole file',
-            **scene.location(joints[str(model.joint(wide[0]).name)]),
-        )
+        joint, by = spec.joint(model.joint(wide[0]).name), max(widths[j] for j in wide)
+        message = f"{names} of a loop have the range {low:g} to {high:g} rad, which looks like degrees"
+        remedy = 'write rad, or angle="degree" for the whole file'
+        yield scene.finding("units", joint, by, message, remedy, names)
     narrow = [j for j, width in widths.items() if 0.0 < np.rad2deg(width) <= NARROW_RANGE]
     all_narrow = len(narrow) == len(hinges) > 1
     suspicious = [j for j in narrow if all_narrow or _has_fraction_of_pi(np.rad2deg(model.jnt_range[j]))]
-    if scene.read.spec.compiler.degree and suspicious:
+    if spec.compiler.degree and suspicious:
         j = max(suspicious, key=lambda j: widths[j])
         what = "no hinge" if all_narrow else f"hinge {model.joint(j).name}"
-        yield Finding(
-            kind="units",
-            what="angles" if all_narrow else ", ".join(str(model.joint(j).name) for j in suspicious),
-            by=widths[j],
-            message=f"{what} may turn by more than {np.rad2deg(widths[j]):.3g} deg: the ranges look like rad",
-            remedy='angles are degrees unless the file says <compiler angle="radian"/>',
-            **scene.location(joints[str(model.joint(j).name)]),
-        )
+        names = "angles" if all_narrow else ", ".join(str(model.joint(j).name) for j in suspicious)
+        message = f"{what} may turn by more than {np.rad2deg(widths[j]):.3g} deg: the ranges look like rad"
+        remedy = 'angles are degrees unless the file says <compiler angle="radian"/>'
+        yield scene.finding("units", spec.joint(model.joint(j).name), widths[j], message, remedy, names)
 
 
 def _has_fraction_of_pi(values: Array) -> bool:

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import NO_POSITION, FilePosition, Finding
+from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import Inspected, driver_swing, null_space
+from mechsim.simulation.findings.inspected import Element, Inspected, driver_swing, null_space
 from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
 # rounding error of values in a file, as a fraction of the range
@@ -21,7 +21,6 @@ def outside_limits_at_start(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return
-    joints = {joint.name: joint for joint in scene.read.spec.joints}
     free = np.abs(np.vstack([null_space(jacobian) for jacobian, _ in scene.sample_jacobians]))
     for j in np.flatnonzero(model.jnt_limited):
         kind, name, address = int(model.jnt_type[j]), str(model.joint(j).name), int(model.jnt_qposadr[j])
@@ -29,43 +28,32 @@ def outside_limits_at_start(scene: Inspected) -> Iterator[Finding]:
         if kind not in SCALAR:  # the limit of a ball joint applies to its rotation angle
             value = 2.0 * float(np.arccos(min(1.0, abs(value))))
         unit = "m" if kind == SLIDE else "rad"
-        location, (low, high) = scene.location(joints[name]), model.jnt_range[j]
-        yield from _outside(f"joint {name}", name, value, (low, high), unit, location)
+        joint, (low, high) = scene.read.spec.joint(name), model.jnt_range[j]
+        yield from _outside(scene, f"joint {name}", joint, value, model.jnt_range[j], unit)
         dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in SCALAR else 3))
         moves = free[:, dofs].max(initial=0.0) > SIGNIFICANT
         if low == high and value == low and moves and np.abs(scene.generic[0][:, dofs]).any():
-            yield Finding(
-                kind="limit",
-                what=name,
-                by=0.0,
-                message=f"joint {name} has {float(low):g} {unit} as its only "
-                "position, which every motion of its loop leaves",
-                remedy='give it a range, or limited="false"',
-                **location,
+            message = (
+                f"joint {name} has {float(low):g} {unit} as its only position, "
+                "which every motion of its loop leaves"
             )
-    tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
+            yield scene.finding("limit", joint, 0.0, message, 'give it a range, or limited="false"')
     for t in np.flatnonzero(model.tendon_limited):
         name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
-        location = scene.location(tendons[name]) if name in tendons else NO_POSITION
-        low, high = model.tendon_range[t]
-        yield from _outside(f"tendon {name}", name, value, (low, high), "m or rad", location)
+        tendon = scene.read.spec.tendon(name) if name else None
+        yield from _outside(scene, f"tendon {name}", tendon, value, model.tendon_range[t], "m or rad")
 
 
 def _outside(
-    label: str, name: str, value: float, bounds: tuple[float, float], unit: str, location: FilePosition
+    scene: Inspected, label: str, element: Element | None, value: float, bounds: Array, unit: str
 ) -> Iterator[Finding]:
-    low, high = float(bounds[0]), float(bounds[1])
+    low, high = bounds.tolist()
     excess = max(low - value, value - high)
     if excess > ROUNDING * max(1.0, high - low):
-        yield Finding(
-            kind="limit",
-            what=name,
-            by=excess,
-            message=f"{label} starts at {value:.6g} {unit}, {excess:.3g} "
-            f"beyond its range, {low:.6g} to {high:.6g}",
-            remedy="widen the range, or start within it",
-            **location,
+        message = (
+            f"{label} starts at {value:.6g} {unit}, {excess:.3g} beyond its range, {low:.6g} to {high:.6g}"
         )
+        yield scene.finding("limit", element, excess, message, "widen the range, or start within it")
 
 
 # smallest penetration depth of a collision, as a fraction of the characteristic length
@@ -89,14 +77,14 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
         model, elements = contact_model(scene), list(scene.read.spec.geoms)
         first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
         where = "are joined and collide" if (pair in joined) else "overlap at the start"
-        yield Finding(
-            kind="collision",
-            what=f"{first}, {second}",
-            by=depth,
-            message=f"{first} and {second} {where}: they penetrate by {depth:.2g} m",
-            remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
+        yield scene.finding(
+            "collision",
             # geoms that the compiler discards have no index
-            **(scene.location(elements[geoms[0]]) if len(elements) == model.ngeom else NO_POSITION),
+            elements[geoms[0]] if len(elements) == model.ngeom else None,
+            depth,
+            f"{first} and {second} {where}: they penetrate by {depth:.2g} m",
+            f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
+            f"{first}, {second}",
         )
 
 

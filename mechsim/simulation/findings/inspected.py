@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError, MobilityError
-from mechsim.model.finding import NO_POSITION, FilePosition
+from mechsim.model.finding import NO_POSITION, FilePosition, Finding
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
@@ -57,14 +57,14 @@ class Loop:
         number: index in the model.
         kind: MuJoCo's number for the type of the constraint.
         bodies: bodies that a connect or weld joins; empty for other types.
-        location: position in the file.
+        element: the equality in the file.
     """
 
     name: str
     number: int
     kind: int
     bodies: tuple[int, ...]
-    location: FilePosition
+    element: mujoco.MjsEquality
 
     @property
     def closes(self) -> bool:
@@ -123,9 +123,9 @@ class Inspected:
         model = self.model
         if is_disabled(model, OFF.mjDSBL_EQUALITY):
             return ()
-        lines = [self.location(equality) for equality in self.read.spec.equalities]
+        elements = list(self.read.spec.equalities)
         return tuple(
-            Loop(model.equality(i).name, i, int(model.eq_type[i]), _bodies(model, i), lines[i])
+            Loop(model.equality(i).name, i, int(model.eq_type[i]), _bodies(model, i), elements[i])
             for i in range(model.neq)
             if model.eq_active0[i] and is_readable(model, i)
         )
@@ -143,6 +143,14 @@ class Inspected:
         law = next((law_ for law_ in self.read.mechanism.laws if law_.name == loop.name), None)
         joints = list(law.left_terms) if law else []
         return self.read.mechanism.unit(joints[0]) == "m" if joints else loop.kind == TENDON
+
+    def finding(
+        self, kind: str, element: Element | None, by: float, message: str, remedy: str, what: str = ""
+    ) -> Finding:
+        """Return a finding about an element of the file, by default called as there; None without a line."""
+        position = NO_POSITION if element is None else self.location(element)
+        name = what or ("" if element is None else str(element.name))
+        return Finding(kind=kind, what=name, by=by, message=message, remedy=remedy, **position)
 
     def location(self, element: Element) -> FilePosition:
         """Return the position of an element in the file, or in a file that it includes."""

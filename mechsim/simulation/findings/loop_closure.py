@@ -40,15 +40,9 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
 
 
 def _gap(scene: Inspected, loop: Loop, by: float, unit: str, what: str) -> Finding:
-    return Finding(
-        kind="gap",
-        what=loop.name,
-        by=by,
-        message=f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart",
-        remedy="MuJoCo closes it in the first steps with large forces: move an anchor, or "
-        + _closed_at(scene),
-        **loop.location,
-    )
+    message = f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart"
+    remedy = "MuJoCo closes it in the first steps with large forces: move an anchor, or "
+    return scene.finding("gap", loop.element, by, message, remedy + _closed_at(scene))
 
 
 def _closed_at(scene: Inspected) -> str:
@@ -76,15 +70,9 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
             if not (alone and coincident) or other.number in reported or loop_rank(both) != alone:
                 continue
             reported.add(loop.number)
-            yield Finding(
-                kind="redundant",
-                what=loop.name,
-                by=len(rows[loop.number]),
-                message=f"{loop.name} repeats {other.name}: the loop is closed twice, "
-                f"and its {len(rows[loop.number])} rows add no rank",
-                remedy=f"leave out {loop.name}",
-                **loop.location,
-            )
+            count, repeats = len(rows[loop.number]), f"{loop.name} repeats {other.name}"
+            message = f"{repeats}: the loop is closed twice, and its {count} rows add no rank"
+            yield scene.finding("redundant", loop.element, count, message, f"leave out {loop.name}")
             break
 
 

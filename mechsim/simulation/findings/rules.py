@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import HARMLESS, NO_POSITION, Finding, Severity
+from mechsim.model.finding import HARMLESS, Finding, Severity
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
@@ -75,7 +75,7 @@ def violations(read: MjcfModel) -> list[Violation]:
 def unreadable(path: str, reason: str) -> Violation:
     """Return the violation of a file that cannot be read, one of several."""
     message = reason.removeprefix(f"{path}: ")
-    finding = Finding(kind="unreadable", what=path, by=1.0, message=message, **NO_POSITION)
+    finding = Finding(kind="unreadable", what=path, by=1.0, message=message)
     return _violation(path, with_severity(finding))
 
 
@@ -123,15 +123,10 @@ def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding
         if joint in passive and _determined(scene, int(model.jnt_dofadr[joint]), actuated):
             name, joint_name = actuator_names(model)[a], model.joint(joint).name
             locked = _determined(scene, int(model.jnt_dofadr[joint]), set())
-            yield Finding(
-                kind="passive-actuator",
-                what=name,
-                by=1.0,
-                message=f"actuator {name} acts on {joint_name}, which the "
-                f"{'equalities lock' if locked else 'loops determine from the other actuators'}",
-                remedy=f"leave {name} out, or give all of them forces that agree",
-                **NO_POSITION,
-            )
+            reason = "equalities lock" if locked else "loops determine from the other actuators"
+            message = f"actuator {name} acts on {joint_name}, which the {reason}"
+            remedy = f"leave {name} out, or give all of them forces that agree"
+            yield scene.finding("passive-actuator", None, 1.0, message, remedy, name)
 
 
 def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
@@ -158,15 +153,13 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     for joint in limited.tolist():
         if rejected[joint] > REJECTED:
             name = model.joint(joint).name
-            yield Finding(
-                kind="passive-limit",
-                what=name,
-                by=float(rejected[joint]),
-                message=f"the limits of passive joint {name} reject {rejected[joint]:.0%} of the closed "
-                "configurations within the limits of the drivers",
-                remedy="move the limit to the drivers, or keep it on purpose",
-                **NO_POSITION,
+            message = (
+                f"the limits of passive joint {name} reject {rejected[joint]:.0%} of the closed "
+                "configurations within the limits of the drivers"
             )
+            remedy = "move the limit to the drivers, or keep it on purpose"
+            by = float(rejected[joint])
+            yield Finding(kind="passive-limit", what=name, by=by, message=message, remedy=remedy)
 
 
 def _loop_joints(path: StraightPath) -> Iterator[Finding]:
@@ -187,14 +180,9 @@ def _loop_joints(path: StraightPath) -> Iterator[Finding]:
     }
     if any(has.values()):
         listed = ", ".join(name for name, is_present in has.items() if is_present)
-        yield Finding(
-            kind="loop-joint",
-            what=", ".join(closing),
-            by=float(len(closing)),
-            message=f"loop closures have no {listed}, which other passive joints have: {', '.join(closing)}",
-            remedy="add them to a joint next to the closure",
-            **NO_POSITION,
-        )
+        names, remedy = ", ".join(closing), "add them to a joint next to the closure"
+        message = f"loop closures have no {listed}, which other passive joints have: {names}"
+        yield Finding(kind="loop-joint", what=names, by=float(len(closing)), message=message, remedy=remedy)
 
 
 def _unchecked(scene: Inspected) -> Iterator[Finding]:
@@ -202,15 +190,11 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     for i in np.flatnonzero(model.eq_active0).tolist():
         if not is_readable(model, i):
-            name = model.equality(i).name
-            yield Finding(
-                kind="unchecked",
-                what=name,
-                by=1.0,
-                message=f"{name} is no connect, weld, joint or fixed-tendon equality and was not checked",
-                remedy=HARMLESS,
-                **scene.location(scene.read.spec.equalities[i]),
+            equality = scene.read.spec.equalities[i]
+            message = (
+                f"{equality.name} is no connect, weld, joint or fixed-tendon equality and was not checked"
             )
+            yield scene.finding("unchecked", equality, 1.0, message, HARMLESS)
 
 
 def fixed_text(text: str, read: MjcfModel, violated: Sequence[Violation]) -> tuple[str, list[str]]:
