@@ -16,7 +16,7 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint
 from mechsim.simulation.equality_rows import CouplingConstraint
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf.equalities import lock_joints, require_single
+from mechsim.simulation.mjcf.equalities import lock_joints
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
@@ -26,34 +26,23 @@ from mechsim.simulation.recording import add_sensors
 
 
 def from_file(read: MjcfModel, drivers: Sequence[str] | str | None = None) -> ClosedModel:
-    """Return the closed model of an MJCF file as read; drivers are by default those of its mechanism."""
-    mechanism, drivers_ = read.mechanism, drivers if drivers is not None else read.mechanism.driver
-    return custom_model(read.spec.copy(), tuple(mechanism.points), drivers_, mechanism.locked, read.qpos)
+    """Return the closed model of an MJCF file, its joints locked, nearest to its initial state.
 
-
-def custom_model(
-    spec: mujoco.MjSpec,
-    points: tuple[str, ...],
-    drivers: Sequence[str] | str,
-    holds: Mapping[str, float | None],
-    start: Array | None,
-) -> ClosedModel:
-    """Return a custom model with locked joints, in the closed state nearest to its initial state."""
-    if holds:
-        from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
-
-        spec, holds, start = without_locked_bodies(spec, holds, start)
-    if holds:
-        require_single(spec, holds)
+    Drivers are by default those of its mechanism.
+    """
+    drivers = read.mechanism.driver if drivers is None else drivers
+    spec, locked, start = read.spec.copy(), read.mechanism.locked, read.qpos
+    if locked:
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
-        loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)), {})
+        loops = closed_loops(spec, (*moved, *(name for name in locked if name not in moved)), {})
         loops, initial_qpos = _closed_at_drivers(loops, _start_qpos(loops, start))
         assert loops.drivers is not None
         stands = zip(loops.drivers.names, initial_qpos[loops.drivers.addresses].tolist(), strict=True)
-        targets = {name: value if (value_ := holds.get(name)) is None else value_ for name, value in stands}
-        start = move_drivers(loops, initial_qpos, np.array([*targets.values()]), "where joints are held")
+        targets = np.array([locked.get(name, value) for name, value in stands])
+        start = move_drivers(loops, initial_qpos, targets, "where joints are held")
         start = np.delete(start, loops.crank_address)
-        lock_joints(spec, {name: targets[name] for name in holds})
+        lock_joints(spec, locked)
+    points = tuple(read.mechanism.points)
     return replace(from_spec(spec, points, drivers, start=start), custom=True)
 
 

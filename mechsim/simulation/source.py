@@ -16,8 +16,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.custom_model import closed_loops, closed_state, custom_model, from_file, from_spec
-from mechsim.simulation.mjcf.compiling import compiled, quiet
+from mechsim.simulation.custom_model import closed_loops, closed_state, from_file, from_spec
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf.generator import generate
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
@@ -33,9 +33,7 @@ class HasMechanism(Protocol):
         ...
 
 
-Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
-
-
+Model = Mechanism | mujoco.MjSpec | mujoco.MjModel | str | os.PathLike[str]
 Source = Model | HasMechanism | MjcfModel
 
 
@@ -60,7 +58,7 @@ def from_source(
         key: initial keyframe of a custom model; None for its reference configuration.
 
     Raises:
-        InputError: if the model cannot be read or has no point to track.
+        InputError: if the model cannot be read, or a mechanism has no point to track.
         AssemblyError: if its loops do not close at the drivers' initial values.
     """
     closed = _from_source(source, scene, drivers, lock, key)
@@ -72,7 +70,7 @@ def _from_source(
     source: Source,
     scene: Scene | None,
     drivers: Sequence[str] | str | None,
-    holds: Mapping[str, float | None] | None,
+    lock: Mapping[str, float | None] | None,
     key: str | None,
 ) -> ClosedModel:
     # the MJCF model that a source is or contains; otherwise None
@@ -81,17 +79,27 @@ def _from_source(
     if read is not None:
         return _from_read_model(source, read, drivers)
     model = description(source)
-    spec = specification(model, (scene or Scene()).under(getattr(source, "forces", None)))
-    points = tracked_points(model, spec)
-    if isinstance(model, Mechanism):
-        follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
-        return from_mechanism(model, spec, points, follows_laws=follows_laws)
-    start = None
-    if key is not None:
-        from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
+    if not isinstance(model, Mechanism):
+        from mechsim.simulation.mjcf_reader.reading import read_model
 
-        start = initial_qpos(spec.modelname, compiled(spec.copy()), key)
-    return custom_model(spec, points, CRANK if drivers is None else drivers, holds or {}, start)
+        read = read_model(_parsed(model), lock=lock, key=key, describe_only=True)
+        closed = from_file(read, CRANK if drivers is None else drivers)
+        return replace(closed, note="; ".join(read.remarks))
+    spec = assembled(model, (scene or Scene()).under(getattr(source, "forces", None)))
+    if not model.points:
+        raise InputError("the model has no point to track; list one under [points]")
+    follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
+    return from_mechanism(model, spec, tuple(model.points), follows_laws=follows_laws)
+
+
+def _parsed(model: Any) -> Any:
+    """Return the specification of MJCF text; the path of a file or an object of MuJoCo remains."""
+    if not isinstance(model, str) or "<" not in model:
+        return os.fspath(model) if isinstance(model, os.PathLike) else model
+    try:
+        return mujoco.MjSpec.from_string(model)
+    except ValueError as error:
+        raise InputError(f"MuJoCo cannot read the model: {' '.join(str(error).split())}") from error
 
 
 def _from_read_model(source: Source, read: MjcfModel, drivers: Sequence[str] | str | None) -> ClosedModel:
@@ -138,37 +146,12 @@ def description(source: Source) -> Model:
         InputError: if the object is no model.
     """
     model = getattr(source, "mechanism", source)
-    if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
+    if not isinstance(model, Mechanism | mujoco.MjSpec | mujoco.MjModel | str | os.PathLike):
         raise InputError(
             f"a {type(source).__name__} cannot be simulated; give a mechanism, one of the catalogue, "
             "an MJCF file or a specification"
         )
     return model
-
-
-def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Return the points of a mechanism, or the named sites of a custom model."""
-    sites = (site.name for site in spec.sites if site.name and "@" not in site.name)
-    points = tuple(source.points if isinstance(source, Mechanism) else sites)
-    if not points:
-        what = "list one under [points]" if isinstance(source, Mechanism) else "put a named site at one"
-        raise InputError(f"the model has no point to track; {what}")
-    return points
-
-
-def specification(source: Model, scene: Scene | None = None) -> mujoco.MjSpec:
-    """Return the specification of a mechanism, an MJCF file or MJCF text."""
-    if isinstance(source, Mechanism):
-        return assembled(source, scene or Scene())
-    if isinstance(source, mujoco.MjSpec):
-        return source.copy()
-    text = str(source)
-    if "<" not in text and not os.path.isfile(text):
-        raise InputError(f"there is no MJCF file {text!r}; give a file that can be read")
-    try:
-        return mujoco.MjSpec.from_string(text) if "<" in text else mujoco.MjSpec.from_file(text)
-    except ValueError as error:
-        raise InputError(f"MuJoCo cannot read the model: {' '.join(str(error).split())}") from error
 
 
 @quiet()

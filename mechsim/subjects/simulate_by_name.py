@@ -25,11 +25,6 @@ def _accepting_names(run: Callable[P, Run]) -> Callable[P, Run]:
             if "<" not in text and not text.lower().endswith((".xml", ".urdf")):
                 rest: Any = (load(text), *args[1:])
                 return run(*rest, **options)
-        if args and type(args[0]).__name__ == "MjModel":
-            compiled: Any = args[0]
-            own: Any = load(compiled, still=True)
-            rest = (own.source.spec, *args[1:])
-            return run(*rest, **options)
         return run(*args, **options)
 
     return load_and_run

@@ -292,16 +292,15 @@ def test_invalid_settings_are_rejected(change: dict, sentence: str) -> None:
 
 
 def test_a_missing_file_and_an_invalid_model_are_rejected() -> None:
-    with pytest.raises(InputError, match=r"there is no MJCF file 'nowhere\.xml'"):
+    with pytest.raises(InputError, match=r"there is no file nowhere\.xml"):
         simulate("nowhere.xml", speed=1.0)
     with pytest.raises(InputError, match="MuJoCo cannot read the model"):
         simulate("<mujoco><worldbody><bod/></worldbody></mujoco>", speed=1.0)
 
 
-def test_a_model_without_sites_is_advised_to_name_some() -> None:
+def test_the_origins_of_bodies_are_points_of_a_model_without_sites() -> None:
     text = FOUR_BAR.format(f=0.0, closing="").replace("<site", "<!--").replace('0"/></body>', '0"--></body>')
-    with pytest.raises(InputError, match="put a named site at one"):
-        simulate(text, speed=1.0)
+    assert {*simulate(text, speed=1.0).motion.points} == {"coupler", "crank", "rocker"}
 
 
 def test_a_run_reports_the_requested_or_default_method() -> None:

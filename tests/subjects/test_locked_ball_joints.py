@@ -60,7 +60,7 @@ def test_ball_joints_of_a_specification_can_be_locked(key):
     run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(LOCKED), key=key)
     position = run.motion.points["tip"].position
     np.testing.assert_allclose(position[-1], tip(key, 0.2 * np.pi), atol=1e-13)
-    with pytest.raises(InputError, match="no hinge or slide called 'neck' to lock"):
+    with pytest.raises(InputError, match="--lock names 'neck', a ball joint"):
         simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
 

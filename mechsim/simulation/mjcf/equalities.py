@@ -1,12 +1,10 @@
 """Equality constraints of a MuJoCo model: their stiffness, and locked joints."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 
-from mechsim.errors import InputError
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.state import SCALAR
 
 # time constant of the loops in steps
 TIME_CONSTANT_STEPS = 20.0
@@ -35,25 +33,7 @@ def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
 
 
 def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
-    """Lock hinges and slides at values in [m] or [rad].
-
-    Raises:
-        InputError: if a joint is unknown or has another kind.
-    """
-    require_single(spec, locks)
+    """Lock hinges and slides at values in [m] or [rad]."""
     model = compiled(spec)
     for name, value in locks.items():
         lock_joint(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
-
-
-def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
-    """Reject names of joints that are no hinge or slide of a model.
-
-    Raises:
-        InputError: if a name is no hinge or slide; it lists the hinges and slides.
-    """
-    single = [joint.name for joint in spec.joints if joint.name and joint.type in SCALAR]
-    for name in joint_names:
-        if name not in single:
-            available = ", ".join(single) or "none"
-            raise InputError(f"the model has no hinge or slide called {name!r} to lock (it has {available})")

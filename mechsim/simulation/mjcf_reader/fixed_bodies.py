@@ -154,24 +154,6 @@ def _keep_contacts_filtered(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: 
                     spec.add_exclude(bodyname1=names[0], bodyname2=names[1])
 
 
-def without_locked_bodies(
-    spec: mujoco.MjSpec, locks: Mapping[str, float | None], start: Array | None
-) -> tuple[mujoco.MjSpec, Mapping[str, float | None], Array | None]:
-    """Return a specification without locked balls and free joints, the other locks, and the initial state."""
-    if None not in locks.values():
-        return spec, locks, start
-    model = compiled(spec.copy())
-    rotational = rotational_joints(model)
-    names = [name for name, value in locks.items() if value is None and name in rotational]
-    if not names:
-        return spec, locks, start
-    for key in list(spec.keys):
-        spec.delete(key)
-    configuration: Array = model.qpos0 if start is None else start
-    remaining = fix_bodies(spec, model, [rotational[name] for name in names], configuration)
-    return spec, {name: value for name, value in locks.items() if name not in names}, remaining
-
-
 def _undo_rotation(joint: mujoco.MjsJoint, ball: mujoco.MjsJoint, rotation_: Array) -> None:
     """Keep a joint before a removed ball of its body in place while the frame of the body rotates."""
     if joint.frame is not None or ball.frame is not None:

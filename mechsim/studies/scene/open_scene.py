@@ -18,7 +18,7 @@ from mechsim.model.mechanism import described
 from mechsim.model.motion_laws import State, steady
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf.compiling import to_xml
-from mechsim.simulation.source import specification
+from mechsim.simulation.source import assembled
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.law_text import control_laws, python_expression
 from mechsim.subjects.prescription import duration_of
@@ -40,7 +40,7 @@ def scene_file(model: Any) -> Generator[str]:
     if solver.source is not None:
         spec = solver.source.spec.copy()
     else:
-        spec = specification(described(solver), Scene(level="dynamics", forces=solver.forces))
+        spec = assembled(described(solver), Scene(level="dynamics", forces=solver.forces))
     with TemporaryDirectory(prefix="mechsim-") as folder:
         path = Path(folder) / f"{solver.name.replace(' ', '_')}.xml"
         path.write_text(to_xml(spec), encoding="utf-8")

@@ -20,7 +20,7 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.settings import LEAST_CONSTANT, Settings
-from mechsim.simulation.source import CRANK, specification, tracked_points
+from mechsim.simulation.source import CRANK, assembled
 from mechsim.simulation.stepping import Steps, step
 
 # numbers of steps per revolution; each divides 72 instants per revolution, or is a multiple of 72
@@ -140,6 +140,6 @@ def build_model(mechanism: Mechanism, profile: CrankProfile) -> BuiltModel:
     Raises:
         AssemblyError: if the crank cannot make its whole motion.
     """
-    spec = specification(mechanism, Scene(level="motion"))
-    closed = from_spec(spec, tracked_points(mechanism, spec), CRANK)
+    spec = assembled(mechanism, Scene(level="motion"))
+    closed = from_spec(spec, tuple(mechanism.points), CRANK)
     return BuiltModel(closed, profile, first_state(closed, profile))
