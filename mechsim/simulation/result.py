@@ -12,7 +12,6 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, short_repr
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.tolerance import ToleranceReport
 
 Method = Literal["step", "pose"]
 
@@ -27,7 +26,6 @@ class RunRecord:
         seconds: time for stepping or solving in [s], without trials and the evaluation of records.
         settings: settings of the stepping; None for method "pose".
         timestep: time step in [s]; None for method "pose".
-        tolerance_report: report on a requested tolerance; None without a tolerance and for method "pose".
         note: changes of a custom model, and remarks on motion that dynamics do not determine; may be empty.
     """
 
@@ -36,7 +34,6 @@ class RunRecord:
     seconds: float
     settings: Settings | None = None
     timestep: float | None = None
-    tolerance_report: ToleranceReport | None = None
     note: str = ""
 
     __repr__ = short_repr
@@ -52,12 +49,14 @@ class Run(RunRecord):
         estimate: the simulator's estimate of the largest position error: distance from the pose solved at the
             same crank angle, in [m].
         method: "step" or "pose".
+        shortfall: sentence on a requested tolerance that more steps do not satisfy; else empty.
     """
 
     outcome: Outcome
     tolerance: float
     estimate: float
     method: Method
+    shortfall: str = ""
 
     def summary(self) -> dict[str, Any]:
         """Return the output of `mechsim simulate --json`."""

@@ -328,8 +328,8 @@ def _stepped(
     )
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo's state became invalid")
-    elif not verdict.passed and run.tolerance_report is not None and run.tolerance_report.reason:
-        verdict = replace(verdict, reason=f"{verdict.reason}; {run.tolerance_report.reason}")
+    elif not verdict.passed and run.shortfall:
+        verdict = replace(verdict, reason=f"{verdict.reason}; {run.shortfall}")
     return run, verdict
 
 

@@ -45,7 +45,6 @@ def test_the_compliance_search_follows_the_decreasing_error(error, bounds):
 def test_a_slow_motion_under_gravity_gets_stiffer_loops(path):
     run = simulate(ms.load(path, drive=DRIVES, duration=100.0), tolerance=TOLERANCE)
     assert run.outcome == "passed"
-    assert run.tolerance_report.satisfied
     assert run.estimate <= TOLERANCE
     assert run.settings.compliance < 0.1 * COMPLIANCE
     assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves a position error of" in run.note

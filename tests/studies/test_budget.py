@@ -5,7 +5,6 @@ import pytest
 import mechsim as ms
 from mechsim.errors import BudgetError
 from mechsim.numerics.resources import ProcessorBudget
-from mechsim.simulation.tolerance import Attempt, run_within_tolerance
 from mechsim.studies import validate
 from mechsim.studies.validate import case_of
 
@@ -19,30 +18,6 @@ class Timer:
     def __call__(self) -> float:
         self.now += self.look
         return self.now
-
-
-def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
-    """Return the steps of the attempts, 1 ms each, of a run with a first-order error."""
-    timer, attempted = Timer(), list[int]()
-
-    def attempt(steps: int) -> Attempt[int]:
-        attempted.append(steps)
-        timer.now += 1e-3 * steps
-        return Attempt(run=steps, steps=steps, estimate=1.0 / steps, order=1.0)
-
-    budget = ProcessorBudget(seconds, timer)
-    run, report = run_within_tolerance(
-        attempt, tolerance, 100, lambda _, error: f"{error:.2g} m are left", budget=budget
-    )
-    assert run == attempted[-1]
-    return attempted, report.reason
-
-
-def test_an_attempt_that_would_exceed_the_budget_is_not_started() -> None:
-    assert refined(1000.0, 1e-4)[1] == ""
-    attempted, reason = refined(1.0, 1e-4)
-    assert attempted == [100, 400]
-    assert reason == "not converged within the budget of 1 s of processor time; 0.0025 m are left"
 
 
 def test_a_budget_shorter_than_the_first_run_is_reported() -> None:
