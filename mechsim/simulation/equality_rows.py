@@ -155,10 +155,6 @@ class CouplingConstraint:
         """Whether the polynomial has terms of second or higher degree."""
         return self.function is not None or (self.right is not None and bool(np.any(self.coefficients[2:])))
 
-    def evaluate(self, right: Array) -> tuple[Array, Array]:
-        """Return the polynomial and its derivative at values of the right side."""
-        return self.values(right)[:2]
-
     def target(self, qpos: Array) -> Array:
         """Return the value that the constraint prescribes for the left side at states (n, nq), (n,)."""
         if self.right is None:
@@ -320,7 +316,7 @@ def rates(
     for row in chain:
         assert row.right is not None
         weight, address, dof = float(row.left.weights[0]), int(row.left.addresses[0]), int(row.left.dofs[0])
-        target, derivative = row.evaluate(_sum(row.right, values))
+        target, derivative, _ = row.values(_sum(row.right, values))
         values[address] = row.left.zeros[0] + target / weight
         right = sum(w * speeds[int(k)] for k, w in zip(row.right.dofs, row.right.weights, strict=True))
         speeds[dof] = np.asarray(derivative * right / weight)

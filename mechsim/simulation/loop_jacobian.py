@@ -1,4 +1,4 @@
-"""The loop Jacobian with the crank locked: states with closed loops by Newton steps, rates, determinant."""
+"""The loop Jacobian with the crank locked: states with closed loops by Newton steps, rates."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -105,7 +105,7 @@ def close_each(
 
 
 def _crank_locked_step(loops: ModelLoops, jacobian: Array, scaled_residual: Array) -> Array:
-    return -newton_step(loops, scaled_residual / loops.scale, jacobian)[0]
+    return -newton_step(loops, scaled_residual / loops.scale, jacobian)
 
 
 def _least_step(loops: ModelLoops, free: NDArray[np.int64], jacobian: Array, scaled_residual: Array) -> Array:
@@ -147,21 +147,6 @@ def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
     return transposed @ np.linalg.solve(matrix @ transposed, right)
 
 
-def determinant_sign(loops: ModelLoops, jacobian: Array) -> Array:
-    """Return the sign of the Jacobian's determinant with the crank locked, (n,): +1 or -1; 0 if unknown.
-
-    Two assemblies that coincide at a dead centre have opposite signs; between dead centres the sign is
-    constant.
-    """
-    matrix = constrained_jacobian(loops, jacobian)
-    rows = loops.independent.basis_of(matrix)
-    return (
-        np.zeros(len(matrix))
-        if rows is None
-        else np.linalg.slogdet(loops.independent.square(matrix, rows))[0]
-    )
-
-
 def conditioning(loops: ModelLoops, jacobian: Array) -> Array:
     """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
 
@@ -187,14 +172,13 @@ def tangent(loops: ModelLoops, jacobian: Array) -> Array:
     return _with_crank_rate(loops, rates[..., 0], 1.0)
 
 
-def newton_step(loops: ModelLoops, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Return the Newton step of the loops with the crank locked, and the tangent, (n, nv) each."""
-    both = solve(loops, jacobian, np.stack([-residual, -jacobian[:, :, loops.crank]], -1))
-    step = both[..., 0]
+def newton_step(loops: ModelLoops, residual: Array, jacobian: Array) -> Array:
+    """Return the Newton step of the loops with the crank locked, (n, nv)."""
+    step = solve(loops, jacobian, -residual[..., None])[..., 0]
     # a rotation of more than half a radian is beyond the linear model
     longest = np.abs(step).max(1, initial=0.0, where=loops.angular_dofs[loops.free])
     step *= (0.5 / np.maximum(0.5, longest))[:, None]
-    return _with_crank_rate(loops, step, 0.0), _with_crank_rate(loops, both[..., 1], 1.0)
+    return _with_crank_rate(loops, step, 0.0)
 
 
 def _with_crank_rate(loops: ModelLoops, matrix: Array, crank: float) -> Array:

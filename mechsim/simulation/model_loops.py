@@ -28,29 +28,23 @@ class IndependentRows:
     Bennett's, the set of redundant equations changes from pose to pose.
 
     Attributes:
-        basis: bases of the independent constraints (m, rank), of the redundant constraints, and of the row
-            space without unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
+        basis: bases of the independent constraints, (m, rank), and of the redundant constraints; None before
+            the first Jacobian.
     """
 
     def __init__(self) -> None:
-        self.basis: tuple[Array, Array, Array] | None = None
+        self.basis: tuple[Array, Array] | None = None
 
     def basis_of(self, matrix: Array) -> Array | None:
         """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
         if self.basis is None:
             # a model may have thousands of unconstrained DOFs, which need no basis
-            u, values, vh = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
+            u, values, _ = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-            self.basis = u[:, :rank], u[:, rank:], vh[:rank]
-        rows, redundant, _ = self.basis
+            self.basis = u[:, :rank], u[:, rank:]
+        rows, redundant = self.basis
         ignored = np.abs(redundant.T @ matrix).max(initial=0.0)
         return None if ignored > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) else rows
-
-    def square(self, matrix: Array, rows: Array) -> Array:
-        """Return the square Jacobian of independent constraints, (n, rank, rank)."""
-        # with a basis of the row space, (rank, nv - 1)
-        assert self.basis is not None
-        return (rows.T @ matrix) @ self.basis[2].T
 
 
 @dataclass(frozen=True, eq=False)
