@@ -1,7 +1,7 @@
 """The catalogue: mechanisms described by models/NAME.toml, with their formulas in models/NAME.py."""
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,11 @@ from typing import Any
 from mechsim.analytic.formulas.parameters import FormulaParameter
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.subjects.formula_file import FormulaFile, mechanism_in_file
+from mechsim.subjects.formula_file import FormulaFile, mechanism_in
+from mechsim.subjects.toml_reader import TomlModel
 
 PACKAGE = Path(__file__).resolve().parents[1]
-NAMES = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper", "bennett")
+MECHANISMS = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper", "bennett")
 
 
 def models() -> Path:
@@ -21,30 +22,10 @@ def models() -> Path:
     return inside if inside.is_dir() else PACKAGE.parent / "models"
 
 
-class _Mechanisms(Mapping[str, FormulaFile]):
-    """Mechanisms by name; the file of one is read when it is asked for."""
-
-    def __getitem__(self, name: str) -> FormulaFile:
-        if name not in NAMES:
-            raise KeyError(name)
-        return _mechanism(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(NAMES)
-
-    def __len__(self) -> int:
-        return len(NAMES)
-
-    def __contains__(self, name: object) -> bool:
-        return name in NAMES
-
-
-MECHANISMS = _Mechanisms()
-
-
 @cache
-def _mechanism(name: str) -> FormulaFile:
-    return mechanism_in_file(str(models() / f"{name}.toml"))
+def mechanism(name: str) -> FormulaFile:
+    """Return a mechanism of `MECHANISMS`, whose file is read when it is first asked for."""
+    return mechanism_in(TomlModel(str(models() / f"{name}.toml")).source)
 
 
 def make(name: str, /, **values: Any) -> KinematicSolver:
@@ -59,7 +40,7 @@ def make(name: str, /, **values: Any) -> KinematicSolver:
         InputError: for an unknown name or parameter (with the nearest known one), or an invalid value.
     """
     parameters(name)
-    return MECHANISMS[name].make(values)
+    return mechanism(name).make(values)
 
 
 def parameters(name: str) -> Mapping[str, FormulaParameter]:
@@ -70,7 +51,7 @@ def parameters(name: str) -> Mapping[str, FormulaParameter]:
     """
     if str(name) not in MECHANISMS:
         raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(MECHANISMS))}")
-    return MECHANISMS[name].rows
+    return mechanism(name).rows
 
 
 # names that an error message lists

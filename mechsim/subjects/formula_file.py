@@ -23,7 +23,6 @@ from mechsim.analytic.formulas.two_branch import CHANGE_POINT, TwoBranchForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.vectors import column, cross
 from mechsim.errors import InputError, MechsimError
-from mechsim.files import read_text
 from mechsim.model.expressions import Evaluator, Term, parse_expression
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
@@ -32,8 +31,8 @@ from mechsim.subjects.model_source import ModelDescription, ModelSource, Paramet
 from mechsim.subjects.python_object import PythonObject, run_object, run_user_code
 from mechsim.subjects.toml_coordinates import coordinates_of, drivers_of
 from mechsim.subjects.toml_keys import root
-from mechsim.subjects.toml_reader import MAX_BYTES, TomlModel, formula_path, mechanism_of
-from mechsim.subjects.toml_values import TomlSource, Values, head_comment, parsed_source, suggestion
+from mechsim.subjects.toml_reader import TomlModel, formula_path, mechanism_of
+from mechsim.subjects.toml_values import TomlSource, Values, head_comment, suggestion
 
 # tables that such a file may have; the others state forces and motions, which follow from options
 TABLES = ("name", "parameters", "links", "joints", "couplings", "points", "when", "formula")
@@ -245,11 +244,6 @@ def _try_formulas(mechanism: FormulaFile) -> None:
     with suppress(MechsimError):  # the command reports it
         solver = mechanism.make({})
         solver.solve([solver.mechanism.start])
-
-
-def mechanism_in_file(path: str) -> FormulaFile:
-    """Return a mechanism with formulas from its file."""
-    return mechanism_in(parsed_source(path, read_text(path, "a TOML file", MAX_BYTES)))
 
 
 def mechanism_in(source: TomlSource) -> FormulaFile:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from mechsim.errors import InputError
+
 if TYPE_CHECKING:
     from mechsim.analytic.designs import Dimension
     from mechsim.analytic.solvers import KinematicSolver
@@ -94,6 +96,28 @@ class ModelSource(ABC):
         return Parameters()
 
 
+@dataclass(frozen=True)
+class PlainFile(ModelSource):
+    """A file without parameters, motion laws and a prescription of its own.
+
+    Attributes:
+        path: its path.
+        read: path -> its mechanism.
+    """
+
+    path: str
+    read: Callable[[str], "KinematicSolver"]
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism; an error names the file."""
+        if changed:
+            raise InputError(f"{self.path} has no parameters; leave out --set, or export it to TOML")
+        try:
+            return ModelDescription(self.read(self.path))
+        except InputError as error:
+            raise error if self.path in str(error) else InputError(f"{self.path}: {error}") from None
+
+
 @dataclass(frozen=True, slots=True)
 class Reader:
     """A reader of one kind of model.
@@ -125,8 +149,8 @@ READERS: list[Reader] = [
         types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
     ),
     Reader("mechsim.subjects.formula_file:open_python", suffixes=(".py",)),
-    Reader("mechsim.subjects.sdf_reader:SdfModel", suffixes=(".sdf",)),
-    Reader("mechsim.subjects.planar_json:PlanarJson", suffixes=(".json", ".pmks")),
+    Reader("mechsim.subjects.sdf_reader:open_sdf", suffixes=(".sdf",)),
+    Reader("mechsim.subjects.planar_json:open_json", suffixes=(".json", ".pmks")),
     Reader(
         "mechsim.subjects.python_object:GivenObject",
         types=("mechsim.Mechanism", "mechsim.KinematicSolver"),

@@ -18,7 +18,7 @@ from mechsim.errors import InputError, cut
 from mechsim.files import read_text
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
-from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
+from mechsim.subjects.model_source import ModelSource, PlainFile
 from mechsim.subjects.toml_values import MAX_DIGITS, MAX_SHOWN, shown
 
 
@@ -64,25 +64,19 @@ FORMATS = (
 )
 
 
-@dataclass(frozen=True)
-class PlanarJson(ModelSource):
-    """A JSON file with a planar linkage."""
+def open_json(path: str) -> ModelSource:
+    """Return the source of a JSON file with a planar linkage."""
+    return PlainFile(path, _solver)
 
-    path: str
 
-    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
-        """Return the mechanism."""
-        if changed:
-            raise InputError(f"{self.path} has no parameters; leave out --set, or export it to TOML")
-        content = _content(self.path)
-        for file_format in FORMATS:
-            if file_format.keys <= content.keys():
-                try:
-                    return ModelDescription(file_format.read(Path(self.path).stem, content))
-                except InputError as error:
-                    raise InputError(f"{self.path}: {error}") from None
-        keys = "; ".join(f"{', '.join(sorted(entry.keys))} ({entry.software})" for entry in FORMATS)
-        raise InputError(f"{self.path} holds no linkage that is known; its first level needs {keys}")
+def _solver(path: str) -> KinematicSolver:
+    """Return the mechanism of a file."""
+    content = _content(path)
+    for file_format in FORMATS:
+        if file_format.keys <= content.keys():
+            return file_format.read(Path(path).stem, content)
+    keys = "; ".join(f"{', '.join(sorted(entry.keys))} ({entry.software})" for entry in FORMATS)
+    raise InputError(f"{path} holds no linkage that is known; its first level needs {keys}")
 
 
 def _content(path: str) -> Mapping[str, Any]:

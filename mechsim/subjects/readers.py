@@ -52,7 +52,7 @@ def open_model(model: Model) -> ModelSource:
     if reader := file_reader(name):
         return reader.open(name)
     if name in catalog.MECHANISMS:
-        return catalog.MECHANISMS[name]
+        return catalog.mechanism(name)
     files = gallery.named()
     if name not in files:
         raise _unknown_model(name, [*catalog.MECHANISMS, *files])

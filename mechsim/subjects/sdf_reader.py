@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.files import read_text
 from mechsim.model.forces import Forces, JointSpring
 from mechsim.model.joint_friction import Friction
@@ -26,7 +26,7 @@ from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Pose, Vector, vector
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
+from mechsim.subjects.model_source import ModelSource, PlainFile
 
 # elements and attribute of mechsim: drivers, positions of joints at the poses of the file, names
 NAMESPACE = "mechsim"
@@ -52,23 +52,9 @@ MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0
 MAX_BYTES = 20_000_000
 
 
-@dataclass(frozen=True)
-class SdfModel(ModelSource):
-    """An SDF file with one model."""
-
-    path: str
-
-    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
-        """Return the mechanism."""
-        if changed:
-            raise InputError(f"{self.path} has no parameters; leave out --set, or export it to TOML")
-        try:
-            root = ElementTree.fromstring(read_text(self.path, "an SDF file", MAX_BYTES))
-            return ModelDescription(_solver(root))
-        except ElementTree.ParseError as error:
-            raise InputError(f"{self.path} is no XML ({error}); correct it") from None
-        except InputError as error:
-            raise InputError(f"{self.path}: {error}") from None
+def open_sdf(path: str) -> ModelSource:
+    """Return the source of an SDF file with one model."""
+    return PlainFile(path, _solver)
 
 
 @dataclass
@@ -83,8 +69,12 @@ class _JointContents:
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
 
 
-def _solver(root: Element) -> KinematicSolver:
+def _solver(path: str) -> KinematicSolver:
     """Return the mechanism of a file, its forces and limits, and a sentence on what is not read."""
+    try:
+        root = ElementTree.fromstring(read_text(path, "an SDF file", MAX_BYTES))
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path} is no XML ({error}); correct it") from None
     models = root.findall(".//model")
     if root.tag != "sdf" or len(models) != 1 or root.findall(".//include"):
         raise InputError(
@@ -275,5 +265,5 @@ def _floats(text: str | None, count: int, what: str) -> Array:
     except ValueError:
         numbers = np.zeros(0)
     if len(numbers) != count or np.isnan(numbers).any():
-        raise InputError(f"{what} is {' '.join(words)[:40]!r}; give {count} numbers")
+        raise InputError(f"{what} is {' '.join(words)[:40]!r}; give {several(count, 'number')}")
     return numbers

@@ -11,8 +11,8 @@ FILES = structure.modules()
 CATALOG = "mechsim.subjects.catalog"
 # papers 002 to 004 treat one mechanism each, so their theories name it in signatures
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
-CLASSES = {linkage.formulas.__name__ for linkage in catalog.MECHANISMS.values()}
-WORDS = catalog.MECHANISMS.keys() | CLASSES
+CLASSES = {catalog.mechanism(name).formulas.__name__ for name in catalog.MECHANISMS}
+WORDS = {*catalog.MECHANISMS, *CLASSES}
 
 
 def named(source):
@@ -24,7 +24,7 @@ def named(source):
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
-    return {item for item in strings if isinstance(item, str)} & catalog.MECHANISMS.keys() | names & CLASSES
+    return {item for item in strings if isinstance(item, str)} & {*catalog.MECHANISMS} | names & CLASSES
 
 
 def distinguishes_classes(source):

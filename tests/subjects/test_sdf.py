@@ -152,7 +152,7 @@ def test_a_model_without_a_joint_to_the_world_floats(arm):
         ('relative_to="hinge"', 'relative_to="fore"', "frame 'fore' is given relative to itself"),
         ("<xyz>0 2 0</xyz>", "<xyz>0 0 0</xyz>", "an axis is zero"),
         ("<xyz>0 2 0</xyz>", "<xyz>0 two 0</xyz>", "an axis is '0 two 0'; give 3 numbers"),
-        ("<mass>2</mass>", "<mass>heavy</mass>", "mass is 'heavy'; give 1 numbers"),
+        ("<mass>2</mass>", "<mass>heavy</mass>", "mass is 'heavy'; give 1 number"),
         ('<mimic joint="shoulder">', '<mimic joint="sholder">', "joint elbow mimics 'sholder'"),
         ("</model>", "</model><model name='b'/>", "with 2 models"),
         ("</sdf>", "", "is no XML"),
