@@ -26,11 +26,6 @@ def free_joints(model: mujoco.MjModel) -> tuple[int, ...]:
     return tuple(np.flatnonzero(model.jnt_type == FREE).tolist())
 
 
-def rotational_joints(model: mujoco.MjModel) -> dict[str, int]:
-    """Return the balls and free joints of a model: name -> index."""
-    return {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in ROTATIONAL}
-
-
 @dataclass(frozen=True)
 class FixedBodies:
     """Bodies of a scene that are fixed at their initial poses, without their ball or free joints.

@@ -1,14 +1,13 @@
 """Reads an MJCF file as a mechanism and as a MuJoCo model."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.finding import Finding
 from mechsim.model.forces import Forces
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -16,6 +15,7 @@ from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import (
+    BodyPoint,
     actuated_joints,
     actuator_names,
     driven,
@@ -23,13 +23,13 @@ from mechsim.simulation.mjcf_reader.coordinates import (
     require_coordinate,
     tracked,
 )
-from mechsim.simulation.mjcf_reader.equality_constraints import equalities
+from mechsim.simulation.mjcf_reader.equality_constraints import Equalities, equalities
 from mechsim.simulation.mjcf_reader.file_errors import readable_error, require_numbers
 from mechsim.simulation.mjcf_reader.fixed_bodies import (
+    ROTATIONAL,
     fix_bodies,
     free_bodies,
     free_joints,
-    rotational_joints,
 )
 from mechsim.simulation.mjcf_reader.inertias_and_forces import (
     forces_of_model,
@@ -134,28 +134,86 @@ def read_model(
     Raises:
         InputError: if a file, joint, keyframe or point cannot be read, with its name.
     """
-    compiled_file = _compiled(source, key, lock or {}, drivers, fix_base=fix_base, lint=lint)
-    spec, model, start = compiled_file.spec, compiled_file.model, compiled_file.start
+    path = model_label(source)
+    spec, parsed_model, remarks, unread = parse_without_meshes(source) if lint else parse_file(source)
+    try:
+        name_elements(spec)
+    except ValueError as error:  # MuJoCo reports a repeated name in a URDF file only here
+        raise readable_error(path, error) from None
+    model, _ = compile_repaired(path, spec, unread if lint else None)
+    remarks += _limits_left_out(spec)
+    start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
+    keyframes = tuple(key_.name for key_ in spec.keys if key_.name)
+    for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
+        spec.delete(key_)
+    if fix_base and not free_bodies(model):
+        raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
+    fixed, lock = _fixed_joints(model, lock or {}, fix_base=fix_base)
+    if fixed:
+        remarks += _fixed_remarks(model, fixed)
+        start = fix_bodies(spec, model, fixed, start)
+        model, _ = compile_repaired(path, spec)
+    model, start = with_pose_chains(spec, model, start, drivers)
+    require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)
     loops = equalities(model, tree.carriers, skip_others=lint)
     points = tracked(model, tree.carriers, track)
-    values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
-    locked: dict[str, float] = {}
-    for name, value in compiled_file.lock.items():
-        require_coordinate(model, name, "--lock")
-        if callable(value):
-            value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
-        locked[name] = values[name] if value is None else float(value)
-        if not np.isfinite(locked[name]):
-            raise InputError(f"--lock {name} is at {value}; give a finite number in SI")
-    driven_names = driven(model, drivers, list(locked), describe_only or lint)
-    # tracked points in the frames of links: name -> link and position
+    locked = _locked(model, start, lock)
+    names = driven(model, drivers, list(locked), describe_only or lint)
+    mechanism = _mechanism(spec, model, start, tree, loops, points, locked, names)
+    links = with_inertias(model, mechanism.links, tree.carriers, minimum_mass(remarks))
+    # add a site at each tracked point that is not a site
+    sites = {site.name for site in spec.sites}
+    for name, (body, position) in points.items():
+        if name not in sites:
+            spec.body(body).add_site(name=name, pos=position)
+    # the largest distance in [m] between the points that loop-closing joints make coincident
+    frames = {GROUND: IDENTITY, **mechanism.guess}
+    offsets = [
+        frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
+        for joint in loops.joints
+    ]
+    return MjcfModel(
+        path=path,
+        source=source,
+        mechanism=replace(mechanism, links=links),
+        spec=spec,
+        qpos=start,
+        gap=max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0),
+        limits={
+            model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
+            for j in limited_joints(model).tolist()
+        },
+        actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
+        remarks=(*remarks, *loops.remarks),
+        # the linter reports negative damping instead of rejecting it, and needs no forces
+        forces=Forces() if lint else forces_of_model(model, locked),
+        fixed=fixed,
+        left_out=tuple(left_out_of_dynamics(model)),
+        with_meshes=parsed_model if lint else None,
+        unread=tuple(unread),
+        keyframes=keyframes,
+    )
+
+
+def _mechanism(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    start: Array,
+    tree: KinematicTree,
+    loops: Equalities,
+    points: Mapping[str, BodyPoint],
+    locked: Mapping[str, float],
+    drivers: tuple[str, ...],
+) -> Mechanism:
+    """Return the mechanism of a model, whose guess is the initial state, without inertias."""
     carrier_of = {model.body(b).name: tree.carriers[b] for b in range(model.nbody)}
+    values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
     mechanism = Mechanism(
         name=spec.modelname or "model",
         links=with_outlines(model, tree),
         joints=(*tree.joints, *loops.joints),
-        driver=driven_names[0] if len(driven_names) == 1 else driven_names,
+        driver=drivers[0] if len(drivers) == 1 else drivers,
         points={
             name: (carrier_of[body].link, carrier_of[body].point(position))
             for name, (body, position) in points.items()
@@ -165,91 +223,26 @@ def read_model(
         locked=locked,
         guess_coordinates=values,
     )
-    raised = minimum_mass(compiled_file.remarks)
-    mechanism = replace(
-        mechanism,
-        links=with_inertias(model, mechanism.links, tree.carriers, raised),
-        start=values[driven_names[0]] if mechanism.has_crank else mechanism.start,
-    )
-    # add a site at each tracked point that is not a site
-    names = {site.name for site in spec.sites}
-    for name, (body, position) in points.items():
-        if name not in names:
-            spec.body(body).add_site(name=name, pos=position)
-    # the largest distance in [m] between the points that loop-closing joints make coincident
-    frames = {GROUND: IDENTITY, **mechanism.guess}
-    offsets = [
-        frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
-        for joint in loops.joints
-    ]
-    return MjcfModel(
-        path=compiled_file.path,
-        source=source,
-        mechanism=mechanism,
-        spec=spec,
-        qpos=start,
-        gap=max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0),
-        limits={
-            model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-            for j in limited_joints(model).tolist()
-        },
-        actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
-        remarks=(*compiled_file.remarks, *loops.remarks),
-        # the linter reports negative damping instead of rejecting it, and needs no forces
-        forces=Forces() if lint else forces_of_model(model, locked),
-        fixed=compiled_file.fixed,
-        left_out=tuple(left_out_of_dynamics(model)),
-        with_meshes=compiled_file.with_meshes,
-        unread=compiled_file.unread,
-        keyframes=compiled_file.keyframes,
-    )
+    return replace(mechanism, start=values[drivers[0]]) if mechanism.has_crank else mechanism
 
 
-@dataclass(frozen=True)
-class _CompiledFile:
-    """A specification with names and fixed bodies, its model and its initial state.
-
-    Attributes:
-        path: path of the file, or the label of the object in messages.
-        spec: specification without keyframes.
-        model: model compiled from it.
-        start: initial state, (nq,).
-        remarks: sentences on changes.
-        fixed: indices of the file's ball and free joints that were removed.
-        lock: the other locked joints and their values.
-        with_meshes, unread, keyframes: as in `MjcfModel`.
-    """
-
-    path: str
-    spec: mujoco.MjSpec
-    model: mujoco.MjModel
-    start: Array
-    remarks: list[str]
-    fixed: tuple[int, ...]
-    lock: Mapping[str, LockedAt]
-    with_meshes: mujoco.MjModel | None
-    unread: tuple[Finding, ...]
-    keyframes: tuple[str, ...]
+def _locked(model: mujoco.MjModel, start: Array, lock: Mapping[str, LockedAt]) -> dict[str, float]:
+    """Return the values of locked joints, in [m] or [rad]; by default those of the initial state."""
+    locked: dict[str, float] = {}
+    for name, value in lock.items():
+        require_coordinate(model, name, "--lock")
+        if callable(value):
+            value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
+        own = start[model.jnt_qposadr[model.joint(name).id]]
+        locked[name] = float(own if value is None else value)
+        if not np.isfinite(locked[name]):
+            raise InputError(f"--lock {name} is at {value}; give a finite number in SI")
+    return locked
 
 
-def _compiled(
-    source: MujocoInput,
-    key: str | None,
-    lock: Mapping[str, LockedAt],
-    drivers: Sequence[str],
-    *,
-    fix_base: bool,
-    lint: bool,
-) -> _CompiledFile:
-    """Return a file or an object compiled, with names for all elements and bodies fixed as requested."""
-    path = model_label(source)
-    spec, parsed_model, remarks, unread = parse_without_meshes(source) if lint else parse_file(source)
-    try:
-        name_elements(spec)
-    except ValueError as error:  # MuJoCo reports a repeated name in a URDF file only here
-        raise readable_error(path, error) from None
-    model, _ = compile_repaired(path, spec, unread if lint else None)
-    remarks += [
+def _limits_left_out(spec: mujoco.MjSpec) -> list[str]:
+    """Return sentences on ranges that are no limit to MuJoCo."""
+    return [
         f"{kind} {element.name!r} has {attribute} {low:g} {high:g}, which MuJoCo takes as no limit: "
         "it goes from low to high"
         for kind, attribute, flag in _RANGES
@@ -257,36 +250,23 @@ def _compiled(
         for low, high in [getattr(element, attribute)]
         if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
     ]
-    start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
-    keyframes = tuple(key_.name for key_ in spec.keys if key_.name)
-    for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
-        spec.delete(key_)
-    if fix_base and not free_bodies(model):
-        raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
-    fixed, lock = _fixed_joints(model, lock, fix_base=fix_base)
-    if fixed:
-        # sentences on the joints that were removed
-        free = [model.body(model.jnt_bodyid[j]).name for j in fixed if int(model.jnt_type[j]) == FREE]
-        balls = [model.joint(j).name for j in fixed if int(model.jnt_type[j]) == BALL]
-        groups = (("a free joint", free), ("the ball", balls))
-        remarks += [
-            f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
-        ]
-        start = fix_bodies(spec, model, fixed, start)
-        model, _ = compile_repaired(path, spec)
-    model, start = with_pose_chains(spec, model, start, drivers)
-    require_numbers(path, spec, model, start)
-    with_meshes = parsed_model if lint else None
-    return _CompiledFile(
-        path, spec, model, start, remarks, fixed, lock, with_meshes, tuple(unread), keyframes
-    )
+
+
+def _fixed_remarks(model: mujoco.MjModel, fixed: Sequence[int]) -> list[str]:
+    """Return sentences on the ball and free joints that are removed."""
+    free = [model.body(model.jnt_bodyid[j]).name for j in fixed if int(model.jnt_type[j]) == FREE]
+    balls = [model.joint(j).name for j in fixed if int(model.jnt_type[j]) == BALL]
+    groups = (("a free joint", free), ("the ball", balls))
+    return [
+        f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
+    ]
 
 
 def _fixed_joints(
     model: mujoco.MjModel, lock: Mapping[str, LockedAt], *, fix_base: bool
 ) -> tuple[tuple[int, ...], dict[str, LockedAt]]:
     """Return the indices of ball and free joints that are locked, and the other locked joints."""
-    rotational = rotational_joints(model)
+    rotational = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in ROTATIONAL}
     named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
     fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
     return fixed, {name: value for name, value in lock.items() if rotational.get(name) not in fixed}
