@@ -279,10 +279,7 @@ class Settings:
         set_armature(
             model,
             np.array([loops.crank]),
-            self.drive_inertia
-            or drive_inertia(
-                model.body_mass, model.body_inertia, loops.characteristic_length, self.compliance_used
-            ),
+            self.drive_inertia or drive_inertia(loops, self.compliance_used),
         )
         used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":
@@ -412,24 +409,16 @@ def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float
     model.dof_armature[dofs] = armature
 
 
-def drive_inertia(mass: Array, inertia: Array, length: Any, compliance: float) -> Any:
-    """Return the virtual drive inertia that keeps a crank's speed, in [kg m2], or (d,) of d designs.
+def drive_inertia(loops: ModelLoops, compliance: float) -> float:
+    """Return the virtual drive inertia that keeps a crank's speed, in [kg m2], at a compliance of the loops.
 
     It is a multiple of the inertia of all links at the distance of the characteristic length. It grows with
     the stiffness of the loops beyond the default, as the conflict of redundant constraints does: at
     compliance 1e-10 this made the crank of a Bennett linkage 7e-8 faster.
-
-    Args:
-        mass: of the bodies, (..., nbody) in [kg].
-        inertia: their principal moments, (..., nbody, 3) in [kg m2].
-        length: characteristic length, in [m], or (d,).
-        compliance: of the loops, as in `Settings`.
     """
-    return (
-        DRIVE_INERTIA_RATIO
-        * max(1.0, COMPLIANCE / compliance)
-        * (mass.sum(-1) * length**2 + inertia.max(-1).sum(-1))
-    )
+    model, length = loops.model, loops.characteristic_length
+    inertia = float(model.body_mass.sum() * length**2 + model.body_inertia.max(-1).sum())
+    return DRIVE_INERTIA_RATIO * max(1.0, COMPLIANCE / compliance) * inertia
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:

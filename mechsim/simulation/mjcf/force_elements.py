@@ -8,7 +8,6 @@ without a control: its value is an affine function of length and speed.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -99,23 +98,12 @@ def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> No
     conditioned at any scale. MuJoCo takes a moment of inertia below 1e-15 (mjMINVAL) for zero: with a mass
     inverse to the size it stays far above that for linkages down to 1e-8 m.
     """
-    points = np.array([end.point for end in mechanism.ends(link)])
-    body.explicitinertial = True
-    body.mass, body.ipos, moment = placeholder(points, mechanism.characteristic_length)
-    body.inertia = np.full(3, moment)
-
-
-def placeholder(points: Array, length: float | Array) -> tuple[Any, Array, Any]:
-    """Return mass, centre and moment of a placeholder.
-
-    Args:
-        points: points of the joints on a link, (k, 3) in [m], or (k, 3, d) for d designs.
-        length: characteristic length of the mechanism in [m], or (d,).
-    """
+    points, length = np.array([end.point for end in mechanism.ends(link)]), mechanism.characteristic_length
     centre = (points.min(0) + points.max(0)) / 2.0
-    radius = np.maximum(np.linalg.norm(points - centre, axis=1).max(0), 0.1 * length)
-    mass = PLACEHOLDER / length
-    return mass, centre, 0.4 * mass * radius**2
+    radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 0.1 * length)
+    body.explicitinertial = True
+    body.mass, body.ipos = PLACEHOLDER / length, centre
+    body.inertia = np.full(3, 0.4 * body.mass * radius**2)
 
 
 Bodies = Mapping[str, mujoco.MjsBody]

@@ -10,28 +10,16 @@ import mujoco
 import numpy as np
 
 from mechsim.model.actuators import NO_LIMIT, Range
-from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
+from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, coordinates, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.limits import Ranges
-from mechsim.model.link_poses import rotated
-from mechsim.model.links import EZ, Pose, Vector
+from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
 BALL = mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 CRANK = "crank"
-# kind of the joint between a link and its virtual body
-FIXED: KindName = "fixed"
-
-
-@dataclass(frozen=True, slots=True)
-class EndArrays:
-    """One side of a joint in d designs: points (d, 3) and frames (d, 3, 3) in the link's frame."""
-
-    link: str
-    point: Array
-    frame: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,28 +34,9 @@ class Branch:
     """
 
     joint: Joint
-    parent: End | EndArrays
-    child: End | EndArrays
+    parent: End
+    child: End
     direction: int
-
-
-@dataclass(frozen=True, slots=True)
-class ModelJoint:
-    """A hinge, a slide or a ball of a model.
-
-    Attributes:
-        name: name in the model.
-        type: MuJoCo's joint type.
-        position: position in the child's frame, (..., 3) in [m].
-        axis: axis in the child's frame, (..., 3).
-        value: coordinate in the reference configuration, in [m] or [rad]; None for a ball.
-    """
-
-    name: str
-    type: mujoco.mjtJoint
-    position: Array
-    axis: Array | Vector
-    value: float | Array | None
 
 
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
@@ -107,43 +76,40 @@ def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
     """Return the child's pose in the parent's frame nearest to an initial guess, and its joint coordinates.
 
-    The pose satisfies the joint exactly: only its free coordinates come from the approximate poses. Poses and
-    ends may belong to d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
+    The pose satisfies the joint exactly: only its free coordinates come from the approximate poses.
     """
     kind = KINDS[branch.joint.kind]
-    parent_side, child_side = _placed(branch.parent, parent), _placed(branch.child, child)
-    a, b = (parent_side, child_side) if branch.direction > 0 else (child_side, parent_side)
-    values_ = coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle)
-    values = (
-        tuple(np.moveaxis(values_, -1, 0)) if values_.ndim > 1 else tuple(float(value) for value in values_)
-    )
-    return _posed(branch, values, np.swapaxes(a[1], -1, -2) @ b[1] if kind.ball else None), values
+    sides = [
+        (pose.point(end.point), pose.rotation @ end.frame)
+        for end, pose in ((branch.parent, parent), (branch.child, child))
+    ]
+    a, b = sides if branch.direction > 0 else reversed(sides)
+    values = tuple(coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle).tolist())
+    return _posed(branch, values, a[1].T @ b[1] if kind.ball else None), values
 
 
-def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
-    """Return the point, (..., 3), and frame, (..., 3, 3), of a side of a joint at the pose of its link."""
-    return link.position + rotated(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
-
-
-def _posed(branch: Branch, values: Sequence[float | Array], ball: Array | None = None) -> Pose:
+def _posed(branch: Branch, values: Sequence[float], ball: Array | None = None) -> Pose:
     """Return the child's pose in the parent's frame at the joint's coordinates and the rotation of a ball."""
     joint, frame = branch.joint, branch.parent.frame
     shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
     relative = relative if ball is None else ball
     if branch.direction < 0:
-        relative = np.swapaxes(relative, -1, -2)
-        shift = -rotated(relative, shift)
-    rotation = frame @ relative @ np.swapaxes(branch.child.frame, -1, -2)
+        relative = relative.T
+        shift = -relative @ shift
+    rotation = frame @ relative @ branch.child.frame.T
     parent_point, local = np.asarray(branch.parent.point), np.asarray(branch.child.point)
-    return Pose(parent_point + rotated(frame, shift) - rotated(rotation, local), rotation)
+    return Pose(parent_point + frame @ shift - rotation @ local, rotation)
 
 
-def model_joints(
-    mechanism: Mechanism, branch: Branch, local: Pose, values: Sequence[float | Array]
-) -> list[ModelJoint]:
-    """Return the hinges and slides, or the ball, of a tree joint.
+def add_joint(
+    body: mujoco.MjsBody, mechanism: Mechanism, branch: Branch, local: Pose, values: tuple[float, ...]
+) -> None:
+    """Add the hinges and slides, or the ball, of a tree joint to its child body.
+
+    `ref` makes MuJoCo's coordinates those of the mechanism.
 
     Args:
+        body: the body of the child.
         mechanism: the mechanism that has the joint.
         branch: the joint.
         local: the child's pose in the parent's frame, in the model's reference configuration.
@@ -151,34 +117,21 @@ def model_joints(
     """
     joint, position = branch.joint, np.asarray(branch.child.point)
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
-    types = [SLIDE] * len(kind.slides) + ([BALL] if kind.ball else [HINGE] * len(kind.turns))
-    axes: list[Axis] = [*kind.slides, *(("a",) if kind.ball else kind.turns)]
-    coordinates = list(zip(names, types, axes, [*values, *([None] if kind.ball else [])], strict=True))
+    axes: list[Axis | None] = [*kind.slides, *((None,) if kind.ball else kind.turns)]
+    types = [SLIDE] * len(kind.slides) + [BALL if kind.ball else HINGE] * (len(axes) - len(kind.slides))
+    parts = list(zip(names, axes, types, [*values, 0.0][: len(axes)], strict=True))
     if branch.direction < 0 and len(set(axes)) > 1:
         # axes fixed in the parent come first, axes fixed in the child last
-        coordinates.reverse()
+        parts.reverse()
     if branch.direction < 0 and (len(kind.slides) > 1 or kind.ball):
         # a rotation before slides across its axis is about the parent's point
-        back = np.swapaxes(local.rotation, -1, -2)
-        position = rotated(back, np.asarray(branch.parent.point) - local.position)
-    return [
-        ModelJoint(name, made, position, EZ if value is None else _axis_of(branch, local, axis), value)
-        for name, made, axis, value in coordinates
-    ]
-
-
-def add_joint(
-    body: mujoco.MjsBody, mechanism: Mechanism, branch: Branch, local: Pose, values: tuple[float, ...]
-) -> None:
-    """Add a tree joint to its child body; `ref` makes MuJoCo's coordinates those of the mechanism.
-
-    Arguments are those of `model_joints`.
-    """
-    for made in model_joints(mechanism, branch, local, values):
-        if made.value is None:
-            body.add_joint(name=made.name, type=made.type, pos=made.position)
+        position = local.rotation.T @ (np.asarray(branch.parent.point) - local.position)
+    for name, axis, made, value in parts:
+        if axis is None:
+            body.add_joint(name=name, type=made, pos=position)
         else:
-            body.add_joint(name=made.name, type=made.type, pos=made.position, axis=made.axis, ref=made.value)
+            own = _axis_of(branch, local, axis)
+            body.add_joint(name=name, type=made, pos=position, axis=own, ref=value)
 
 
 def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
@@ -186,9 +139,8 @@ def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
     child_is_b = branch.direction > 0
     shared = axis == "a" and KINDS[branch.joint.kind].aligned
     if shared or (axis == "b") == child_is_b:
-        return branch.direction * branch.child.frame[..., COLUMN[axis]]
-    back = np.swapaxes(local.rotation, -1, -2)
-    return branch.direction * rotated(back, branch.parent.frame[..., COLUMN[axis]])
+        return branch.direction * branch.child.frame[:, COLUMN[axis]]
+    return branch.direction * local.rotation.T @ branch.parent.frame[:, COLUMN[axis]]
 
 
 # limit in place of an infinite one on one side

@@ -12,7 +12,7 @@ from mechsim.model.link_poses import plane_normals, split_joints, virtual_body
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.graphs import components, distances, spanning_edges
-from mechsim.simulation.mjcf.joints import Branch, EndArrays, coincident_points
+from mechsim.simulation.mjcf.joints import Branch, coincident_points
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, floa
     normals = plane_normals(mechanism)
     assert normals is not None
 
-    def along(end: End | EndArrays) -> float:
+    def along(end: End) -> float:
         """Return +1 for an axis along the normal, -1 for one against it."""
         return float(np.sign(normals[end.link] @ end.frame[:, 2]))
 
