@@ -98,7 +98,7 @@ def test_a_quadratic_coupling_is_nonlinear(coefficients, bends):
     side = Sum(np.array([0]), np.array([0]), np.zeros(1), np.ones(1))
     coupled = CouplingConstraint(side, side, np.array(coefficients), 0)
     assert coupled.nonlinear == bends
-    value, gradient = coupled.evaluate(np.array([0.7]))
+    value, gradient, _ = coupled.values(np.array([0.7]))
     assert value == pytest.approx(np.polynomial.polynomial.polyval(0.7, coefficients))
     assert gradient == pytest.approx(coefficients[1] + 2.0 * 0.7 * coefficients[2])
     assert not CouplingConstraint(side, None, np.array(coefficients), 0).nonlinear
