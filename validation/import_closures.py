@@ -46,6 +46,8 @@ GATES = {
     ("studies.robots.mujoco_models", "simulation.source"): "a MODEL that is no file of MuJoCo",
     ("studies.robots.mujoco_models", "subjects.readers"): "a MODEL that is no file of MuJoCo",
     ("studies.check", "subjects.readers"): "a MODEL that is no file of MuJoCo",
+    ("studies.check", "studies.robots.mujoco_models"): "a MODEL that is no file of MuJoCo",
+    ("simulation.mjcf_reader.parsed_file", "simulation.mjcf_reader.urdf_loops"): "a MODEL in URDF",
     ("shapes.joints", "shapes.belts"): "a belt or rope",
     ("subjects.toml_reader", "model.belts"): "belts in TOML",
     ("subjects.toml_reader", "subjects.toml_curves"): "curves or cams in TOML",

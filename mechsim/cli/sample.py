@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
 from mechsim.studies.robots.mujoco_models import notes_on
-from mechsim.subjects.mjcf_source import with_loops
+from mechsim.subjects.mujoco_inputs import with_loops
 from mechsim.units import option
 
 # options of commands that solve configurations of a MuJoCo model

@@ -18,8 +18,7 @@ from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.reading import read_model
-from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
-from mechsim.subjects.mjcf_source import mujoco_input, with_nearest_assembly
+from mechsim.subjects.mujoco_inputs import mujoco_input, with_nearest_assembly
 
 
 def check(
@@ -109,6 +108,7 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
     if own is not None:
         return with_nearest_assembly(read_model(own, lint=True))
+    from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
     from mechsim.subjects.readers import load
 
     solver = load(model, still=True)

@@ -7,7 +7,8 @@ from model_files import model_text
 from scipy.optimize import least_squares
 
 import mechsim as ms
-from mechsim.subjects.mjcf_source import mujoco_input, read_mjcf
+from mechsim.subjects.mjcf_source import read_mjcf
+from mechsim.subjects.mujoco_inputs import mujoco_input
 
 # a parallelogram of 0.2 m x 0.1 m whose second link is turned about x
 # text of the rotation and the axis in the turned frame, the lower end of the foot, and the error in [rad]

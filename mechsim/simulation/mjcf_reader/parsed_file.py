@@ -25,7 +25,14 @@ from mechsim.simulation.mjcf_reader.repairs import (
     with_possible_inertias,
     without_missing,
 )
-from mechsim.simulation.mjcf_reader.urdf_loops import UrdfFile, urdf_specification
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """The path of a URDF file, and that of a sidecar file with loop closures; None without one."""
+
+    path: str
+    loops: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +188,12 @@ def _spec_of_file(file: UrdfFile, *, urdf: bool) -> tuple[mujoco.MjSpec, list[Fi
         )
     try:
         with warnings_of_mujoco() as warned:
-            spec, unread = urdf_specification(file) if urdf else (mujoco.MjSpec.from_file(file.path), [])
+            if urdf:
+                from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
+
+                spec, unread = urdf_specification(file)
+            else:
+                spec, unread = mujoco.MjSpec.from_file(file.path), list[Finding]()
     except InputError:
         raise
     except (ValueError, UnicodeError, mujoco.FatalError) as error:

@@ -10,6 +10,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -33,16 +34,11 @@ from mechsim.simulation.mjcf_reader.urdf_tree import (
 )
 from mechsim.simulation.mjcf_reader.urdf_unread import unread_elements
 
+if TYPE_CHECKING:
+    from mechsim.simulation.mjcf_reader.parsed_file import UrdfFile
+
 # distance in [m] between the two points of a hinge closure along its axis
 HINGE_LENGTH = 0.1
-
-
-@dataclass(frozen=True)
-class UrdfFile:
-    """The path of a URDF file, and that of a sidecar file with loop closures; None without one."""
-
-    path: str
-    loops: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +57,7 @@ class UrdfCoupling:
     b: tuple[str, ...]
 
 
-def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
+def urdf_specification(file: "UrdfFile") -> tuple[mujoco.MjSpec, list[Finding]]:
     """Return the specification of a URDF file with closed loops, and findings on what is not read.
 
     Raises:

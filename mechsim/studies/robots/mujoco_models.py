@@ -17,8 +17,9 @@ from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.subjects.mjcf_source import mujoco_input, printed, read_mjcf
+from mechsim.subjects.mjcf_source import read_mjcf
 from mechsim.subjects.model_source import Prescription
+from mechsim.subjects.mujoco_inputs import mujoco_input, printed
 from mechsim.units import Unit, si
 
 
