@@ -119,14 +119,14 @@ def add_joint(
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)
     axes: list[Axis | None] = [*kind.slides, *((None,) if kind.ball else kind.turns)]
     types = [SLIDE] * len(kind.slides) + [BALL if kind.ball else HINGE] * (len(axes) - len(kind.slides))
-    parts = list(zip(names, axes, types, [*values, 0.0][: len(axes)], strict=True))
+    components = list(zip(names, axes, types, [*values, 0.0][: len(axes)], strict=True))
     if branch.direction < 0 and len(set(axes)) > 1:
         # axes fixed in the parent come first, axes fixed in the child last
-        parts.reverse()
+        components.reverse()
     if branch.direction < 0 and (len(kind.slides) > 1 or kind.ball):
         # a rotation before slides across its axis is about the parent's point
         position = local.rotation.T @ (np.asarray(branch.parent.point) - local.position)
-    for name, axis, made, value in parts:
+    for name, axis, made, value in components:
         if axis is None:
             body.add_joint(name=name, type=made, pos=position)
         else:
