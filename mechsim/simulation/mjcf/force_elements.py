@@ -300,16 +300,17 @@ def _between(
     return made
 
 
-def _affine(
-    builder: Builder, name: str, joint: Joint, bias: tuple[float, float, float], axes: Sequence[int] = (2,)
-) -> None:
-    """Add couples bias0 + bias1 angle + bias2 rate on link b by link a about axes of a's joint frame."""
+def _couples(builder: Builder, name: str, joint: Joint, axes: Sequence[int]) -> list[mujoco.MjsActuator]:
+    """Add couples on link b by link a about axes of a's joint frame."""
     a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
-    for axis in axes:
-        made = _between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis])
-        made.gainprm[0] = 0.0
-        made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        made.biasprm[:3] = bias
+    return [_between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis]) for axis in axes]
+
+
+def _depend_on_state(made: mujoco.MjsActuator, by_angle: float, by_rate: float) -> None:
+    """Make the effort of an actuator linear in its angle and rate, without a control."""
+    made.gainprm[0] = 0.0
+    made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    made.biasprm[:3] = 0.0, by_angle, by_rate
 
 
 def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
@@ -324,10 +325,7 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     name = f"spring in {joint.name}"
     a = builder.site(f"{name}.a", rotated)
     b = builder.site(f"{name}.b", joint.b)
-    made = _between(builder.spec, name, b, a, np.eye(6)[5])
-    made.gainprm[0] = 0.0
-    made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    made.biasprm[:3] = 0.0, -spring.stiffness, 0.0
+    _depend_on_state(_between(builder.spec, name, b, a, np.eye(6)[5]), -spring.stiffness, 0.0)
 
 
 def _add_spring(builder: Builder, name: str, spring: Spring) -> None:
@@ -375,17 +373,15 @@ def _add_friction(builder: Builder, friction: Friction) -> None:
         model_joint.frictionloss = model_joint.frictionloss + (coulomb if native else 0.0)
     axes = (2,) if kind.hinge else (0, 1, 2)
     if friction.viscous and not model_joints:
-        _affine(builder, f"friction in {joint.name}", joint, (0.0, 0.0, -friction.viscous), axes)
+        for made in _couples(builder, f"friction in {joint.name}", joint, axes):
+            _depend_on_state(made, 0.0, -friction.viscous)
     if not friction.coulomb or (model_joints and native):
         return
     if native and plane_normals(builder.mechanism) is not None:
         _add_coulomb_cut(builder, joint, friction.coulomb)
         return
     # MuJoCo's Coulomb friction of a ball joint acts about three separate axes, not against the rotation
-    name = coulomb_name(joint.name)
-    a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
-    for axis in axes:
-        _between(builder.spec, f"{name}.{AXES[axis]}", b, a, np.eye(6)[3 + axis])
+    _couples(builder, coulomb_name(joint.name), joint, axes)
 
 
 def coulomb_name(joint: str) -> str:

@@ -71,7 +71,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     elif scene.holds("motion"):
         # without masses; MuJoCo steps a link without spin to a higher order than a tendon
         mechanism, poses = with_rods(mechanism, poses or {}, "universal")
-    tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True, welds=forces is not None)
+    tree = cut_loops(mechanism, scene.cut, keep=friction_joints, welds=forces is not None)
     mechanism = tree.mechanism
     poses = with_virtual_bodies(tree.mechanism, poses or {})
     spec = mujoco.MjSpec()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
+from mechsim.model.joint_kinds import KINDS, Kind
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import plane_normals, split_joints, virtual_body
 from mechsim.model.links import GROUND
@@ -35,7 +35,6 @@ def cut_loops(
     cut: tuple[str, ...] | None = None,
     *,
     keep: Collection[str] = (),
-    splits: bool = False,
     welds: bool = False,
 ) -> Tree:
     """Return a spanning tree of the mechanism's links, rooted in the frame.
@@ -45,12 +44,13 @@ def cut_loops(
         cut: names of the joints to cut; None for the joints that require the fewest constraint rows, and
             among equal joints those farthest from the crank.
         keep: names of joints to cut only if no other joint can be cut.
-        splits: whether joints that no point closes may be split and welded, if no other joint can be cut.
         welds: whether hinges of a spatial mechanism are split and welded too. Rows of two points on an axis
             depend on each other; they close the loops, but MuJoCo's residual forces brake free motion.
 
+    A joint that no point closes is split and welded if no other joint of its loop can be cut.
+
     Raises:
-        InputError: if cuts leave a loop or divide the chain, or a loop has no joint that can be cut.
+        InputError: if cuts leave a loop or divide the chain.
     """
     if not mechanism.joints:
         raise InputError(f"{mechanism.name} has no joints; add one")
@@ -90,15 +90,13 @@ def cut_loops(
         joint
         for joint in cuts
         if joint.name in needed
-        or not (_cuttable(KINDS[joint.kind]) or (splits and not KINDS[joint.kind].dof))
+        or not (_cuttable(KINDS[joint.kind]) or not KINDS[joint.kind].dof)
         or (welded and KINDS[joint.kind].hinge)
     ]
-    if rejected and splits:
+    if rejected:
         names = {joint.name for joint in rejected}
         whole = tuple(virtual_body(joint) if joint.name in names else joint.name for joint in cuts)
-        return cut_loops(split_joints(mechanism, names), whole, keep=keep, splits=True)
-    if rejected:
-        raise InputError(f"{mechanism.name}: {_rejection_reason(rejected[0], needed)}")
+        return cut_loops(split_joints(mechanism, names), whole, keep=keep)
     if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != requested:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(requested)) or 'no joint'} does not leave a tree; "
@@ -127,19 +125,6 @@ def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str
     for name in sorted(requested & needed):
         what = "driven" if name in driven else "held" if name in mechanism.locked else "geared"
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
-
-
-def _rejection_reason(joint: Joint, needed: set[str]) -> str:
-    """Return the reason why a loop cannot be cut at a joint."""
-    if joint.name in needed:
-        return (
-            f"the loop through joint {joint.name!r} has only driven and coupled joints; "
-            "add another joint to it"
-        )
-    return (
-        f"a loop would have to be cut at {joint.kind} joint {joint.name!r}, which no MuJoCo constraint "
-        f"closes; use a {kinds_that(lambda kind: bool(coincident_points(kind)))} joint in every loop"
-    )
 
 
 def joints_with(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
