@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -12,19 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.limits import require_count
 from mechsim.model.motion import short_repr
-from mechsim.model.progress import Progress, no_progress
+from mechsim.model.progress import Progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
-from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos, parse_file
+from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.state import FREE, SCALAR, limited_joints, scalar_joints
-
-if TYPE_CHECKING:
-    from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
 # largest step of a driver on the path from the reference, in [rad] or characteristic lengths
 DRIVER_STEP = 0.1
@@ -219,11 +215,11 @@ def _coupled(matrix: Array) -> list[set[int]]:
     return [{*group} for group in components(range(len(share)), zip(*np.nonzero(share), strict=True))]
 
 
-def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike], start: Array | None = None) -> Array:
+def closed_qpos(model: mujoco.MjModel, values: Mapping[str, ArrayLike], start: Array | None) -> Array:
     """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the start.
 
     Args:
-        model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
+        model: the compiled model.
         values: hinge or slide -> positions in [rad] or [m], scalar or (n,). Undetermined joints keep their
             reference values.
         start: configuration from which paths start, (nq,); None is the reference, or a closed keyframe.
@@ -232,35 +228,34 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike], start: Ar
         InputError: if a joint is unknown or outside its limits, or positions have different lengths.
         AssemblyError: if a loop does not close on the path.
     """
-    compiled = compiled_model(model)
-    dofs = [scalar_dof(compiled, name) for name in values]
+    dofs = [scalar_dof(model, name) for name in values]
     try:
         columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=float)) for v in values.values()))
     except ValueError:
         raise InputError("positions of joints have different lengths; give one or n each") from None
     if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
         raise InputError("positions must be finite numbers, one or n for each of one or more joints")
-    path = straight_path(compiled, dofs, start)
+    path = straight_path(model, dofs, start)
     qpos, closed = path.follow(np.stack(columns, 1))
     if not closed.all():
         i = int(np.argmin(closed))
         raise AssemblyError(f"the loops do not close in this assembly at row {i}; give reachable positions")
     rows, joints = np.nonzero(path.outside(qpos))
     if len(rows):
-        name = compiled.joint(int(joints[0])).name
+        name = model.joint(int(joints[0])).name
         raise InputError(f"joint {name} is outside its limits at row {rows[0]}; give other positions")
     return qpos
 
 
 def sample(
-    model: "MujocoInput",
+    model: mujoco.MjModel,
     n: int,
-    seed: int = 0,
-    progress: Progress = no_progress,
-    start: Array | None = None,
+    seed: int,
+    progress: Progress,
+    start: Array | None,
     *,
-    fix_base: bool = False,
-    lock_others: bool = False,
+    fix_base: bool,
+    lock_others: bool,
 ) -> Sample:
     """Return n closed states of a model, drawn at random within joint limits in one assembly.
 
@@ -287,10 +282,10 @@ def sample(
     require_count("the states", n, MAX_STATES, "draw them in parts with other seeds")
     if seed < 0:
         raise InputError(f"the seed is {seed}; give 0 or more")
-    compiled, random = compiled_model(model), np.random.default_rng(seed)
-    path = straight_path(compiled, None, start, fix_base=fix_base)
+    random = np.random.default_rng(seed)
+    path = straight_path(model, None, start, fix_base=fix_base)
     if lock_others:
-        drivers = path.drivers[np.isin(path.drivers, _actuated_dofs(compiled))]
+        drivers = path.drivers[np.isin(path.drivers, _actuated_dofs(model))]
         if not len(drivers):
             raise InputError("no actuator moves a joint, so that --lock others leaves none to draw")
         path = replace(path, drivers=drivers)
@@ -301,7 +296,7 @@ def sample(
             each, n, random, lambda text, fraction, i=i: progress(text, (i + fraction) / len(paths))
         )
         accepted = min(accepted, share)
-        joints = np.isin(compiled.jnt_qposadr.searchsorted(np.arange(compiled.nq), "right") - 1, each.joints)
+        joints = np.isin(model.jnt_qposadr.searchsorted(np.arange(model.nq), "right") - 1, each.joints)
         qpos[:, joints] = states[:, joints]
     residual, jacobian = path.loops.linearise(qpos)
     qvel = np.zeros((n, path.loops.model.nv))
@@ -334,15 +329,6 @@ def _drawn(
 def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:
     """Return the coordinates of a keyframe, (nq,); None without a name."""
     return None if key is None else initial_qpos("the model", model, key)
-
-
-def compiled_model(model: "MujocoInput") -> mujoco.MjModel:
-    """Return the compiled model without missing meshes."""
-    if isinstance(model, mujoco.MjModel):
-        return model
-    compiled = parse_file(model).model
-    assert compiled is not None  # only a file without meshes has none
-    return compiled
 
 
 def _bounded(step: Array) -> Array:

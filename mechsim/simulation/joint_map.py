@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 from math import comb
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -19,7 +18,6 @@ from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.closed_configurations import (
     BATCH,
     StraightPath,
-    compiled_model,
     driver_ranges,
     least_squares,
     scalar_dof,
@@ -27,9 +25,6 @@ from mechsim.simulation.closed_configurations import (
 )
 from mechsim.simulation.mjcf_reader.pose_chains import site_or_body
 from mechsim.simulation.state import HINGE, SLIDE, cross_matrices, mass_matrix
-
-if TYPE_CHECKING:
-    from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12
@@ -240,7 +235,7 @@ def input_rates(path: StraightPath, qpos: Array) -> Array:
 
 
 def map_over_grid(
-    model: "MujocoInput",
+    model: mujoco.MjModel,
     inputs: Sequence[str] | Mapping[str, tuple[float, float] | None],
     outputs: Sequence[str],
     *,
@@ -253,7 +248,7 @@ def map_over_grid(
     """Return the outputs of a closed-loop model over a grid of its inputs, in the assembly of the start.
 
     Args:
-        model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
+        model: the compiled model.
         inputs: hinges or slides, such as those with motors, with their ranges in [rad] or [m]; the default
             range is the joint limits. Other joints that the loops do not determine stay at the reference.
         outputs: hinges or slides, and sites or bodies as NAME.x, NAME.y, NAME.z in [m] in the world frame, or
@@ -274,11 +269,10 @@ def map_over_grid(
         AssemblyError: if no grid point is reached, or too few for the polynomials.
 
     Example:
-        >>> table = map_over_grid("ankle.xml", ["left_motor", "right_motor"], ["pitch", "roll"], degree=5)
+        >>> table = map_over_grid(model, ["left_motor", "right_motor"], ["pitch", "roll"], degree=5)
         >>> table.jacobian.shape
         (441, 2, 2)
     """
-    compiled = compiled_model(model)
     names = tuple(inputs)
     if not names or not outputs:
         raise InputError("a map needs one input and one output or more; name them")
@@ -288,8 +282,8 @@ def map_over_grid(
         require_count("the degrees of the polynomials", degree, MAX_TERMS, "give a lower --degree")
         terms = comb(degree + len(names), degree)
         require_count(f"the terms of degree {degree}", terms, MAX_TERMS, "give a lower --degree")
-    dofs = [scalar_dof(compiled, name) for name in names]
-    path = straight_path(compiled, dofs, start, fix_base=fix_base)
+    dofs = [scalar_dof(model, name) for name in names]
+    path = straight_path(model, dofs, start, fix_base=fix_base)
     ranges = inputs if isinstance(inputs, Mapping) else dict.fromkeys(names)
     low, high = np.array([_range(path, i, name, ranges[name]) for i, name in enumerate(names)]).T
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]

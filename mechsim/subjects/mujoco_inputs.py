@@ -76,7 +76,7 @@ def with_loops(model: Any, loops: str | None) -> Any:
     """
     if loops is None:
         return model
-    from mechsim.simulation.mjcf_reader.parsed_file import UrdfFile
+    from mechsim.simulation.mjcf_reader.file_text import UrdfFile
 
     if not isinstance(model, str) or not model.lower().endswith((".urdf", ".xml")):
         raise InputError(f"{model} is no URDF file, whose loops {loops} could close; name one")

@@ -22,9 +22,9 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.errors import MechsimError
-from mechsim.simulation.closed_configurations import compiled_model
 from mechsim.simulation.findings.inspected import Inspected, driver_swing
 from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.mjcf_reader.reading import read_model
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robustness"))
@@ -264,7 +264,7 @@ def main(folder, word="", *, steps):
             continue
         try:
             computed = [v for v in ms.check(str(path)) if v.severity != "note"]
-            model = compiled_model(str(path))
+            model = parse_file(str(path)).model
         except MechsimError as error:
             print(f"{name}: {error}")
             continue

@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import prod
 
 from mechsim.errors import InputError, cut
@@ -31,6 +32,14 @@ _NUMBERS = re.compile(r"""\b(?:count|nrow|ncol|width|height)\s*=\s*["']([\s\d]*)
 # largest number of copies, whose time grows with its square (10 s for 10,000), and of cells of height fields
 # and textures, which need 1 GB
 MAX_COPIES, MAX_CELLS = 10_000, 8192**2
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """The path of a URDF file, and that of a sidecar file with loop closures; None without one."""
+
+    path: str
+    loops: str | None = None
 
 
 def root_of(path: str) -> str:

@@ -16,7 +16,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet, warnings_of_mujoco
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.file_errors import MAX_SHOWN, readable_error, require_numbers
-from mechsim.simulation.mjcf_reader.file_text import root_of
+from mechsim.simulation.mjcf_reader.file_text import UrdfFile, root_of
 from mechsim.simulation.mjcf_reader.repairs import (
     copy_shapes,
     has_replaceable_meshes,
@@ -25,14 +25,6 @@ from mechsim.simulation.mjcf_reader.repairs import (
     with_possible_inertias,
     without_missing,
 )
-
-
-@dataclass(frozen=True)
-class UrdfFile:
-    """The path of a URDF file, and that of a sidecar file with loop closures; None without one."""
-
-    path: str
-    loops: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

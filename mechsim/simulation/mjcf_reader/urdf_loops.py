@@ -10,12 +10,12 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from mechsim.model.finding import Finding
+from mechsim.simulation.mjcf_reader.file_text import UrdfFile
 from mechsim.simulation.mjcf_reader.urdf_sidecar import JointChanges, read_sidecar
 from mechsim.simulation.mjcf_reader.urdf_tree import (
     KINDS,
@@ -33,9 +33,6 @@ from mechsim.simulation.mjcf_reader.urdf_tree import (
     rotation_of,
 )
 from mechsim.simulation.mjcf_reader.urdf_unread import unread_elements
-
-if TYPE_CHECKING:
-    from mechsim.simulation.mjcf_reader.parsed_file import UrdfFile
 
 # distance in [m] between the two points of a hinge closure along its axis
 HINGE_LENGTH = 0.1
@@ -57,7 +54,7 @@ class UrdfCoupling:
     b: tuple[str, ...]
 
 
-def urdf_specification(file: "UrdfFile") -> tuple[mujoco.MjSpec, list[Finding]]:
+def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
     """Return the specification of a URDF file with closed loops, and findings on what is not read.
 
     Raises:
