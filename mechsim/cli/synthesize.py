@@ -37,7 +37,7 @@ def synthesize(
     """
     base = load_model(model, sets)
     if not hasattr(base.closed_form, "planar_point"):
-        all_formulas = {name: formula.formulas for name, formula in catalog.MECHANISMS.items()}
+        all_formulas = {name: catalog.mechanism(name).formulas for name in catalog.MECHANISMS}
         choices = ", ".join(name for name, made in all_formulas.items() if hasattr(made, "planar_point"))
         raise InputError(f"{base.name} cannot be synthesised; choose from {choices}")
     point = units.parse_vector(through, "m", "--through")
