@@ -11,7 +11,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates, kinds_that
-from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
+from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, VIRTUAL_PREFIX, Pose, Vector, vector
 from mechsim.numerics.arrays import Array, polynomial
 from mechsim.numerics.inputs import at_least_zero, number, numbers, require
 
@@ -143,8 +143,8 @@ class Coupling:
 
     @property
     def label(self) -> str:
-        """Names of both sides, for messages."""
-        if self.rope:
+        """Names of both sides, for messages; the own name of a rope, or of a law of virtual bodies."""
+        if self.rope or any(n.startswith(VIRTUAL_PREFIX) for n in (*self.left_terms, *self.right_terms)):
             return self.name
         return f"{'+'.join(self.right_terms) or 'nothing'}-{'+'.join(self.left_terms)}"
 

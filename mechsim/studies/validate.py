@@ -6,7 +6,7 @@ from collections.abc import Container, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from mechsim.studies.agreement.agreement import (
     parametric,
 )
 from mechsim.studies.motions import profile_of, simulated
-from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.subjects.formula_file import with_formulas
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.subjects.scene_findings import scene_findings
@@ -48,6 +47,9 @@ from mechsim.verdict.checks import (
 from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import stroke_of
 from mechsim.verdict.tolerances import RecordInstants, Tolerance
+
+if TYPE_CHECKING:
+    from mechsim.studies.scene.published_run import PublishedRun
 
 # Tolerance on positions of a stepped run, relative to the stroke: with 1,000 steps per revolution every
 # catalogue mechanism satisfies it (largest error measured: 2.6e-9), and a link 0.1 % long exceeds it 1e5

@@ -133,3 +133,8 @@ def test_a_cam_in_millimetres_is_that_in_metres():
     height = ms.load("cam_follower").positions([0.0, 2.5])["roller"][:, 1]
     start = np.sqrt(0.038**2 - 0.005**2)
     assert np.abs(height - [start, start + 0.012]).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", ["cam_follower", "window_regulator", "wankel"])
+def test_laws_of_contacts_are_named_without_virtual_bodies(name):
+    assert not [law for law in ms.load(name).mechanism.named_laws if "~" in law]
