@@ -71,14 +71,6 @@ def close(loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = Non
     return states
 
 
-def close_if_possible(loops: ModelLoops, qpos: Array) -> Array | None:
-    """Return n states with closed loops, as `close` does; None if a loop does not close."""
-    try:
-        return close(loops, qpos)
-    except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
-        return None
-
-
 def close_each(
     loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = None
 ) -> tuple[Array, Array]:

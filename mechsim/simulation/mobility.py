@@ -181,11 +181,12 @@ def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
 def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
     """Return the state moved along a null-space direction and closed; None if the loops prevent it."""
     nudged = _nudged(loops, state, direction)
-    closed = loop_jacobian.close_if_possible(loops, nudged[None])
-    if closed is None:
+    try:
+        closed = loop_jacobian.close(loops, nudged[None])[0]
+    except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
         return None
-    remains = np.abs(closed[0] - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
-    return closed[0] if remains else None
+    remains = np.abs(closed - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
+    return closed if remains else None
 
 
 def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:

@@ -16,7 +16,14 @@ from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import CouplingConstraint, RodPair, chained, rates
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.state import HINGE, ONE_THREAD, gravity, rotated, scalar_joints
+from mechsim.simulation.state import (
+    HINGE,
+    ONE_THREAD,
+    gravity,
+    has_dry_friction,
+    rotated,
+    scalar_joints,
+)
 
 
 def followers(loops: ModelLoops) -> list[CouplingConstraint]:
@@ -245,11 +252,6 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
         )
         for name in track.links
     }
-
-
-def has_dry_friction(model: mujoco.MjModel) -> bool:
-    """Return whether joints or tendons of a model have MuJoCo's Coulomb friction."""
-    return bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
 
 
 def _correction(

@@ -18,7 +18,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings
-from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
+from mechsim.simulation.state import data_at, dense_rows, has_dry_friction, is_disabled, mass_matrix
 from mechsim.units import option, parse, parse_vector, si
 
 Jacobian = Literal["dense", "sparse"]
@@ -244,7 +244,7 @@ class Settings:
         model = loops.model
         contacts = model.ngeom > 0 and not is_disabled(model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
         limits = bool(model.jnt_limited.any() or model.tendon_limited.any())
-        friction = bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
+        friction = has_dry_friction(model)
         equalities = not (contacts or limits or friction)
         # the cost is then quadratic: one step of Newton's method is exact
         exact = equalities and not (self.integrator == "discrete" and _springy(model))

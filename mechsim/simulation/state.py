@@ -127,6 +127,11 @@ def is_disabled(model: mujoco.MjModel, flag: mujoco.mjtDisableBit) -> bool:
     return bool(model.opt.disableflags & int(flag))
 
 
+def has_dry_friction(model: mujoco.MjModel) -> bool:
+    """Return whether joints or tendons of a model have MuJoCo's Coulomb friction."""
+    return bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
+
+
 def gravity(model: mujoco.MjModel) -> Array:
     """Return the acceleration of gravity, zero if it is disabled, (3,) in [m/s2]."""
     if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_GRAVITY):

@@ -143,9 +143,9 @@ class Reader:
 
 READERS: list[Reader] = [
     Reader("mechsim.subjects.formula_file:open_toml", suffixes=(".toml",)),
-    Reader("mechsim.subjects.mjcf_source:MujocoSource", suffixes=(".xml", ".urdf")),
     Reader(
         "mechsim.subjects.mjcf_source:MujocoSource",
+        suffixes=(".xml", ".urdf"),
         types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
     ),
     Reader("mechsim.subjects.formula_file:open_python", suffixes=(".py",)),

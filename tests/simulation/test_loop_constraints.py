@@ -13,9 +13,9 @@ from mechsim.simulation.recording import (
     States,
     add_sensors,
     closure_acceleration,
-    has_dry_friction,
     link_motions,
 )
+from mechsim.simulation.state import has_dry_friction
 
 MODEL = model_text("loop_constraints_model.xml")
 KINDS = {

@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.findings.inspected import Element, Inspected, driver_swing, null_space
 from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
@@ -98,7 +99,7 @@ def _joined(scene: Inspected) -> set[tuple[int, int]]:
     model = scene.model
     carrier = model.body_weldid
     pairs = [(b, int(model.body_parentid[b])) for b in range(1, model.nbody) if carrier[b] == b]
-    pairs += [(loop.bodies[0], loop.bodies[1]) for loop in scene.loops if loop.bodies]
+    pairs += [coincident_frames(model, loop.number)[0] for loop in scene.loops if loop.closes]
     return {_pair(int(carrier[a]), int(carrier[b])) for a, b in pairs}
 
 

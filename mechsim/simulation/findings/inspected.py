@@ -20,7 +20,6 @@ from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_configurations import CONVERGED, ROUNDED_ERROR
 from mechsim.simulation.custom_model import at_initial_state, from_file, parameter_profile
 from mechsim.simulation.drivers import PARAMETER_JOINT
-from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf.included_files import included_lines
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON, WELD, is_readable
@@ -56,14 +55,12 @@ class Loop:
         name: of the constraint.
         number: index in the model.
         kind: MuJoCo's number for the type of the constraint.
-        bodies: bodies that a connect or weld joins; empty for other types.
         element: the equality in the file.
     """
 
     name: str
     number: int
     kind: int
-    bodies: tuple[int, ...]
     element: mujoco.MjsEquality
 
     @property
@@ -125,7 +122,7 @@ class Inspected:
             return ()
         elements = list(self.read.spec.equalities)
         return tuple(
-            Loop(model.equality(i).name, i, int(model.eq_type[i]), _bodies(model, i), elements[i])
+            Loop(model.equality(i).name, i, int(model.eq_type[i]), elements[i])
             for i in range(model.neq)
             if model.eq_active0[i] and is_readable(model, i)
         )
@@ -236,10 +233,6 @@ class Inspected:
     def generic(self) -> tuple[Array, Array]:
         """The sample Jacobian of the loops with the highest rank, (m, nv), and the loop of each row, (m,)."""
         return max(self.sample_jacobians, key=lambda item: loop_rank(item[0]))
-
-
-def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
-    return coincident_frames(model, i)[0] if int(model.eq_type[i]) in (CONNECT, WELD) else ()
 
 
 def loop_rank(matrix: Array) -> int:
