@@ -13,9 +13,8 @@ from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import guessed_poses
-from mechsim.model.links import GROUND, IDENTITY, vector
+from mechsim.model.links import AXES, GROUND, IDENTITY, vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mechsim import units
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.files import plain
-from mechsim.model.finding import counted_findings
 from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:
@@ -136,7 +135,8 @@ def pass_or_fail(passed: bool, findings: int = 0) -> str:
     """Return the word PASS or FAIL, green or red in a terminal, or "PASS, n findings", yellow."""
     if not passed:
         return in_colour("FAIL", "red")
-    return in_colour(f"PASS{counted_findings(findings)}", "yellow" if findings else "green")
+    remark = f", {several(findings, 'finding')}" if findings else ""
+    return in_colour(f"PASS{remark}", "yellow" if findings else "green")
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "    ") -> list[str]:

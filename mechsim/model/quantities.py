@@ -19,10 +19,9 @@ from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.joint_kinds import FIXED
 from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
 from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
-from mechsim.model.links import GROUND
+from mechsim.model.links import AXES, GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import (
-    AXES,
     ELEMENTS,
     TRANSMISSION,
     Column,

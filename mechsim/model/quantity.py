@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mechsim.model.links import AXES
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import change_of, stepped
 
-AXES = "xyz"
 # rows and columns of a rotation matrix
 ELEMENTS = tuple(product(range(3), repeat=2))
 TRANSMISSION = "transmission"

@@ -24,8 +24,8 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.vectors import column, cross
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.expressions import Evaluator, Term, parse_expression
+from mechsim.model.links import AXES
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.python_object import PythonObject, run_object, run_user_code

@@ -19,6 +19,7 @@ from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
+from mechsim.numerics.rank import null_spaces
 
 # components of a null vector below this are rounding: singular vectors have errors of 1e-16 divided by the
 # gap of RANK_TOLERANCE between zero and nonzero singular values
@@ -222,19 +223,12 @@ def _localised(space: Array, links: int) -> Iterable[Array]:
             outside = np.ones(links, dtype=bool)
             outside[list(chosen)] = False
             rows = space[np.repeat(outside, 6)]
-            inside = _null_space(np.vstack([rows, basis.T]))
+            inside = null_spaces(np.vstack([rows, basis.T]), 0.0, ZERO_COMPONENT)[1].T
             for i in range(inside.shape[1]):
                 basis = np.column_stack([basis, inside[:, i]])
                 yield space @ inside[:, i]
             if basis.shape[1] == space.shape[1]:
                 return
-
-
-def _null_space(matrix: Array) -> Array:
-    if matrix.shape[0] == 0:
-        return np.eye(matrix.shape[1])
-    _, values, right = np.linalg.svd(matrix)
-    return right[int((values > ZERO_COMPONENT).sum()) :].T
 
 
 def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> FreeMotion:

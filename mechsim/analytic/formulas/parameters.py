@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.model.quantity import AXES
+from mechsim.model.links import AXES
 from mechsim.numerics.inputs import HUGE, numbers
 from mechsim.units import Unit
 

@@ -23,7 +23,7 @@ from mechsim.analytic.loops.kinematics import (
     matrix_product,
     on_ground,
 )
-from mechsim.analytic.loops.tree import SpanningTree, spanning_tree
+from mechsim.analytic.loops.tree import JointSides, SpanningTree, spanning_tree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.model.joints import Coupling, Joint
@@ -36,7 +36,7 @@ from mechsim.numerics.loop_solver import LoopSolver
 from mechsim.numerics.newton import LinearEquations
 
 if TYPE_CHECKING:
-    from mechsim.model.design_arrays import Sides
+    from mechsim.model.design_arrays import Ends, Sides
 
 
 @dataclass(frozen=True)
@@ -461,6 +461,20 @@ def tree_loops(
     q = loops.with_multi_turn(loops.read(poses), guess_coordinates)
     offsets = tuple(float(offset[0]) for offset in loops.revolutions_between(q))
     return replace(loops, turn_offsets=offsets), q
+
+
+def with_sides(loops: TreeLoops, sides: Mapping[str, Ends]) -> TreeLoops:
+    """Return loops in which the sides of some joints vary by instant: points (3, n) and frames (3, 3, n)."""
+    constants = {**loops.tree.constants}
+    for branch in loops.tree.branches:
+        if branch.joint.name in sides:
+            point_a, frame_a, point_b, frame_b = sides[branch.joint.name]
+            a, b = (frame_a, point_a), (frame_b, point_b)
+            constants[branch.child] = JointSides(*a, *b) if branch.forward else JointSides(*b, *a)
+    cuts = tuple(
+        replace(cut, sides_of_designs=sides.get(cut.joint.name, cut.sides_of_designs)) for cut in loops.cuts
+    )
+    return TreeLoops(replace(loops.tree, sides=constants), cuts, loops.turn_offsets, loops.driven)
 
 
 def axis_cosines(loops: TreeLoops, poses: LinkPoses) -> Iterator[tuple[str, int, Array]]:

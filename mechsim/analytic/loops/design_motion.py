@@ -7,16 +7,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, axes_aligned
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, axes_aligned, with_sides
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
 from mechsim.analytic.loops.path import Instants, LoopMotion, LoopPath, closed_chunks, with_rates
 from mechsim.analytic.loops.record import joint_motions, point_on
 from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
-from mechsim.analytic.loops.tree import JointSides
 from mechsim.errors import AssemblyError
-from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
+from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
@@ -72,17 +71,13 @@ class DesignLoops(TreeLoops):
 
     def _repeated(self, repeat: int) -> TreeLoops:
         """Return the equations of all designs in order, repeated."""
-        wide: dict[str, Ends] = {
-            name: (np.tile(a, repeat), np.tile(b, repeat), np.tile(c, repeat), np.tile(d, repeat))
-            for name, (a, b, c, d) in self.arrays.ends.items()
-        }
-        constants: dict[int, JointSides] = {}
-        for branch in self.tree.branches:
-            point_a, frame_a, point_b, frame_b = wide[branch.joint.name]
-            a, b = (frame_a, point_a), (frame_b, point_b)
-            constants[branch.child] = JointSides(*a, *b) if branch.forward else JointSides(*b, *a)
-        cuts = tuple(replace(cut, sides_of_designs=wide[cut.joint.name]) for cut in self.cuts)
-        return TreeLoops(replace(self.tree, sides=constants), cuts, self.turn_offsets, self.driven)
+        return with_sides(
+            self,
+            {
+                name: (np.tile(a, repeat), np.tile(b, repeat), np.tile(c, repeat), np.tile(d, repeat))
+                for name, (a, b, c, d) in self.arrays.ends.items()
+            },
+        )
 
 
 def closed_designs(

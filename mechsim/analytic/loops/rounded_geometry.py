@@ -13,7 +13,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
+from mechsim.analytic.loops.constraints import TreeLoops, tree_loops, with_sides
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import (
     CLOSED,
@@ -22,7 +22,7 @@ from mechsim.analytic.loops.mobility import (
     generic_poses,
     nearest_consistent,
 )
-from mechsim.analytic.loops.tree import JointSides, TreeJoint
+from mechsim.analytic.loops.tree import TreeJoint
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.finding import HARMLESS, Finding
 from mechsim.model.joint_kinds import KINDS
@@ -372,11 +372,11 @@ def _jacobians(mechanism: Mechanism, loops: TreeLoops, q: Coordinates, concerned
         # rotations of the sides of a ball do not enter its equations
         entering = 3 if kind.ball else 6
         steps = STEP * np.eye(12).reshape(2, 6, 2, 6)[:, :entering].reshape(-1, 2, 6)
-        sides = [
+        a, b = (
             _changed_side(end, steps[:, side].repeat(len(q), 0), length)
             for side, end in enumerate((joints[name].a, joints[name].b))
-        ]
-        changed = _with_sides(loops, name, *sides)
+        )
+        changed = with_sides(loops, {name: (*a, *b)})
         perturbed = changed.linearise(q.repeated(len(steps)))[0].reshape(len(residual), len(steps), len(q))
         derivatives = ((perturbed - residual[:, None]) / STEP).swapaxes(1, 2)
         jacobian[:, :, index, :, :entering] = derivatives.reshape(*residual.shape, 2, entering)
@@ -387,19 +387,6 @@ def _changed_side(end: End, changes: Array, length: float) -> tuple[Array, Array
     """Return points (3, n) and frames (3, 3, n) of a side after changes (n, 6) as `with_moved_sides`."""
     point = np.array(end.point)[:, None] + length * changes[:, :3].T
     return point, np.moveaxis(turned_by(end.frame[None], changes[:, 3:]), 0, -1)
-
-
-def _with_sides(loops: TreeLoops, name: str, a: tuple[Array, Array], b: tuple[Array, Array]) -> TreeLoops:
-    """Return loops in which the sides of one joint, points (3, n) and frames (3, 3, n), vary by instant."""
-    constants = {**loops.tree.constants}
-    for branch in loops.tree.branches:
-        if branch.joint.name == name:
-            parent, child = (a, b) if branch.forward else (b, a)
-            constants[branch.child] = JointSides(parent[1], parent[0], child[1], child[0])
-    cuts = tuple(
-        replace(cut, sides_of_designs=(*a, *b)) if cut.joint.name == name else cut for cut in loops.cuts
-    )
-    return replace(loops, tree=replace(loops.tree, sides=constants), cuts=cuts)
 
 
 def _loops_and_guess(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:

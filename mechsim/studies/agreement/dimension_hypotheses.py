@@ -14,8 +14,8 @@ from mechsim.analytic.loops.motion import driven_path
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
+from mechsim.model.links import AXES
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantity import AXES
 from mechsim.numerics.angles import wrapped
 from mechsim.studies.agreement.evaluation_points import (
     NAMED,

@@ -14,7 +14,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import read_rows
 from mechsim.model.limits import require_count
-from mechsim.model.quantity import AXES
+from mechsim.model.links import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_memory

@@ -47,21 +47,20 @@ class PoseFeatures:
 
     def values(self, poses: LinkPoses) -> Array:
         """Return the features of n poses, (n, 3 k)."""
-        rotated = np.einsum("kijn,jk->ikn", poses.rotation[self.links], self.local)
-        features = rotated + np.where(
-            self.is_point[:, None], poses.position[self.links].transpose(1, 0, 2), 0.0
-        )
+        features = self._placed(poses)
         return (features * self.weights[:, None]).reshape(-1, features.shape[2]).T
 
     def rates(self, poses: LinkPoses, rates: Array) -> Array:
         """Return the rates of the features, (n, 3 k), at coordinate rates (count, n) in SI."""
         twist = twists(self.tree, poses, rates)[self.links].transpose(1, 0, 2)
-        rotated = np.einsum("kijn,jk->ikn", poses.rotation[self.links], self.local)
-        features = rotated + np.where(
-            self.is_point[:, None], poses.position[self.links].transpose(1, 0, 2), 0.0
-        )
-        derivatives = np.where(self.is_point[:, None], twist[:3], 0.0) + cross(twist[3:], features)
+        derivatives = np.where(self.is_point[:, None], twist[:3], 0.0) + cross(twist[3:], self._placed(poses))
         return (derivatives * self.weights[:, None]).reshape(-1, derivatives.shape[2]).T
+
+    def _placed(self, poses: LinkPoses) -> Array:
+        """Return the points and directions in the ground frame, (3, k, n)."""
+        rotated = np.einsum("kijn,jk->ikn", poses.rotation[self.links], self.local)
+        origins = poses.position[self.links].transpose(1, 0, 2)
+        return rotated + np.where(self.is_point[:, None], origins, 0.0)
 
 
 def pose_features(tree: SpanningTree, poses: LinkPoses, idle: Array) -> PoseFeatures:
