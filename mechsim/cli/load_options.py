@@ -200,11 +200,6 @@ class InitialOptions:
     def __post_init__(self) -> None:
         require_distinct("--initial", self.initial)
 
-    @property
-    def requested(self) -> bool:
-        """Whether a run is requested."""
-        return bool(self.initial or self.until)
-
     def release(self, model: DynamicModel, source: ModelOptions, **more: Any) -> Release:
         """Return the release of a model, with `more` fields; its run has a default duration of 1 s."""
         duration: Any = {"duration": DURATION if source.duration is None else source.duration}

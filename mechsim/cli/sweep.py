@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, Stated, Without, command
-from mechsim.cli.load_options import InitialOptions, masses_in_json, print_masses
+from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import output_file
@@ -20,7 +20,6 @@ from mechsim.files import resolved_path
 from mechsim.model.limits import require_count
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
-from mechsim.studies.sweep.measures import RELEASED
 from mechsim.studies.sweep.sweeping import (
     CheckedDesigns,
     built,
@@ -59,11 +58,9 @@ class SweepOptions:
     measure: tuple[str, ...] = option(
         (),
         "Measure range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
-        "(at:TIME:QUANTITY under motion laws), crank_range, frequency:N or "
-        "damping_ratio:N of mode N, settling:QUANTITY or peak:QUANTITY of a run from an initial state, or "
-        "FILE.py:FUNC of a Motion, which is code and is run. Quantities are J, J.v, J.a, P.x, P.vx, P.ax, "
-        "speed:P, acceleration:P, distance:P,Q, angle:LINK,LINK, expr:EXPRESSION, torque, force:J, moment:J, "
-        "transmission.",
+        "(at:TIME:QUANTITY under motion laws), or FILE.py:FUNC of a Motion, which is code and is run. "
+        "Quantities are J, J.v, J.a, P.x, P.vx, P.ax, speed:P, acceleration:P, distance:P,Q, "
+        "angle:LINK,LINK, expr:EXPRESSION, torque, force:J, moment:J, transmission.",
         read=str,
         many=True,
         metavar="M",
@@ -80,7 +77,6 @@ def sweep(
     options: SweepOptions,
     *,
     stated: Stated,
-    release: Annotated[InitialOptions, Without("until")],
 ) -> Result:
     """Measure many designs of a mechanism; write a table.
 
@@ -92,9 +88,6 @@ def sweep(
     _require_writable(output)
     require_libraries(output)
     arguments = source.as_arguments()
-    released = any(text.partition(":")[0] in RELEASED for text in options.measure)
-    # --duration sets the duration of the runs
-    duration = arguments.pop("duration") if released else None
     changed = changed_parameters(source.sets)
     subject, dimensions = swept_designs(source.model, changed, **arguments)
     ranges = _ranges(options, subject, dimensions)
@@ -108,8 +101,6 @@ def sweep(
         sample=options.sample,
         samples=options.samples,
         speed=crank_speed(options.speed),
-        initial=dict(release.initial),
-        **({"duration": duration} if released else {}),
     )
     _exclude_without_effect(stated, task)
     require_count("the designs of --check", options.check, task.designs.count, "check fewer", least=0)
@@ -137,9 +128,7 @@ def sweep(
 def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
     """Raise InputError for options that do not change the measures of a sweep."""
     measures = task.measures
-    if not any(measure.turns for measure in measures):
-        stated.exclude(["speed", "samples"], "on these measures, which need no driven motion")
-    moving = measures.rated or measures.loaded or measures.includes("function") or measures.facts
+    moving = measures.rated or measures.loaded or measures.includes("function")
     stated.exclude(["speed"], "on measures of positions", not moving)
 
 

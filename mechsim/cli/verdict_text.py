@@ -195,7 +195,7 @@ def print_agreement(name: str, agreement: "Agreement", *, verbose: bool, finding
         lines += method_lines(agreement.checks, {"": "compared"})
     else:
         lines += failure_lines(agreement.checks, agreement.findings, agreement.reason)
-    lines += [*wrapped(agreement.noise_report), *wrapped(summary(agreement.masses))]
+    lines += wrapped(summary(agreement.masses))
     _echo([*lines, *(attribution_lines(agreement) if verbose else ())])
     if verbose:
         from mechsim.verdict.checks import Verdict

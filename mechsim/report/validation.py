@@ -258,7 +258,6 @@ def worst_first(agreement: Agreement) -> list[TwoCurves]:
 
 def _curves(agreement: Agreement, i: int) -> TwoCurves:
     candidate, instants = agreement.candidates[i], agreement.evaluation.instants
-    noise = agreement.noise[i] if agreement.noise else None
     by_component = agreement.attribution.get("quantities", {}).get(candidate.quantity.name, {})
     shares = {name: float(by_component[name]) for name in COMPONENTS if name in by_component}
     if max(shares.values(), default=0.0) > ONE_SHARE * sum(shares.values()):
@@ -271,7 +270,7 @@ def _curves(agreement: Agreement, i: int) -> TwoCurves:
         exact=agreement.exact[i],
         claimed=candidate.values,
         components=candidate.quantity.axes,
-        tolerance=agreement.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
+        tolerance=agreement.checks[i].tolerance,
         source=agreement.source,
         shares=shares,
     )
@@ -280,8 +279,6 @@ def _curves(agreement: Agreement, i: int) -> TwoCurves:
 def explanations(agreement: Agreement) -> dict[str, Any]:
     """Return what explains a difference, and where that of a time-stepped run comes from."""
     rows: dict[str, Any] = {}
-    if agreement.measured:
-        rows["noise of the measurement"] = [agreement.noise_report]
     if agreement.findings:
         rows["what explains the difference"] = [[finding.message] for finding in agreement.findings]
     if "says" in agreement.attribution:

@@ -34,7 +34,6 @@ QUICK = (
     "robustness/torque_scale.py four_bar",
     "sensitivity/fifty_digits.py four_bar",
     "sensitivity/fit_coverage.py 3 four_bar",
-    "sensitivity/noisy_tables.py 4 2",
     "speed/closed_form_speed.py",
     "speed/loop_speed.py",
     "speed/pose_speed.py",

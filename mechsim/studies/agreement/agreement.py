@@ -25,14 +25,10 @@ from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader, values_of_function
 from mechsim.studies.agreement.comparison import (
     candidate_check,
-    candidate_errors,
     formula_tolerance,
-    measured_count,
-    noise_in,
     scales_of,
 )
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
-from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.units import si
@@ -60,7 +56,6 @@ class Agreement:
         evaluation: the instants compared.
         candidates: the candidate values there.
         exact: the exact values there, in the order of the candidates.
-        noise: noise tests of candidates with standard deviations, in the order of the candidates, or None.
     """
 
     solver: KinematicSolver
@@ -72,7 +67,6 @@ class Agreement:
     evaluation: EvaluationPoints
     candidates: tuple[Candidate, ...]
     exact: tuple[Array, ...]
-    noise: tuple[Noise | None, ...] = ()
     reason: str = ""
 
     @property
@@ -81,27 +75,14 @@ class Agreement:
         return self.outcome == "passed"
 
     @property
-    def measured(self) -> list[tuple[str, Noise]]:
-        """Quantities measured with standard deviations, each with its noise tests."""
-        pairs = zip(self.candidates, self.noise, strict=False)
-        return [(candidate.quantity.name, noise) for candidate, noise in pairs if noise is not None]
-
-    @property
-    def noise_report(self) -> str:
-        """One sentence on the measurement noise and systematic errors; empty without standard deviations."""
-        return noise_report(self.measured)
-
-    @property
     def why(self) -> str:
         """One or two sentences: the largest difference and its cause."""
-        noise = [self.noise_report] if self.measured else []
         if self.passed:
-            agrees = f"{self.source} agrees with {self.solver.name} in {len(self.checks)} quantities"
-            return "; ".join([agrees, *noise])
+            return f"{self.source} agrees with {self.solver.name} in {len(self.checks)} quantities"
         messages = [finding.message for finding in self.findings if finding.certain] or [
             finding.message for finding in self.findings[:1]
         ]
-        return "; ".join([self.reason, *noise, *messages])
+        return "; ".join([self.reason, *messages])
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
@@ -121,7 +102,6 @@ class Agreement:
             "against": self.source,
             "findings": self.findings,
             "attribution": dict(self.attribution),
-            **({"noise": noise_data(self.measured)} if self.measured else {}),
             **({"masses": self.masses} if self.masses else {}),
         }
 
@@ -210,15 +190,9 @@ def agreement(
     allowed = tuple(
         formula_tolerance(candidate, scales, tolerance, exact=exact_formula) for candidate in candidates
     )
-    compared = list(zip(candidates, exact, allowed, strict=True))
-    phase, count = evaluation.phase, measured_count(candidates)
-    noise = tuple(
-        noise_in(candidate, candidate_errors(candidate.quantity, candidate.values, true), phase, limit, count)
-        for candidate, true, limit in compared
-    )
     checks = tuple(
-        candidate_check(candidate, true, evaluation, limit, tests)
-        for (candidate, true, limit), tests in zip(compared, noise, strict=True)
+        candidate_check(candidate, true, evaluation, limit)
+        for candidate, true, limit in zip(candidates, exact, allowed, strict=True)
     )
     verdict = concluded(checks)
     findings: tuple[Finding, ...] = ()
@@ -238,7 +212,6 @@ def agreement(
         evaluation=evaluation,
         candidates=tuple(candidates),
         exact=exact,
-        noise=noise,
         reason=verdict.reason,
     )
 

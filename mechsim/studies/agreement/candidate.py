@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
@@ -37,18 +36,10 @@ class Candidate:
     Attributes:
         quantity: the quantity.
         values: (n, k) in SI.
-        uncertainty: standard deviations, (n, k) in SI, 0 in columns without one; None if no column has any.
     """
 
     quantity: Quantity
     values: Array
-    uncertainty: Array | None = None
-
-    @property
-    def measured_columns(self) -> NDArray[np.bool_]:
-        """Which components have standard deviations, (k,)."""
-        deviations = np.zeros_like(self.values) if self.uncertainty is None else self.uncertainty
-        return np.asarray((deviations > 0.0).all(0))
 
 
 def values_of_function(

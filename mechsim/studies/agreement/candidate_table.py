@@ -13,13 +13,13 @@ from mechsim.model.quantity import AXES, Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.studies.measured_table import TableColumn, table_columns
+from mechsim.studies.measured_table import table_columns
 
 TIME_COLUMNS = ("t", "time")
 
 
-def read_table(path: str) -> dict[str, TableColumn]:
-    """Return the columns of a .csv file of two rows or more, as `table_columns` returns them.
+def read_table(path: str) -> dict[str, Array]:
+    """Return the columns of a .csv file of two rows or more in SI.
 
     Raises:
         InputError: for a file without such a table; names the row and the column.
@@ -28,11 +28,17 @@ def read_table(path: str) -> dict[str, TableColumn]:
     rows = len(next(iter(table.values())))
     if rows < 2:
         raise InputError(f"{path} has {rows} row of numbers; give a header and two rows or more")
-    return table_columns(table, path)
+    columns = table_columns(table, path)
+    if measured := [name for name, column in columns.items() if column.uncertainty is not None]:
+        raise InputError(
+            f"{path} has the standard deviation of {measured[0]}, and a comparison has tolerances; leave it "
+            "out and give a tolerance, or use `mechsim fit`, which weighs measurements"
+        )
+    return {name: column.values for name, column in columns.items()}
 
 
 def points_of_table(
-    solver: KinematicSolver, table: Mapping[str, TableColumn], speed: float, source: str
+    solver: KinematicSolver, table: Mapping[str, Array], speed: float, source: str
 ) -> tuple[EvaluationPoints, list[str]]:
     """Return the evaluation points of a table, and the names of the columns that define them.
 
@@ -49,14 +55,14 @@ def points_of_table(
     names = {driver: column for driver, column in columns.items() if column is not None}
     missing = [driver for driver in columns if driver not in names]
     if time_column is not None and not laws.crank and missing:
-        return _under_motion_laws(solver, laws, table[time_column].values), [time_column]
+        return _under_motion_laws(solver, laws, table[time_column]), [time_column]
     if missing:
         raise InputError(
             f"{source} has no column {', '.join(missing)} (it has {', '.join(table)}); give one for each "
             "driver, or a column t and the motion laws of the drivers"
         )
-    rows = len(next(iter(table.values())).values)
-    time = table[time_column].values if time_column else np.linspace(0.0, 1.0, rows)
+    rows = len(next(iter(table.values())))
+    time = table[time_column] if time_column else np.linspace(0.0, 1.0, rows)
     # motion laws through the rows of a table, with the rates of the table or of a spline
     states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
     through = make_motion_laws(mechanism, states, float(np.ptp(time)))
@@ -83,7 +89,7 @@ def _at_times(solver: KinematicSolver, laws: MotionLaws, time: Array) -> Evaluat
 
 def _of_crank(
     solver: KinematicSolver,
-    table: Mapping[str, TableColumn],
+    table: Mapping[str, Array],
     speed: float,
     source: str,
     time_column: str | None,
@@ -91,9 +97,9 @@ def _of_crank(
     crank = solver.mechanism.crank.name
     column = "angle" if "angle" in table else _driver_column(crank, table)
     used = [name for name in (column, time_column, *_rates(crank)) if name is not None and name in table]
-    time = None if time_column is None else table[time_column].values
+    time = None if time_column is None else table[time_column]
     if column is not None:
-        angle = table[column].values
+        angle = table[column]
     elif time is not None:
         angle = solver.mechanism.start + speed * time
     else:
@@ -101,20 +107,18 @@ def _of_crank(
             f"{source} has no column angle, {crank} or t (it has {', '.join(table)}); "
             "give the crank angle or the time of each row"
         )
-    rate = table[f"{crank}.v"].values if f"{crank}.v" in table else np.full_like(angle, speed)
-    second = table[f"{crank}.a"].values if f"{crank}.a" in table else np.zeros_like(angle)
+    rate = table[f"{crank}.v"] if f"{crank}.v" in table else np.full_like(angle, speed)
+    second = table[f"{crank}.a"] if f"{crank}.a" in table else np.zeros_like(angle)
     return EvaluationPoints(solver, angle, rate, second, time), used
 
 
-def _driver_column(driver: str, table: Mapping[str, TableColumn]) -> str | None:
+def _driver_column(driver: str, table: Mapping[str, Array]) -> str | None:
     return next((name for name in (driver, f"{driver}.q") if name in table), None)
 
 
-def _state(driver: str, column: str, table: Mapping[str, TableColumn], time: Array) -> State:
-    spline = tabled(driver, time, table[column].values)
-    rates = [
-        tabled(driver, time, table[rate_name].values) for rate_name in _rates(driver) if rate_name in table
-    ]
+def _state(driver: str, column: str, table: Mapping[str, Array], time: Array) -> State:
+    spline = tabled(driver, time, table[column])
+    rates = [tabled(driver, time, table[rate_name]) for rate_name in _rates(driver) if rate_name in table]
     if len(rates) < 2:
         return spline
     return lambda t: (spline(t)[0], rates[0](t)[0], rates[1](t)[0])
@@ -124,18 +128,11 @@ def _rates(driver: str) -> tuple[str, str]:
     return f"{driver}.v", f"{driver}.a"
 
 
-def values_of_table(
-    table: Mapping[str, TableColumn], used: list[str], reader: QuantityReader
-) -> list[Candidate]:
+def values_of_table(table: Mapping[str, Array], used: list[str], reader: QuantityReader) -> list[Candidate]:
     """Return the candidates of a table; columns of one point's components form one candidate."""
-    grouped: dict[tuple[str, str], list[tuple[Quantity, TableColumn]]] = {}
+    grouped: dict[tuple[str, str], list[tuple[Quantity, Array]]] = {}
     for name, column in table.items():
         if name in used:
-            if column.uncertainty is not None:
-                raise InputError(
-                    f"{reader.who} has a standard deviation of {name!r}, but driver coordinates count as "
-                    "exact; leave it out"
-                )
             continue
         named = reader.read(name, None)
         grouped.setdefault((named.kind, named.subject), []).append((named, column))
@@ -147,17 +144,13 @@ def values_of_table(
     return candidates
 
 
-def _joined_components(named_columns: list[tuple[Quantity, TableColumn]]) -> Candidate:
+def _joined_components(named_columns: list[tuple[Quantity, Array]]) -> Candidate:
     named_columns = sorted(named_columns, key=lambda pair: AXES.find(pair[0].axes))
     axes = "".join(named.axes for named, _ in named_columns)
     first = replace(
         named_columns[0][0], columns=tuple(column for named, _ in named_columns for column in named.columns)
     )
-    values = np.column_stack([column.values for _, column in named_columns])
-    bands = [column.uncertainty for _, column in named_columns]
-    uncertainty = None
-    if any(band is not None for band in bands):
-        uncertainty = np.column_stack([0.0 * values[:, 0] if band is None else band for band in bands])
+    values = np.column_stack([column for _, column in named_columns])
     rate = {"velocity": ".v", "acceleration": ".a"}.get(first.kind, "")
     name = first.name if len(named_columns) == 1 else first.subject + rate
-    return Candidate(replace(first, name=name, axes=axes), values, uncertainty)
+    return Candidate(replace(first, name=name, axes=axes), values)

@@ -12,7 +12,6 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import EPS
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import force_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Tolerance
@@ -135,78 +134,14 @@ def formula_tolerance(
     )
 
 
-def weights(candidate: Candidate, evaluation: EvaluationPoints, tolerance: Tolerance) -> Array:
-    """Return the divisors of the errors of a candidate at each instant, (n, 1) or (n, k).
-
-    The divisor is the tolerance, or the standard deviation of the measurement if that is larger.
-    """
-    if candidate.uncertainty is None:
-        return tolerance.widened(evaluation.conditioning, len(evaluation))[:, None]
-    return np.maximum(candidate.uncertainty, tolerance.value)
-
-
-def measured_count(candidates: Sequence[Candidate]) -> int:
-    """Return how many quantities have standard deviations."""
-    return sum(candidate.uncertainty is not None for candidate in candidates)
-
-
-def noise_in(
-    candidate: Candidate, error: Array, phase: Array, tolerance: Tolerance, quantities: int
-) -> Noise | None:
-    """Return the noise tests of a candidate's errors (n, k); None without standard deviations.
-
-    Args:
-        candidate: the candidate values.
-        error: errors of all its components.
-        phase: over which systematic errors are smooth, (n,).
-        tolerance: allowed systematic error.
-        quantities: number of quantities tested together.
-    """
-    if candidate.uncertainty is None:
-        return None
-    columns = candidate.measured_columns
-    return noise_of(
-        error[:, columns],
-        candidate.uncertainty[:, columns],
-        phase,
-        allowed=tolerance.value,
-        quantities=quantities,
-    )
-
-
 def candidate_check(
-    candidate: Candidate,
-    exact: Array,
-    evaluation: EvaluationPoints,
-    tolerance: Tolerance,
-    noise: Noise | None,
+    candidate: Candidate, exact: Array, evaluation: EvaluationPoints, tolerance: Tolerance
 ) -> Check:
-    """Return the check of one candidate against exact values, (n, k).
-
-    A measured candidate passes if its noise tests and its components without standard deviations pass.
-    """
+    """Return the check of one candidate against exact values, (n, k)."""
     error = candidate_errors(candidate.quantity, candidate.values, exact)
     kind, subject = _compared(candidate.quantity)
-    if noise is None or candidate.uncertainty is None:
-        length = np.sqrt((error**2).sum(1))
-        return check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
-    bare = error[:, ~candidate.measured_columns]
-    if bare.size:
-        length = np.sqrt((bare**2).sum(1))
-        hard = check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
-        if hard.fraction_of_tolerance is None or hard.fraction_of_tolerance > noise.decisive.used:
-            return hard
-    return Check(
-        kind=kind,
-        subject=subject,
-        unit=candidate.quantity.unit,
-        worst=noise.decisive.worst * noise.deviation,
-        instant=float(evaluation.instants.value[noise.row]),
-        at_unit=evaluation.instants.unit,
-        rms=float(np.sqrt(np.mean(error**2))),
-        tolerance=noise.decisive.limit * noise.deviation,
-        reason=noise.reason,
-    )
+    length = np.sqrt((error**2).sum(1))
+    return check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
 
 
 def _compared(quantity: Quantity) -> tuple[str, str]:

@@ -54,7 +54,7 @@ TOLERANCE_LEVEL = 1.5
 
 def diagnosis(misfit: Misfit) -> tuple[Finding, ...]:
     """Return the causes of a difference, most likely first; if none fits, one finding that reports so."""
-    if not misfit.noisy and misfit.worst(misfit.exact) <= TOLERANCE_LEVEL:
+    if misfit.worst(misfit.exact) <= TOLERANCE_LEVEL:
         return (_none("the difference is too close to its tolerance to determine a cause"),)
     tried = [cause for cause in _all(misfit) if cause.explains >= MIN_EXPLAINED]
     if not tried:
@@ -62,7 +62,7 @@ def diagnosis(misfit: Misfit) -> tuple[Finding, ...]:
     causes = _equal_causes(misfit, _without_edges(misfit, tried))
     certain = causes[0].worst <= 1.0 and causes[0].explains >= CERTAIN
     findings = tuple(
-        _finding(cause, len(causes), certain and len(causes) <= MAX_FINDINGS, misfit.noisy)
+        _finding(cause, len(causes), certain and len(causes) <= MAX_FINDINGS)
         for cause in causes[:MAX_FINDINGS]
     )
     if causes[0].explains < CERTAIN:
@@ -76,9 +76,7 @@ def _all(misfit: Misfit) -> Iterator[Fitted]:
     for stage in STAGES:
         for designs in stage:
             for result in _fitted_family(misfit, designs):
-                explained = (
-                    explained or result.remaining <= _floor(misfit) or (misfit.noisy and result.worst <= 1.0)
-                )
+                explained = explained or result.remaining <= _floor(misfit)
                 yield result
         if explained:
             return
@@ -122,9 +120,6 @@ def _equal_causes(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
         return best.remaining > floor and 2.0 * cause.count * np.log(cause.remaining / best.remaining) <= ODDS
 
     among = [cause for cause in tried if equally_good(cause)]
-    if misfit.noisy:
-        # noise hides the true cause: all are reported, the simplest first
-        return sorted(among, key=lambda cause: (cause.worst > 1.0, cause.hypothesis.tier, cause.remaining))
     least = min(cause.hypothesis.tier for cause in among)
     simplest = [cause for cause in among if cause.hypothesis.tier == least]
     # of equal explanations the smaller change comes first
@@ -133,12 +128,11 @@ def _equal_causes(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
     )
 
 
-def _finding(cause: Fitted, alike: int, confirmed: bool, noisy: bool) -> Finding:
+def _finding(cause: Fitted, alike: int, confirmed: bool) -> Finding:
     hypothesis = cause.hypothesis
     also = f", as {'does another' if alike == 2 else f'do {alike - 1} others'}" if alike > 1 else ""
-    beyond = " beyond the noise" if noisy else ""
     share = f"{100.0 * cause.explains:.3g} %" if cause.explains < 0.9995 else "all"
-    text = f"{hypothesis.text(cause.sizes)}: explains {share} of the difference{beyond}{also}"
+    text = f"{hypothesis.text(cause.sizes)}: explains {share} of the difference{also}"
     return Finding(
         kind=hypothesis.kind,
         what=hypothesis.what,

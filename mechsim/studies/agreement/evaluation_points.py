@@ -165,11 +165,6 @@ class EvaluationPoints:
             return RecordInstants(self.time, "s")
         return RecordInstants(np.arange(1.0, len(self) + 1.0), "row")
 
-    @property
-    def phase(self) -> Array:
-        """Angle of the crank within its period, or the parameter of the motion laws, (n,)."""
-        return np.mod(self.angle, self.solver.period) if self.solver.motion_laws.crank else self.angle
-
     def with_dimensions(self, solver: KinematicSolver) -> "EvaluationPoints":
         """Return the points of a mechanism with other dimensions, solved from this motion where possible."""
         if self._perturbed is None:

@@ -68,7 +68,7 @@ def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
         return None
     best = _minimised(misfit, hypothesis, nearest, before) if len(nearest.sizes) else nearest
     worst = misfit.worst(best.predicted, hypothesis.rows)
-    explains = misfit.explained(best.remaining, before, worst)
+    explains = max(0.0, 1.0 - best.remaining / before)
     return Fitted(hypothesis, best.sizes, best.remaining, worst, explains, len(best.errors))
 
 

@@ -1,6 +1,6 @@
 """The difference between candidate data and the exact motion, relative to its tolerance."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.quantity import Quantity
 from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.candidate import Candidate
-from mechsim.studies.agreement.comparison import candidate_errors, measured_count, noise_in, weights
+from mechsim.studies.agreement.comparison import candidate_errors
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Rows, Values
 from mechsim.verdict.tolerances import Tolerance
 
@@ -43,9 +43,9 @@ class Misfit:
 
     @cached_property
     def bounds(self) -> tuple[Array, ...]:
-        """Divisors of the errors at each instant, (n, 1) or (n, k): tolerances or standard deviations."""
-        pairs = zip(self.candidates, self.allowed, strict=True)
-        return tuple(weights(candidate, self.evaluation, tolerance) for candidate, tolerance in pairs)
+        """The tolerance of each candidate at each instant, (n, 1): divisors of the errors."""
+        conditioning, count = self.evaluation.conditioning, len(self.evaluation)
+        return tuple(tolerance.widened(conditioning, count)[:, None] for tolerance in self.allowed)
 
     @property
     def quantities(self) -> list[Quantity]:
@@ -61,11 +61,6 @@ class Misfit:
     def needs_forces(self) -> bool:
         """Whether forces are compared."""
         return any(quantity.loaded for quantity in self.quantities)
-
-    @property
-    def noisy(self) -> bool:
-        """Whether something was measured with a standard deviation."""
-        return measured_count(self.candidates) > 0
 
     @cached_property
     def before(self) -> Array:
@@ -95,58 +90,14 @@ class Misfit:
         return np.concatenate([(own / scale)[kept].ravel() for own, scale in pairs])
 
     def worst(self, predicted: Values, rows: Rows | None = None) -> float:
-        """Return the largest error relative to its tolerance; of vectors their length.
-
-        For measurements it is the largest ratio of a noise test to its limit.
-        """
+        """Return the largest error relative to its tolerance; of vectors their length."""
         kept = slice(None) if rows is None else rows
         largest = [0.0]
-        for candidate, values, weight, tolerance in zip(
-            self.candidates, predicted, self.bounds, self.allowed, strict=True
-        ):
-            error = candidate_errors(candidate.quantity, candidate.values, values)[kept]
-            scaled = np.abs(error / weight[kept])
-            if candidate.uncertainty is None:
-                largest.append(float(np.sqrt((scaled**2).sum(1)).max(initial=0.0)))
-            elif len(error):
-                noise = noise_in(
-                    replace(candidate, uncertainty=candidate.uncertainty[kept]),
-                    error,
-                    self.evaluation.phase[kept],
-                    tolerance,
-                    measured_count(self.candidates),
-                )
-                bare = scaled[:, ~candidate.measured_columns]
-                largest.append(0.0 if noise is None else noise.decisive.used)
-                largest.append(float(bare.max(initial=0.0)))
+        for candidate, values, bound in zip(self.candidates, predicted, self.bounds, strict=True):
+            error = candidate_errors(candidate.quantity, candidate.values, values)
+            scaled = (error / bound)[kept]
+            largest.append(float(np.sqrt((scaled**2).sum(1)).max(initial=0.0)))
         return max(largest)
-
-    def explained(self, remaining: float, before: float, worst: float) -> float:
-        """Return the explained fraction of a difference, 0 to 1; remaining noise does not count.
-
-        Args:
-            remaining: root mean square of the errors that remain, relative to their scales.
-            before: that of the difference.
-            worst: the largest error that remains, as of `worst`.
-        """
-        if self.noisy and worst <= 1.0:
-            return 1.0
-        beyond = [np.sqrt(max(0.0, square**2 - self._noise)) for square in (remaining, before)]
-        if beyond[1] > 0.0:
-            remaining, before = beyond
-        return max(0.0, 1.0 - remaining / before)
-
-    @cached_property
-    def _noise(self) -> float:
-        """The mean square of noise alone, relative to the scales."""
-        variances = [
-            np.zeros(1) if candidate.uncertainty is None else candidate.uncertainty / weight
-            for candidate, weight in zip(self.candidates, self.bounds, strict=True)
-        ]
-        sizes = [candidate.values.size for candidate in self.candidates]
-        return float(
-            sum(n * np.mean(ratio**2) for n, ratio in zip(sizes, variances, strict=True)) / sum(sizes)
-        )
 
     def predicted(self, evaluation: EvaluationPoints) -> Values:
         """Return the true values of other evaluation points.

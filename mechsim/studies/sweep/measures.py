@@ -26,22 +26,13 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
     # about the mean
     "ripple": lambda values: np.sqrt(((values - values.mean(1, keepdims=True)) ** 2).mean(1)),
 }
-# name -> unit, for properties of a design that need no motion
-FACTS = {"crank_range": "rad"}
-# name -> unit, for measures of vibrations and of runs from an initial state; a peak has that of its quantity
-RELEASED = {"frequency": "Hz", "damping_ratio": "1", "settling": "s", "peak": ""}
-WORDS = (
-    "range:J",
-    "stroke:P",
-    *(f"{word}:Q" for word in STATISTICS),
-    "at:ANGLE:Q",
-    *FACTS,
-    "frequency:N",
-    "damping_ratio:N",
-    "settling:Q",
-    "peak:Q",
-    "FILE.py:FUNC",
-)
+WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", "FILE.py:FUNC")
+# former measures -> what to use instead
+REMOVED = {
+    "crank_range": "the columns outcome and reason state whether the crank turns or where it swings",
+    **dict.fromkeys(("frequency", "damping_ratio"), "call ms.dynamics.modes for each design"),
+    **dict.fromkeys(("settling", "peak"), "call ms.dynamics.run_many"),
+}
 
 
 @dataclass(frozen=True)
@@ -53,14 +44,12 @@ class Turns:
         poses: number of poses of each.
         motion: motion at designs x poses instants, one design after another.
         more: further columns or quantities -> (designs, poses), such as forces and transmission angles.
-        facts: "crank_range" -> (designs,), if measured.
     """
 
     designs: int
     poses: int
     motion: Motion
     more: Mapping[str, Array] = field(default_factory=dict[str, Array])
-    facts: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
     @cached_property
     def _motion_columns(self) -> dict[str, Array]:
@@ -87,11 +76,10 @@ class TurnMeasure:
 
     Attributes:
         name: as requested.
-        kind: "range", "stroke", "at", "function", or one of `STATISTICS`, `FACTS` or `RELEASED`.
+        kind: "range", "stroke", "at", "function", or one of `STATISTICS`.
         unit: in SI.
-        quantity: the quantity; None for strokes, properties and functions.
-        subject: the point of a stroke, FILE.py:FUNC, or the quantity of a run from an initial state.
-        number: index of a mode, from 1; 0 for none.
+        quantity: the quantity; None for strokes and functions.
+        subject: the point of a stroke, or FILE.py:FUNC.
         angle: path parameter of a single pose, in [rad]: crank angle, or time multiplied by the rate of the
             motion laws; None for the whole motion.
     """
@@ -102,17 +90,6 @@ class TurnMeasure:
     quantity: Quantity | None = None
     subject: str = ""
     angle: float | None = None
-    number: int = 0
-
-    @property
-    def turns(self) -> bool:
-        """Whether it needs a motion."""
-        return self.kind not in FACTS and not self.released
-
-    @property
-    def released(self) -> bool:
-        """Whether it needs vibrations or a run from an initial state."""
-        return self.kind in RELEASED
 
     @property
     def rated(self) -> bool:
@@ -136,8 +113,6 @@ class TurnMeasure:
             turns: their motions over all poses, followed by the poses of single angles.
             index: of the pose at the measure's angle; None for measures over the whole motion.
         """
-        if not self.turns:
-            return turns.facts[self.name]
         if self.kind == "function":
             return _function_values(self.subject, turns)
         if self.kind == "stroke":
@@ -164,10 +139,8 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
 
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean), with
-            quantities of `model.quantities`; at:ANGLE:Q, or under motion laws at:TIME:Q; crank_range;
-            frequency:N and damping_ratio:N of a vibration mode about the
-            equilibrium next to the initial configuration; settling:Q, after which Q stays within 2 % of its
-            change, and peak:Q, the largest magnitude of Q, of a run from there; or FILE.py:FUNC of a Motion.
+            quantities of `model.quantities`; at:ANGLE:Q, or under motion laws at:TIME:Q; or FILE.py:FUNC of a
+            Motion.
         mechanism: the mechanism.
         motion_laws: its motion laws.
 
@@ -175,10 +148,6 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
         InputError: for an unknown measure or quantity, with the closest known one.
     """
     word, colon, rest = text.partition(":")
-    if text in FACTS:
-        return TurnMeasure(text, text, FACTS[text])
-    if colon and word in RELEASED:
-        return _released(text, word, rest, mechanism)
     if ".py:" in text:
         run_object(text)
         return TurnMeasure(text, "function", "", subject=text)
@@ -199,18 +168,10 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
         index, _, name = rest.partition(":")
         quantity = numeric_quantity(name, mechanism)
         return TurnMeasure(text, word, quantity.unit, quantity, angle=_parameter(text, index, motion_laws))
+    if word in REMOVED:
+        raise InputError(f"sweep does not measure {word}; {REMOVED[word]}")
     description = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
-
-
-def _released(text: str, word: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
-    """Return a measure of a vibration or of a run from an initial state."""
-    if word in ("settling", "peak"):
-        quantity = numeric_quantity(rest, mechanism)
-        return TurnMeasure(text, word, RELEASED[word] or quantity.unit, subject=rest)
-    if not (rest.isdecimal() and int(rest) > 0):
-        raise InputError(f"{text} has no mode number; write {word}:N, with N from 1")
-    return TurnMeasure(text, word, RELEASED[word], number=int(rest))
 
 
 def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
@@ -306,19 +267,9 @@ class MeasureSet:
         return any(measure.loaded for measure in self)
 
     @property
-    def released(self) -> bool:
-        """Whether a measure needs vibrations or a run from an initial state."""
-        return any(measure.released for measure in self)
-
-    @property
     def jointed(self) -> bool:
         """Whether motions of joints are needed."""
         return any(measure.jointed for measure in self)
-
-    @property
-    def facts(self) -> list[str]:
-        """The measured kinds of `FACTS`."""
-        return [measure.kind for measure in self if measure.kind in FACTS]
 
     @property
     def quantities(self) -> list[Quantity]:
@@ -365,4 +316,4 @@ def _first(turns: Turns, count: int) -> Turns:
     rows = np.zeros((turns.designs, turns.poses), dtype=np.bool_)
     rows[:, :count] = True
     more = {name: values[:, :count] for name, values in turns.more.items()}
-    return Turns(turns.designs, count, select_instants(turns.motion, rows.ravel()), more, turns.facts)
+    return Turns(turns.designs, count, select_instants(turns.motion, rows.ravel()), more)

@@ -12,7 +12,6 @@ from mechsim.analytic.formulas.many_designs import (
     allowed,
     crank_ranges,
     formula_of_many,
-    ranges,
     solved,
     swing_arcs,
     transmissions,
@@ -29,8 +28,7 @@ from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
-from mechsim.studies.sweep.measures import FACTS, MeasureError, NoValueError, Turns
-from mechsim.studies.sweep.released_runs import released_alone
+from mechsim.studies.sweep.measures import MeasureError, NoValueError, Turns
 from mechsim.studies.sweep.task import (
     CrankRows,
     Measured,
@@ -72,17 +70,9 @@ def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array],
     valid, turning_ranges = _turning_ranges(formula, rows)
     if turning_ranges is None:
         return np.arange(len(result.outcome))
-    certain, selected = ~turning_ranges.uncertain, ~turning_ranges.uncertain
-    facts = _facts(task, turning_ranges)
-    remaining: list[Rows] = []
-    if len(task.angles):
-        remaining = _swing_blocks(task, rows, valid, turning_ranges, facts, result)
-        selected = turning_ranges.full & certain
-    remaining += _blocks(
-        task, rows, valid[selected], {name: values[selected] for name, values in facts.items()}, result
-    )
-    for name, values in facts.items():
-        result.values[name][valid[certain]] = values[certain]
+    certain = ~turning_ranges.uncertain
+    remaining = _swing_blocks(task, rows, valid, turning_ranges, result)
+    remaining += _blocks(task, rows, valid[turning_ranges.full & certain], result)
     return np.sort(np.concatenate([np.setdiff1d(np.arange(len(result.outcome)), valid[certain]), *remaining]))
 
 
@@ -97,7 +87,6 @@ def _swing_blocks(
     rows: Mapping[str, Array],
     valid: Rows,
     turning_ranges: CrankRanges,
-    facts: Mapping[str, Array],
     result: Measured,
 ) -> list[Rows]:
     """Measure designs whose cranks swing over their reachable ranges; return those to measure one by one."""
@@ -105,19 +94,16 @@ def _swing_blocks(
     low, high = swing_arcs(turning_ranges)
     certain = swing[np.isfinite(low[swing])]
     remaining = [valid[np.setdiff1d(swing, certain)]]
-    step = max(1, BLOCK // max(1, len(task.angles)))
+    step = max(1, BLOCK // len(task.angles))
     for first in range(0, len(certain), step):
         block = certain[first : first + step]
-        own = {name: values[block] for name, values in facts.items()}
-        values = _block(task, rows, valid[block], task.within(low[block], high[block]), own)
+        values = _block(task, rows, valid[block], task.within(low[block], high[block]))
         stored = result.store_finite(valid[block], values, swings=(low[block], high[block]))
         remaining.append(np.setdiff1d(valid[block], stored))
     return remaining
 
 
-def _block(
-    task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows, facts: Mapping[str, Array]
-) -> dict[str, Array]:
+def _block(task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows) -> dict[str, Array]:
     """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
     formula = task.subject.closed
     assert formula is not None
@@ -132,44 +118,26 @@ def _block(
             joints=task.measures.jointed,
             links=task.measures.uses("link"),
         )
-        return task.values(_turns(task, _subset(rows, block), motion, facts))
+        return task.values(_turns(task, _subset(rows, block), motion))
 
 
-def _turns(
-    task: SweepTask, rows: Mapping[str, Array], motion: Motion, facts: Mapping[str, Array] | None = None
-) -> Turns:
+def _turns(task: SweepTask, rows: Mapping[str, Array], motion: Motion) -> Turns:
     """Return the motions of designs, one design after another, with their transmission angles if measured."""
     designs = len(next(iter(rows.values())))
     poses, more = len(motion.angle) // designs, dict[str, Array]()
     if task.measures.includes(TRANSMISSION):
         assert task.subject.closed is not None
         more[TRANSMISSION] = transmissions(task.subject.closed, rows, motion).reshape(designs, poses)
-    return Turns(designs, poses, motion, more, facts or {})
+    return Turns(designs, poses, motion, more)
 
 
-def _facts(task: SweepTask, turning_ranges: CrankRanges) -> dict[str, Array]:
-    """Return properties of designs that need no motion."""
-    return {"crank_range": ranges(turning_ranges)[0]} if task.measures.facts else {}
-
-
-def _blocks(
-    task: SweepTask, rows: Mapping[str, Array], selected: Rows, facts: Mapping[str, Array], result: Measured
-) -> list[Rows]:
+def _blocks(task: SweepTask, rows: Mapping[str, Array], selected: Rows, result: Measured) -> list[Rows]:
     """Measure designs that turn fully in blocks; return those with a measure that is not finite."""
-    solver, angles, remaining = task.subject.solver, task.angles, [np.zeros(0, dtype=np.intp)]
-    step = max(1, BLOCK // max(1, len(angles)))
+    remaining = [np.zeros(0, dtype=np.intp)]
+    step = max(1, BLOCK // len(task.angles))
     for first in range(0, len(selected), step):
-        chunk = slice(first, first + step)
-        block = selected[chunk]
-        own = {name: values[chunk] for name, values in facts.items()}
-        if len(angles):
-            values = _block(task, rows, block, task.revolution, own)
-        else:
-            motion = select_instants(solver.solve_along(np.zeros(1)), slice(0, 0))
-            values = task.values(Turns(len(block), 0, motion, facts=own))
-        stored = result.store_finite(
-            block, values, own["crank_range"] > 0.0 if "crank_range" in own else True
-        )
+        block = selected[first : first + step]
+        stored = result.store_finite(block, _block(task, rows, block, task.revolution))
         remaining.append(np.setdiff1d(block, stored))
     return remaining
 
@@ -249,10 +217,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         try:
             made = task.subject.design_family.make({name: float(values[i]) for name, values in rows.items()})
             solver = made.with_closed_guess()
-            facts = facts_alone(task, solver) | released_alone(task, solver)
-            for name, value in facts.items():
-                result.values[name][i] = value
-            values, outcome, reason = measured_alone(task, solver, facts)
+            values, outcome, reason = measured_alone(task, solver)
         except MeasureError:
             raise
         except MechsimError as error:
@@ -269,29 +234,15 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
             result.reject(row, "not measured", f"{invalid[0]} is not finite")
 
 
-def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
-    """Return the requested properties of a design that need no motion."""
-    if not task.measures.facts:
-        return {}
-    return {"crank_range": float(sum(high - low for low, high in solver.crank_range().arcs))}
-
-
-def measured_alone(
-    task: SweepTask, solver: KinematicSolver, facts: Mapping[str, float]
-) -> tuple[dict[str, float], str, str]:
+def measured_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, float], str, str]:
     """Return the measures of one design, its outcome, and the reason if it is not "passed".
 
     Raises:
         AssemblyError: if it cannot be assembled along the whole motion.
     """
-    angles = task.angles
-    if not len(angles):
-        if any(measure.kind in FACTS for measure in task.measures) and not solver.crank_range().arcs:
-            raise no_crank_range_error(solver.name)
-        return {measure.name: facts[measure.name] for measure in task.measures}, "passed", ""
     arc = swing_arc(solver)
     crank = task.revolution if arc is None else task.within(*arc)
-    values = _solved_alone(task, solver, facts, crank)
+    values = _solved_alone(task, solver, crank)
     return (values, "passed", "") if arc is None else (values, "swings", swings_between(*arc))
 
 
@@ -312,11 +263,8 @@ def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:
     return arc
 
 
-def _solved_alone(
-    task: SweepTask, solver: KinematicSolver, facts: Mapping[str, float], crank: CrankRows
-) -> dict[str, float]:
+def _solved_alone(task: SweepTask, solver: KinematicSolver, crank: CrankRows) -> dict[str, float]:
     """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
-    kept = {name: np.array([value]) for name, value in facts.items()}
     angles, path_speed = crank.angle, crank.speed
     if not solver.motion_laws.crank:
         # the rate of the path parameter depends on the design; the times do not
@@ -332,7 +280,7 @@ def _solved_alone(
         more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.measures.includes(TRANSMISSION):
         more[TRANSMISSION] = solver.required_transmission_angle(angles).reshape(shape)
-    turns = Turns(1, len(angles), motion, more, kept)
+    turns = Turns(1, len(angles), motion, more)
     return {name: float(values[0]) for name, values in task.values(turns).items()}
 
 
@@ -346,5 +294,4 @@ def require_measurable(task: SweepTask) -> None:
     for measure in task.measures:
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             solver.required_transmission_angle([solver.mechanism.start])
-    if any(not measure.released for measure in task.measures):
-        solver.motion_laws.require_drivers(solver.mechanism)
+    solver.motion_laws.require_drivers(solver.mechanism)

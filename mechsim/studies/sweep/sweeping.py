@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.dynamics.dynamic_run import Initial
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
@@ -23,7 +21,6 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.run import simulate
-from mechsim.studies.release import DURATION, Release
 from mechsim.studies.sweep.designs import (
     SEED,
     Designs,
@@ -34,15 +31,13 @@ from mechsim.studies.sweep.designs import (
     read_designs,
     sampled_designs,
 )
-from mechsim.studies.sweep.measures import RELEASED, measures
+from mechsim.studies.sweep.measures import measures
 from mechsim.studies.sweep.methods import (
     by_one_formula,
-    facts_alone,
     measured_alone,
     measured_designs,
     require_measurable,
 )
-from mechsim.studies.sweep.released_runs import released_alone
 from mechsim.studies.sweep.table import column_name, dataset, require_libraries, suffix_of, write_sweep
 from mechsim.studies.sweep.task import (
     BUILT,
@@ -75,8 +70,6 @@ def sweep(
     speed: float | str = 1.0,
     output: str | Path | None = None,
     progress: Progress = no_progress,
-    initial: Mapping[str, Initial] | None = None,
-    until: str | None = None,
     **options: Any,
 ) -> Dataset:
     """Measure many designs of a mechanism.
@@ -84,8 +77,8 @@ def sweep(
     Args:
         model: as for `load`, or a solver.
         vary: parameter -> values in SI, combined as a grid; with `sample` its lower and upper end.
-        measure: such as "range:rocker", "max:P3.vx", "stroke:P3", "at:90deg:rocker", "crank_range",
-            "FILE.py:FUNC" (see `measures.measure`).
+        measure: such as "range:rocker", "max:P3.vx", "stroke:P3", "at:90deg:rocker", "FILE.py:FUNC"
+            (see `measures.measure`).
         design: parameter -> values in SI, one for each design, or a CSV file of them; in place of `vary`.
         sample: "sobol:N", N Sobol points over the ranges.
         set: parameter -> its value if it does not vary, as for `load`.
@@ -93,9 +86,7 @@ def sweep(
         speed: crank speed in [rad/s], or text, as "600rpm".
         output: .nc or .csv to write.
         progress: called with a description and the finished fraction, 0 to 1.
-        initial: initial state of measures of runs and vibrations, as `mechsim.dynamics.run` takes it.
-        until: event that ends these runs.
-        options: further arguments of `load`; `duration` is that of the runs, if there are any.
+        options: further arguments of `load`.
 
     Returns:
         Measures over the parameters, with units, and for each design `reason` and `outcome`: "passed" if it
@@ -116,8 +107,6 @@ def sweep(
         set=set,
         samples=samples,
         speed=speed,
-        initial=initial,
-        until=until,
         **options,
     )
     return run_sweep(task, output, progress=progress)
@@ -145,8 +134,6 @@ def swept_task(
     set: Mapping[str, str | float] | None = None,
     samples: int | None = None,
     speed: float | str = 1.0,
-    initial: Mapping[str, Initial] | None = None,
-    until: str | None = None,
     **options: Any,
 ) -> SweepTask:
     """Return a checked sweep that has not started; arguments as for `sweep`."""
@@ -154,23 +141,11 @@ def swept_task(
     if not 1 <= samples <= MAX_SAMPLES:
         raise InputError(f"{samples} poses in a motion; give 1 to {MAX_SAMPLES:,}")
     texts = [measure] if isinstance(measure, str) else list(measure)
-    released = any(text.partition(":")[0] in RELEASED for text in texts)
-    if (initial or until) and not released:
-        raise InputError(
-            "an initial state or event needs a measure of runs or vibrations; add frequency:N, "
-            "damping_ratio:N, settling:Q or peak:Q"
-        )
-    duration = options.pop("duration", None) if released else None
     subject, parameters = swept_designs(model, set, **options)
     designs = _designs(subject, vary or {}, design, sample, parameters)
     rate = float(units.si(speed, "rad/s", "the speed"))
     measures_read = measures(texts, subject.solver.mechanism, subject.solver.motion_laws)
-    release = None
-    if released:
-        seconds = units.si(DURATION if duration is None else duration, "s", "the duration")
-        acting = dynamic_model(subject.solver)
-        release = Release(model=acting, initial=initial or {}, duration=float(seconds), until=until)
-    task = SweepTask(subject, designs, measures_read, int(samples), rate, release)
+    task = SweepTask(subject, designs, measures_read, int(samples), rate)
     require_measurable(task)
     return task
 
@@ -344,8 +319,7 @@ def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
 
 def _difference_from_table(task: SweepTask, solver: KinematicSolver, result: Dataset, i: int) -> str:
     """Return the first measure of a single design that differs from the table, as text, or ""."""
-    facts = facts_alone(task, solver) | released_alone(task, solver)
-    values, outcome, _ = measured_alone(task, solver, facts)
+    values, outcome, _ = measured_alone(task, solver)
     tolerance = RELATIVE_TOLERANCE_AT_ENDS if outcome == "swings" else RELATIVE_TOLERANCE
     scales = {
         "rad": 1.0,

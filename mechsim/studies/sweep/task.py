@@ -20,7 +20,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import SWING_FRACTION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.studies.release import Release
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
 from mechsim.subjects.python_object import PythonObject
@@ -104,7 +103,6 @@ class SweepTask:
         measures: evaluated for each design.
         samples: number of poses in a revolution, or over motion laws.
         speed: crank speed in [rad/s]; motion laws have their own.
-        release: initial state of measures of runs and vibrations; None without such measures.
     """
 
     subject: SweptSubject
@@ -112,7 +110,6 @@ class SweepTask:
     measures: MeasureSet
     samples: int
     speed: float
-    release: Release | None = None
 
     @property
     def path_speed(self) -> float:
@@ -127,9 +124,7 @@ class SweepTask:
 
     @cached_property
     def angles(self) -> Array:
-        """Path parameters of the poses, (poses,) in [rad]; empty if no motion is measured."""
-        if not any(measure.turns for measure in self.measures):
-            return np.zeros(0)
+        """Path parameters of the poses, (poses,) in [rad]."""
         return np.concatenate([self.subject.solver.motion_laws.spread(self.samples), [*self.angle_index]])
 
     def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
@@ -163,7 +158,7 @@ class SweepTask:
     @property
     def single_only(self) -> bool:
         """Whether designs are solved one at a time, as for forces: each has its own equations of motion."""
-        return self.measures.loaded or self.measures.released or self.measures.includes("function")
+        return self.measures.loaded or self.measures.includes("function")
 
     @property
     def revolution(self) -> CrankRows:
@@ -175,8 +170,7 @@ class SweepTask:
     def loops(self) -> SharedLoops | None:
         """The common loops of designs traced together; None if they are solved one at a time."""
         solver = self.subject.solver
-        alone = self.single_only or bool(self.measures.facts)
-        if alone or solver.change_point != "smooth":
+        if self.single_only or solver.change_point != "smooth":
             return None
         with suppress(MechsimError):
             return shared_loops(solver.mechanism, self.measures.joints, solver.motion_laws)
