@@ -19,7 +19,7 @@ from mechsim.model.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
 from mechsim.studies.identification import Identification, identify
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
-from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily
+from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.units import crank_speed, option
 
 # significant digits of an identified dimension
@@ -105,7 +105,7 @@ def fit(
     solver = parametric.make({})
     measured = measured_of(files.read(table), solver, table)
     speed = _crank_speed(options.speed, measured, solver)
-    moved = MovedFamily(parametric, measured.angles, speed, Loading())
+    moved = MovedFamily(parametric, measured.angles, speed)
     quantities = scalar_quantities([*single(measured.values, moved).values()], solver.mechanism)
     timed = any(quantity.order or quantity.loaded for quantity in quantities)
     stated.exclude(["speed"], "on measured positions", not timed)

@@ -13,7 +13,7 @@ from mechsim.cli.output import Value, print_table, print_text, without_noise
 from mechsim.cli.output_paths import table_file
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
-from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
+from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import ToleranceStudy, tolerance_study
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, parsed_tolerances, written_tolerances
@@ -79,7 +79,7 @@ def sensitivity(
     else:
         instants = units.parse_angles(options.angles, "the crank angles")
         warn_about_angles("--angles", options.angles, solver.written.angle)
-    moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED), Loading())
+    moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED))
     tolerances = None
     if options.tolerances is not None:
         bounds = written_tolerances(options.tolerances)
@@ -89,7 +89,7 @@ def sensitivity(
     study = None if tolerances is None else tolerance_study(table, tolerances)
     if output is not None:
         files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
-    masses = Loading().dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
+    masses = moved.dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
 
     def text() -> None:
         if study is None:

@@ -17,13 +17,10 @@ from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import resolved_path
-from mechsim.model.limits import require_count
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.sweeping import (
-    CheckedDesigns,
     built,
-    check_sweep,
     run_sweep,
     swept_designs,
     swept_task,
@@ -67,7 +64,6 @@ class SweepOptions:
     )
     samples: int | None = option(None, "Configurations in a turn, or over the motion laws. [default: 72]")
     speed: Speed = "600rpm"
-    check: int = option(0, "Check N random designs against MuJoCo.", metavar="N")
 
 
 @command
@@ -103,26 +99,19 @@ def sweep(
         speed=crank_speed(options.speed),
     )
     _exclude_without_effect(stated, task)
-    require_count("the designs of --check", options.check, task.designs.count, "check fewer", least=0)
     with progress("sweep", None) as report:
         result = run_sweep(task, output, progress=report)
     seconds = time.perf_counter() - start
-    checked = check_sweep(task, result, options.check) if options.check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()
     data: dict[str, Any] = {"model": source.model, "output": output, "designs": task.designs.count}
     data |= {"built": built(result), "seconds": seconds} | masses_in_json(masses)
-    if checked is not None:
-        data["checked"] = {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}
 
     def text() -> None:
         _print(result, f"{built(result):,} of {task.designs.count:,} designs built, {number(seconds, 3)} s")
         typer.echo(f"wrote {output}")
-        if checked is not None:
-            _print_checked(checked)
         print_masses(masses, design="of the original design")
 
-    agreed = checked is None or checked.passed == checked.count
-    return Result(data, text, agreed and built(result) > 0)
+    return Result(data, text, built(result) > 0)
 
 
 def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
@@ -155,15 +144,6 @@ def _require_writable(output: str) -> None:
     folder = Path(output).parent
     if not folder.is_dir():
         raise OutputError(f"cannot write {output!r}: there is no folder {str(folder)!r}; create it first")
-
-
-def _print_checked(checked: CheckedDesigns) -> None:
-    print_text(
-        f"{checked.passed} of {checked.count} designs agree with MuJoCo's poses; the largest error of a "
-        f"point is {number(checked.worst, 3)} m"
-    )
-    for design, reason in checked.failed.items():
-        print_text(f"FAILED: design {design}: {reason}")
 
 
 def _print(result: "Dataset", title: str) -> None:

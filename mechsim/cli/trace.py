@@ -7,25 +7,16 @@ from mechsim import files
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import Value, number, print_table, print_text
-from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
+from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError, several
+from mechsim.errors import several
 from mechsim.model.limits import Ranges
 from mechsim.model.links import VIRTUAL_PREFIX
-from mechsim.pictures import plots
-from mechsim.report.assemblies import (
-    SAMPLES,
-    assembly_table,
-    curve_tables,
-    joined,
-    requested_columns,
-    trace_record,
-    usual_columns,
-)
+from mechsim.report.assemblies import curve_table, trace_record
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.mechanism_trace import STARTS, AssemblyTrace
 from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
-from mechsim.units import option, parse_names
+from mechsim.units import option
 
 # significant digits of angles and lengths that describe a curve
 CURVE_DIGITS = 4
@@ -34,10 +25,7 @@ CURVE_DIGITS = 4
 @command
 def trace(
     source: Annotated[ModelOptions, Without("duration", "track", "loops")],
-    outputs: Annotated[list[str] | None, table_or_plot_file("Table of the curves", "their plot")] = None,
-    coordinates: str | None = option(
-        None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
-    ),
+    output: Annotated[str | None, table_file("Table of the curves")] = None,
     starts: int = option(STARTS, "Random starts of the search for assemblies."),
 ) -> Result:
     """Trace all assemblies of a mechanism with one DOF as closed curves, past every dead centre.
@@ -50,25 +38,16 @@ def trace(
 
     Examples:
     mechsim trace four_bar --set crank=90mm
-    mechsim trace rssr -o curves.svg --of angle,rocker
+    mechsim trace rssr -o curves.csv
     """
-    output, plot = one_of_each(outputs, TABLES, PLOTS)
-    if plot is None and coordinates is not None:
-        raise InputError(f"--of {coordinates} selects what is plotted; add -o FILE.svg")
     require_other_drivers(source.model, source.sets, source)
     solver = source.load()
-    over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))
     with progress("trace", None, at_least=True) as report:
         curves = trace_assemblies(solver, starts=starts, progress=report)
-    if output or plot:
-        tables = curve_tables(curves, SAMPLES)
-        if plot is not None:
-            table = assembly_table(curves, tables)
-            plots.write(plot, plots.assembly_plot(table, over or usual_columns(curves, table)))
-        if output is not None:
-            files.write_table(output, joined(tables))
-    data: dict[str, Any] = {**trace_record(curves), "output": output, "plot": plot}
-    return Result(data, lambda: _print(curves, solver.ranges), files=[output, plot])
+    if output is not None:
+        files.write_table(output, curve_table(curves))
+    data: dict[str, Any] = {**trace_record(curves), "output": output}
+    return Result(data, lambda: _print(curves, solver.ranges), files=[output])
 
 
 def _print(trace: AssemblyTrace, ranges: Ranges) -> None:

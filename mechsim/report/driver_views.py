@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,17 +12,13 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.masses import summary
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, select_instants
+from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws, steady
-from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.drawn_model import drawn_as
-from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, View, between, ghost_of, motion_grid
+from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, View, ghost_of, motion_grid
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.release import Release
 from mechsim.studies.scene.own_settings import runs_as_published
-
-# of a motion with twice the samples: what the page holds, and some between to measure its error at
-SHOWN, MIDDLES = slice(None, None, 2), slice(1, None, 12)
 
 
 def release_view(release: Release, mode: int | None) -> View:
@@ -38,31 +33,17 @@ def release_view(release: Release, mode: int | None) -> View:
     """
     model = release.model
     if mode is None:
-        motion, name = release.shown_run(2 * SAMPLES).motion, release.title
+        motion, name = release.shown_run(SAMPLES).motion, release.title
         fact = "Integrated from the initial state; no driver is prescribed."
     else:
-        cycle = release.cycle(mode, 2 * SAMPLES)
+        cycle = release.cycle(mode, SAMPLES)
         motion, name = cycle.motion, f"mode {mode}"
         fact = f"One cycle of {cycle.title}, its amplitude large enough to be seen."
     title = f"{model.mechanism.name}, {name}"
     facts = [fact, f"{summary(model.masses).capitalize()}."]
     assert motion.time is not None
-    grid = halved_grid(name, model.mechanism, motion, nodes=motion.time, driver="time", unit="s")
+    grid = motion_grid(name, model.mechanism, motion, nodes=motion.time, driver="time", unit="s")
     return View(model.mechanism, [grid], title, facts, **drawn_as(model.solver))
-
-
-def halved_grid(name: str, mechanism: Mechanism, motion: Motion, nodes: Array, **slider: Any) -> PoseGrid:
-    """Return the grid of every second instant of a motion, with the error of interpolation at some others.
-
-    Args:
-        name: name on the page.
-        mechanism: the mechanism.
-        motion: with links, at rising values of the slider.
-        nodes: these values, (n,).
-        slider: further arguments of `motion_grid`.
-    """
-    grid = motion_grid(name, mechanism, select_instants(motion, SHOWN), nodes=nodes[SHOWN], **slider)
-    return replace(grid, error=between(grid, select_instants(motion, MIDDLES), nodes[MIDDLES]))
 
 
 def stepped_ghost(solver: KinematicSolver, run: Motion) -> GhostTrack | None:
@@ -89,9 +70,6 @@ def motion_law_grid(solver: KinematicSolver) -> PoseGrid:
     times = np.linspace(0.0, laws.duration, SAMPLES + 1)
     motion = solver.solve(t=times)
     grid = motion_grid("motion laws", solver.mechanism, motion, driver="time", unit="s", nodes=times)
-    middles = 0.5 * (times[:-1] + times[1:])[:: SAMPLES // 60]
-    exact = solver.solve(t=middles)
-    grid = replace(grid, error=between(grid, exact, middles))
     with suppress(MechsimError):
         run = stepped(solver, laws.path_profile, SAMPLES // 2)
         grid = replace(grid, ghost=stepped_ghost(solver, run))
@@ -139,10 +117,10 @@ def _hand_grid(
     laws = make_motion_laws(mechanism, states, 1.0)
     path = driven_path(mechanism, laws)
     ends = [(end - start[moved]) * laws.rate for end in (low, high)]
-    parameter = np.linspace(_reached(path, -1, ends[0]), _reached(path, 1, ends[1]), 2 * SAMPLES + 1)
+    parameter = np.linspace(_reached(path, -1, ends[0]), _reached(path, 1, ends[1]), SAMPLES + 1)
     motion = solve_along(path, parameter, laws.rate, 0.0, laws)
     unit, nodes = "m" if mechanism.unit(moved) == "m" else "rad", start[moved] + parameter / laws.rate
-    grid = halved_grid(f"move {moved}", mechanism, motion, nodes, driver=moved, unit=unit, speeds=False)
+    grid = motion_grid(f"move {moved}", mechanism, motion, nodes=nodes, driver=moved, unit=unit, speeds=False)
     return replace(grid, slider=replace(grid.slider, start=start[moved]))
 
 

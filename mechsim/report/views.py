@@ -23,7 +23,6 @@ from mechsim.pictures.view.pose_grid import (
     Readout,
     View,
     ascending,
-    between,
     motion_grid,
 )
 from mechsim.report.driver_views import (
@@ -39,8 +38,6 @@ from mechsim.subjects.model_source import ModelSource
 SAMPLES = 360
 # how near to a dead centre a swing goes, as a part of its arc: rates have no bound at the very end
 KEPT_OFF = 1e-6
-# cells in whose middles the error between poses is measured
-PROBED = 60
 # crank angles at which all assemblies of a closed form are asked for
 CRANK_ANGLES = 12
 
@@ -69,7 +66,7 @@ def crank_grid(
     solver: KinematicSolver, name: str, speed: float, limits: tuple[float, float] | None
 ) -> PoseGrid:
     """Return the poses of one assembly over the arc that its crank can turn through."""
-    angles, middles = _angles(solver, limits)
+    angles = _angles(solver, limits)
     solver = solver.starting_at(angles)
     motion = solver.solve_along(angles, speed)
     extra: list[Readout] = []
@@ -89,12 +86,11 @@ def crank_grid(
         landmarks=repeated_landmarks(landmarks, angles),
         extra=extra,
     )
-    error = between(grid, solver.solve_along(middles, speed), middles)
     start = float(solver.mechanism.start)
     if not angles[0] <= start <= angles[-1]:
         start = angles[0] + (start - angles[0]) % REVOLUTION
     slider = replace(grid.slider, start=float(np.clip(start, angles[0], angles[-1])))
-    return replace(grid, slider=slider, ghost=_ghost(solver, speed), error=error)
+    return replace(grid, slider=slider, ghost=_ghost(solver, speed))
 
 
 def _others(solver: KinematicSolver) -> list[KinematicSolver]:
@@ -108,8 +104,8 @@ def _others(solver: KinematicSolver) -> list[KinematicSolver]:
     return assemblies
 
 
-def _angles(solver: KinematicSolver, limits: tuple[float, float] | None) -> tuple[Array, Array]:
-    """Return the crank angles that are solved, and some in the middle between them."""
+def _angles(solver: KinematicSolver, limits: tuple[float, float] | None) -> Array:
+    """Return the crank angles that are solved."""
     arcs, samples = solver.crank_range(), SAMPLES
     if arcs.full and limits is None:
         turns = max(1, round(solver.period / REVOLUTION))
@@ -130,9 +126,7 @@ def _angles(solver: KinematicSolver, limits: tuple[float, float] | None) -> tupl
             low, high = max(low, limits[0]), min(high, limits[1])
         # near a dead centre poses go as the root of the angle: even steps of a circle are even steps there
         share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, samples + 1))
-    angles = low + share * (high - low)
-    segments = np.unique(np.linspace(0, samples - 1, PROBED).astype(int))
-    return angles, 0.5 * (angles[segments] + angles[segments + 1])
+    return low + share * (high - low)
 
 
 def landmarks_of(solver: KinematicSolver) -> list[Landmark]:
@@ -243,9 +237,8 @@ def case_view(case: Validation) -> View | None:
     else:
         landmarks, driver = repeated_landmarks(landmarks_of(solver), shown.angle), solver.mechanism.crank.name
         grid = motion_grid("judged", solver.mechanism, shown, driver=driver, landmarks=landmarks)
-    with suppress(MechsimError):
-        ghost = None if case.quick else stepped_ghost(solver, case.run.motion)
-        middles, nodes = (0.5 * (along[1:] + along[:-1]) for along in (shown.angle, grid.slider.nodes))
-        grid = replace(grid, ghost=ghost, error=between(grid, solver.solve_along(middles), nodes))
+    if not case.quick:
+        with suppress(MechsimError):
+            grid = replace(grid, ghost=stepped_ghost(solver, case.run.motion))
     fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.verdict.outcome}."
     return View(solver.mechanism, [grid], solver.name, [fact], **drawn_as(solver))

@@ -20,7 +20,7 @@ from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
-from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names, moved_along
+from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names
 from mechsim.subjects.readers import parametric_model
 
 # relative singular value of the scaled derivatives below which it is rounding
@@ -158,7 +158,7 @@ def fit_dimensions(
             raise InputError(
                 f"{name} has no single crank without a motion law, so no crank zero; leave the offset out"
             )
-        acting = subject.loading.acting(subject.solver)
+        acting = subject.acting(subject.solver)
         if (acting.loads or acting.couples or acting.crank_torque) and subject.loaded(named.values()):
             raise InputError(
                 f"{name}: forces under loads that follow the crank do not determine its zero; "
@@ -362,7 +362,7 @@ def fit(
     if not isinstance(subject, MovedFamily):
         # the table has the instants
         crank_speed = units.si(speed, "rad/s", "the speed")
-        subject = moved_along(parametric_model(subject), np.zeros(1), crank_speed, forces)
+        subject = MovedFamily(parametric_model(subject), np.zeros(1), crank_speed, forces)
     if isinstance(table, Mapping):
         columns: Mapping[str, Array] = {
             name: np.asarray(values, dtype=np.float64) for name, values in table.items()

@@ -18,13 +18,12 @@ def trace(mechsim):
 
 
 @pytest.mark.long
-def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
-    arguments = ("-o", "all.csv", "-o", "all.svg", "--of", "angle,A")
-    code, out, err = trace(*SWINGS, *arguments)
+def test_a_trace_is_reported_and_written_as_a_table(trace, tmp_path):
+    code, out, err = trace(*SWINGS, "-o", "all.csv")
     assert code == 0, err
     assert "2 components; 20 of 20 random starts (seed 1)" in " ".join(out.split())
     assert "swings" in out
-    assert out.splitlines()[-2:] == ["wrote all.csv", "wrote all.svg"]
+    assert out.splitlines()[-1] == "wrote all.csv"
     table = files.read(tmp_path / "all.csv")
     assert list(table)[:6] == ["component", "arc", "angle", "crank.q", "A.q", "B.q"]
     assert list(table)[-3:] == ["C.x", "C.y", "C.z"]
@@ -34,8 +33,6 @@ def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
     assert np.ptp(np.diff(first["arc"])) <= 1e-12
     # the crank length is constant over the curve
     assert np.abs(np.hypot(first["A.x"], first["A.y"]) - 0.09).max() <= 1e-16
-    svg = (tmp_path / "all.svg").read_text()
-    assert svg.startswith("<?xml")
 
 
 def test_json_numbers_components_from_one_and_lists_branch_points(trace):

@@ -114,9 +114,7 @@ def test_nan_errors_leave_a_gap_in_the_curve():
 
 
 @pytest.mark.long
-def test_invalid_points_and_formats_are_rejected(motion, tmp_path):
-    with pytest.raises(InputError, match="no point 'Q'"):
-        plots.motion_plot(motion, ["Q"])
+def test_invalid_formats_are_rejected(motion, tmp_path):
     with pytest.raises(InputError, match="no plot format 'bmp'"):
         plots.drawn(plots.motion_plot(motion), "bmp")
     with pytest.raises(InputError, match=r"not one of .svg, .png, .pdf"):
@@ -124,23 +122,6 @@ def test_invalid_points_and_formats_are_rejected(motion, tmp_path):
     assert plots.format_of(Path("plot.pdf")) == "pdf"
     with pytest.raises(OutputError, match="no directory"):
         plots.write(tmp_path / "missing" / "plot.svg", plots.motion_plot(motion))
-
-
-def test_assembly_curves_are_split_at_full_turns():
-    arc = np.linspace(0.0, 2.0 * np.pi, 73)
-    swing = 7.0 * np.sin(arc)
-    table = plots.AssemblyTable(
-        [{"arc": arc, "turn": arc + 1.0, "swing": swing, "P.x": np.cos(arc)}],
-        {"arc": "", "turn": "rad", "swing": "rad", "P.x": "m"},
-    )
-    line = plots.assembly_plot(table, ("turn", "swing")).axes[0].get_lines()[0]
-    x, y = line.get_xdata(), line.get_ydata()
-    assert np.isnan(x).sum() == 1
-    assert 0.0 <= np.nanmin(x) < np.nanmax(x) <= 360.0
-    assert np.nanmax(y) == pytest.approx(np.rad2deg(7.0))
-    for names in (("turn",), ("turn", "swing", "P.x")):
-        with pytest.raises(InputError, match=f"{len(names)} coordinates to plot over"):
-            plots.assembly_plot(table, names)
 
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):

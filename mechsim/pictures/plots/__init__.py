@@ -8,16 +8,12 @@ from mechsim.pictures.plots.dynamics import dynamics_sheet
 from mechsim.pictures.plots.figure import blank, drawn, format_of, write
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
 from mechsim.pictures.plots.paths import (
-    AssemblyTable,
-    assembly_plot,
     coupler_curve,
     schematic_plot,
 )
 from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, quantity_plot
 
 __all__ = [
-    "AssemblyTable",
-    "assembly_plot",
     "blank",
     "bode_plot",
     "coupler_curve",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -160,15 +160,11 @@ def draw_curves(
     return factor, shown
 
 
-def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
-    """Return the points to plot: the requested ones, else all."""
-    names = list(motion.points) if points is None else list(points)
-    for name in names:
-        if name not in motion.points:
-            raise InputError(f"the motion has no point {name!r}; choose from {', '.join(motion.points)}")
-    if not names:
+def point_names(motion: Motion) -> list[str]:
+    """Return the points to plot."""
+    if not motion.points:
         raise InputError("the motion has no tracked point to plot")
-    return names
+    return [*motion.points]
 
 
 def abscissa(motion: Motion) -> Array:

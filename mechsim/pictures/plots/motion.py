@@ -21,10 +21,10 @@ from mechsim.pictures.plots.figure import (
     along_axis,
     angle_axis,
     blank,
-    chosen,
     decades,
     flattened,
     label_of,
+    point_names,
     styled,
 )
 
@@ -38,14 +38,13 @@ FLOOR = 1e-18
 
 
 @styled()
-def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> Figure:
+def motion_plot(motion: Motion) -> Figure:
     """Draw displacement, velocity and acceleration of points over crank angle, under motion laws over time.
 
     Args:
         motion: what to draw.
-        points: tracked points; None draws all.
     """
-    names = chosen(motion, points)
+    names = point_names(motion)
     rows = (("position", "position"), ("velocity", "velocity"), ("acceleration", "acceleration"))
     scales = _scales(motion)
     shown = [i for i in range(3) if not _unused(motion, names, i, ROUNDED * scales[0])] or [0, 1, 2]

@@ -1,12 +1,10 @@
 """Paths of points, assemblies and kinematic diagrams."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import hinged_normals, moved_links
@@ -15,18 +13,14 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import (
-    COLOURS,
     INK,
-    LEGEND_RIGHT,
     ROUNDED,
     STYLES,
     blank,
-    chosen,
     label_of,
-    locator,
+    point_names,
     styled,
 )
 from mechsim.shapes.body import edges, point_colours, span, stations, travels
@@ -187,15 +181,14 @@ def _hatch(ax: "Axes", line: Array, length_scale: float) -> None:
 
 
 @styled()
-def coupler_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
+def coupler_curve(mechanism: Mechanism, motion: Motion) -> "Figure":
     """Draw the paths of points: in their common plane if there is one, else seen along Z, X and Y.
 
     Args:
         mechanism: the mechanism with these points; gives the colours.
         motion: paths drawn as lines.
-        points: tracked points; None draws all.
     """
-    names, colours = chosen(motion, points), point_colours(mechanism)
+    names, colours = point_names(motion), point_colours(mechanism)
     positions = {name: motion.points[name].position for name in names}
     everything = np.vstack(list(positions.values()))
     factor, unit = readable(everything, "m")
@@ -220,116 +213,3 @@ def coupler_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | 
         ax.set_aspect("equal", adjustable="datalim")
     axes[0, 0].legend(loc="best")
     return figure
-
-
-# smallest gap in the angles of all curves, in [rad], at which a revolution is cut
-GAP = 0.2
-
-
-@dataclass(frozen=True, slots=True)
-class AssemblyTable:
-    """The data of a plot of assemblies; each table is column -> values in SI.
-
-    Attributes:
-        curves: one table for each curve.
-        units: column -> "rad", "m", or "" for an arc.
-        dead_centres: table of dead centres, where the crank turns back.
-        branch_points: table of branch points, where curves meet.
-    """
-
-    curves: Sequence[Mapping[str, Array]]
-    units: Mapping[str, str]
-    dead_centres: Mapping[str, Array] = field(default_factory=dict[str, Array])
-    branch_points: Mapping[str, Array] = field(default_factory=dict[str, Array])
-
-
-@styled()
-def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
-    """Draw all curves over two coordinates: dead centres as dots, branch points as rings.
-
-    Args:
-        table: data of the plot.
-        columns: two columns of it.
-
-    Raises:
-        InputError: for another number of them.
-    """
-    if len(columns) != 2:
-        raise InputError(f"{len(columns)} coordinates to plot over ({', '.join(columns)}); give two")
-    scales = [_Scale(table, name) for name in columns]
-    figure, axes = blank(1, 1, (6.0, 3.8))
-    ax: Any = axes[0, 0]
-    for i, curve in enumerate(table.curves):
-        line = _broken([scale.drawn(curve[scale.name]) for scale in scales])
-        # curves that coincide in these coordinates all stay visible
-        width = 1.4 + min(1.3 * (len(table.curves) - 1 - i), 5.2)
-        ax.plot(*line, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=width, label=f"component {i + 1}")
-    for marked, label, look in (
-        (table.dead_centres, "dead centre", {"ms": 5, "color": INK}),
-        (table.branch_points, "assemblies meet", {"ms": 9, "mfc": "none", "mew": 1.4, "color": INK}),
-    ):
-        if marked and len(marked[columns[0]]):
-            ax.plot(*(scale.drawn(marked[scale.name]) for scale in scales), "o", label=label, **look)
-    for axis, scale in zip("xy", scales, strict=True):
-        getattr(ax, f"set_{axis}label")(f"{scale.label} [{scale.unit}]" if scale.unit else scale.label)
-        if step := scale.interval:
-            getattr(ax, f"{axis}axis").set_major_locator(locator(step))
-    if {table.units[name] for name in columns} == {"m"}:
-        ax.set_aspect("equal", adjustable="datalim")
-    ax.legend(**LEGEND_RIGHT)
-    return figure
-
-
-class _Scale:
-    """Scale of a column: lengths in a readable unit, angles in degrees, cut where no curve passes."""
-
-    def __init__(self, table: AssemblyTable, name: str):
-        self.name = name
-        values = np.concatenate([curve[name] for curve in table.curves])
-        self.is_angle = table.units[name] == "rad"
-        # a coordinate that swings over more than a revolution, as a pinion on its rack, keeps its revolutions
-        gains = [abs(float(curve[name][-1] - curve[name][0])) for curve in table.curves]
-        wide = max(float(np.ptp(curve[name])) for curve in table.curves) > REVOLUTION
-        self.cut = self.is_angle and not (wide and max(gains) < np.pi)
-        self.label, self.low = ("crank angle", 0.0) if name == "angle" else (name, 0.0)
-        if self.is_angle:
-            self.factor, self.unit, self.low = np.pi / 180.0, "°", _cut(values)
-        else:
-            self.factor, self.unit = readable(values, "m") if table.units[name] == "m" else (1.0, "")
-        self.every = self.drawn(values)
-
-    def drawn(self, values: Array) -> Array:
-        """Return values in the numbers of the axis."""
-        if self.cut:
-            # a rounding error below the cut must not add a revolution
-            values = self.low + np.mod(values - self.low + ROUNDING, REVOLUTION) - ROUNDING
-        return values / self.factor
-
-    @property
-    def interval(self) -> float:
-        """Step of the ticks of an angle in degrees; 0 for the default of the axis."""
-        spread = float(np.ptp(self.every))
-        return (60.0 if spread > 200.0 else 30.0) if self.cut and spread > 90.0 else 0.0
-
-
-def _cut(values: Array) -> float:
-    """Return the angle in [rad] at which a revolution is cut: in the middle of the widest gap, or at zero."""
-    angles = np.sort(np.mod(values, REVOLUTION))
-    gaps = np.diff(angles, append=angles[0] + REVOLUTION)
-    widest = int(np.argmax(gaps))
-    if gaps[widest] < GAP:
-        return 0.0
-    cut = float(angles[widest] + 0.5 * gaps[widest])
-    # counted about zero
-    middle = cut + np.pi
-    return cut - REVOLUTION * float(np.round(middle / REVOLUTION))
-
-
-def _broken(columns: Sequence[Array]) -> list[Array]:
-    """Return columns with a gap wherever one of them jumps over the cut of its revolution."""
-    leaps = np.zeros(len(columns[0]) - 1, dtype=np.bool_)
-    for column in columns:
-        steps = np.abs(np.diff(column))
-        leaps |= steps > 0.5 * max(float(np.ptp(column)), 1e-300)
-    jumps = np.flatnonzero(leaps) + 1
-    return [np.insert(column, jumps, np.nan) for column in columns]

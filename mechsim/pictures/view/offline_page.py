@@ -17,7 +17,6 @@ from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
@@ -51,7 +50,6 @@ def page(view: View, library: str = "") -> str:
         title=view.title,
         version=__version__,
         facts=view.facts,
-        errors=[(grid.name, prefixed(grid.error, "m")) for grid in view.grids if np.isfinite(grid.error)],
         # no text of a mechanism may end its enclosing element
         data=data.replace("<", "\\u003c"),
         three="" if library else three_js(),

@@ -108,7 +108,6 @@ class PoseGrid:
         quaternion: link -> its orientation, (n, 4), scalar first.
         readouts: quantities shown as numbers and as curves.
         ghost: of another method; None without one.
-        error: largest position error between the nodes in [m], measured; NaN if it was not.
         note: further text on its source.
     """
 
@@ -118,7 +117,6 @@ class PoseGrid:
     quaternion: Mapping[str, Array]
     readouts: tuple[Readout, ...] = ()
     ghost: GhostTrack | None = None
-    error: float = float("nan")
     note: str = ""
 
 
@@ -161,42 +159,6 @@ class View:
     angles: Angles | None = None
     up: Up | None = None
     live: LivePage | None = None
-
-
-# number of nodes of cubic interpolation
-STENCIL = 4
-
-
-def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
-    """Return the nodes of a slider next to a value, four if there are as many, and their weights.
-
-    A ring goes on past its ends; its last node is its first.
-    """
-    nodes, n = slider.nodes, len(slider.nodes)
-    low = int(np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(n - 2, 0)))
-    count = min(STENCIL, n)
-    if slider.ring:
-        period, positions = nodes[-1] - nodes[0], range(low - 1, low - 1 + count)
-        revolutions = [i // (n - 1) for i in positions]
-        indices = [i % (n - 1) for i in positions]
-        where = [
-            float(nodes[i] + period * revolution) for i, revolution in zip(indices, revolutions, strict=True)
-        ]
-    else:
-        first = int(np.clip(low - 1, 0, n - count))
-        indices = list(range(first, first + count))
-        where = [float(nodes[i]) for i in indices]
-    weights = [
-        float(np.prod([(value - b) / (a - b) for k, b in enumerate(where) if k != j]))
-        for j, a in enumerate(where)
-    ]
-    return indices, weights
-
-
-def interpolated(slider: Slider, values: Array, setting: float) -> Array:
-    """Return values at the nodes of a slider, (n, c), at a setting between them, (c,)."""
-    indices, weights = stencil(slider, setting)
-    return np.array(weights) @ values[indices]
 
 
 def motion_grid(
@@ -258,22 +220,6 @@ def ghost_of(name: str, mechanism: Mechanism, shown: Motion, other: Motion) -> G
     rotation = {link: pair[1][rows] for link, pair in deviations.items()}
     nodes = shown.time if shown.drivers and shown.time is not None else shown.angle
     return GhostTrack(name, nodes[rows], shift, rotation, factor(mechanism, deviations))
-
-
-def between(grid: PoseGrid, exact: Motion, values: Array) -> float:
-    """Return the largest position error between the nodes of a slider, in [m].
-
-    Args:
-        grid: the poses at the nodes.
-        exact: the motion solved at values of the slider.
-        values: these values, (n,).
-    """
-    worst = 0.0
-    for link, moved in exact.links.items():
-        for i, value in enumerate(values):
-            approximate = interpolated(grid.slider, grid.position[link], float(value))
-            worst = max(worst, float(np.linalg.norm(approximate - moved.position[i])))
-    return worst
 
 
 def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:

@@ -22,7 +22,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import WEIGHT, Forces, forces_of
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.masses import STEEL, with_inertia
+from mechsim.model.masses import with_inertia
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import no_crank_range_error
 from mechsim.model.quantities import quantity, scalar_quantities, unknown
@@ -41,29 +41,6 @@ Columns = dict[str, Array]
 MAX_DISPLACEMENT = 0.5
 # suffix of the crank's name for the dimension that shifts its zero
 OFFSET = ".offset"
-
-
-@dataclass(frozen=True)
-class Loading:
-    """Inertia of the links, and applied forces.
-
-    Attributes:
-        forces: applied forces; None takes those of the file, or else weight.
-        density: of links without inertia, which count as round rods, in [kg/m3].
-        diameter: of these rods in [m]; None takes 0.05 of the characteristic length.
-    """
-
-    forces: Callable[[KinematicSolver], Forces] | None = None
-    density: float = STEEL
-    diameter: float | None = None
-
-    def acting(self, solver: KinematicSolver) -> Forces:
-        """Return the applied forces of a mechanism."""
-        return forces_of(solver) if self.forces is None else self.forces(solver)
-
-    def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
-        """Return a mechanism with masses and applied forces."""
-        return dynamic_model(solver, self.acting(solver), density=self.density, diameter=self.diameter)
 
 
 @dataclass(frozen=True)
@@ -87,18 +64,26 @@ class MovedFamily:
         designs: the parametric mechanism.
         angles: path parameters, (n,) in [rad].
         speed: crank speed in [rad/s]; motion laws have their own.
-        loading: masses and applied forces.
+        forces: applied forces; None takes those of the file, or else weight.
     """
 
     designs: DesignFamily
     angles: Array
     speed: float
-    loading: Loading = Loading()
+    forces: Forces | None = None
 
     @cached_property
     def solver(self) -> KinematicSolver:
         """The nominal mechanism."""
         return self.designs.make({})
+
+    def acting(self, solver: KinematicSolver) -> Forces:
+        """Return the applied forces of a mechanism."""
+        return self.forces or forces_of(solver)
+
+    def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
+        """Return a mechanism with masses and applied forces."""
+        return dynamic_model(solver, self.acting(solver))
 
     @cached_property
     def over(self) -> tuple[str, Array]:
@@ -136,7 +121,7 @@ class MovedFamily:
         )
         undetermined: set[str] = set()
         if any(component.loaded for component in quantities):
-            study = prescribed_along(self.loading.dynamic_model(self.solver), self.angles[:1], self.rate)
+            study = prescribed_along(self.dynamic_model(self.solver), self.angles[:1], self.rate)
             columns_known |= self._force_columns(dict(study.columns()))
             reactions = study.forces.reactions.items()
             undetermined = {
@@ -225,7 +210,7 @@ class MovedFamily:
         )
 
     def _forces(self, solver: KinematicSolver, ahead: float) -> InverseDynamics:
-        model = self.loading.dynamic_model(solver)
+        model = self.dynamic_model(solver)
         if self._nominal_unit_motion is not None:
             with suppress(AssemblyError):
                 unit = self._nominal_unit_motion.with_dimensions(solver.mechanism, ahead, MAX_DISPLACEMENT)
@@ -303,7 +288,7 @@ class MovedFamily:
                 by[name] |= record_columns(motion, quantities)
         if model_change is not None:
             unit = self._followed(self._nominal_unit_motion, solver, ahead, 1.0)
-            forces = forces_along(self.loading.dynamic_model(solver), unit, model_change, self.rate)
+            forces = forces_along(self.dynamic_model(solver), unit, model_change, self.rate)
             values |= self._force_columns(forces.columns)
             for name, moved in forces.by.items():
                 by[name] |= self._force_columns(moved)
@@ -326,16 +311,14 @@ class MovedFamily:
 
     def _numbers(self, designs: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
         """Return a function that gives the numbers of a dynamic model for dimensions."""
-        still = self.loading.acting(designs.make({}))
+        still = self.acting(designs.make({}))
 
         def numbers(values: Mapping[str, float]) -> Array:
-            mechanism = with_inertia(designs.describe(values), self.loading.density, self.loading.diameter)
+            mechanism = with_inertia(designs.describe(values))
             # if a file defines the forces, its dimensions may change them
             if designs.forces is None:
                 return model_numbers(mechanism, still)
-            if self.loading.forces is None:
-                return model_numbers(mechanism, designs.forces(values) or WEIGHT)
-            return model_numbers(mechanism, self.loading.acting(designs.make(values)))
+            return model_numbers(mechanism, self.forces or designs.forces(values) or WEIGHT)
 
         return numbers
 

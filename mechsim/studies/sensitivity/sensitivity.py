@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.designs import DesignFamily, Dimension
+from mechsim.analytic.designs import Dimension
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, needs
@@ -20,7 +20,6 @@ from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.studies.sensitivity.moved_family import (
-    Loading,
     MovedFamily,
     QuantityDerivatives,
     spread_instants,
@@ -185,20 +184,14 @@ def moved(
     designs = parametric_model(model)
     solver = designs.make({})
     if angles is None and t is None:
-        return moved_along(designs, spread_instants(solver), crank_speed, forces)
+        return MovedFamily(designs, spread_instants(solver), crank_speed, forces)
     path_speed = crank_speed if solver.motion_laws.crank else None
     parameter = np.atleast_1d(
         numbers(path_instants(solver.mechanism, solver.motion_laws, angles, path_speed, 0.0, t).parameter)
     )
     if parameter.ndim != 1 or not parameter.size or not np.isfinite(parameter).all():
         raise InputError(f"{designs.name}: angles must be a list of finite numbers; give them in [rad]")
-    return moved_along(designs, parameter, crank_speed, forces)
-
-
-def moved_along(designs: DesignFamily, parameter: Array, speed: float, forces: Forces | None) -> MovedFamily:
-    """Return a parametric model at values (n,) of its path parameter in [rad]."""
-    loading = Loading() if forces is None else Loading(lambda _: forces)
-    return MovedFamily(designs, parameter, speed, loading)
+    return MovedFamily(designs, parameter, crank_speed, forces)
 
 
 def sensitivity(

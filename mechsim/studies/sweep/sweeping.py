@@ -6,7 +6,6 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,15 +13,12 @@ import numpy as np
 
 from mechsim import units
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError, MechsimError
+from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import no_crank_range_error, within_range
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.run import simulate
 from mechsim.studies.sweep.designs import (
-    SEED,
     Designs,
     declared_units,
     grid_designs,
@@ -34,11 +30,10 @@ from mechsim.studies.sweep.designs import (
 from mechsim.studies.sweep.measures import measures
 from mechsim.studies.sweep.methods import (
     by_one_formula,
-    measured_alone,
     measured_designs,
     require_measurable,
 )
-from mechsim.studies.sweep.table import column_name, dataset, require_libraries, suffix_of, write_sweep
+from mechsim.studies.sweep.table import dataset, require_libraries, suffix_of, write_sweep
 from mechsim.studies.sweep.task import (
     BUILT,
     Measured,
@@ -47,7 +42,6 @@ from mechsim.studies.sweep.task import (
     nothing_measured,
     swept_subject,
 )
-from mechsim.verdict.crosscheck import crosscheck
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -245,94 +239,3 @@ def run_sweep(
 def built(result: Dataset) -> int:
     """Return the number of built designs in a sweep, including those whose cranks swing."""
     return int(np.count_nonzero(np.isin(result["outcome"].values.astype(str), BUILT)))
-
-
-# largest difference, relative to a measure's scale, between a design measured alone and together: both
-# satisfy the equations to rounding, which conditioning amplifies; measured 1e-12
-RELATIVE_TOLERANCE = 1e-9
-# the same for a crank that swings: a pose at a dead centre is accurate only to the square root of rounding
-RELATIVE_TOLERANCE_AT_ENDS = 1e-6
-
-
-@dataclass(frozen=True, slots=True)
-class CheckedDesigns:
-    """Result of a comparison of designs with MuJoCo's poses.
-
-    Attributes:
-        count: number of designs compared.
-        passed: number of designs that agree.
-        worst: the largest position error of any tracked point, in [m].
-        failed: index in the sweep -> reason why the design does not agree.
-    """
-
-    count: int
-    passed: int
-    worst: float
-    failed: dict[int, str]
-
-
-def check_sweep(task: SweepTask, result: Dataset, count: int) -> CheckedDesigns:
-    """Measure random built designs again, and compare their motions with MuJoCo's poses.
-
-    Args:
-        task: the sweep.
-        result: its result.
-        count: largest number of designs.
-    """
-    built = np.flatnonzero(np.isin(result["outcome"].values.ravel().astype(str), BUILT))
-    selected = np.random.default_rng(SEED).choice(built, min(count, len(built)), replace=False)
-    worst, failed = 0.0, dict[int, str]()
-    for i in np.sort(selected):
-        row = task.designs.rows(int(i), int(i) + 1)
-        try:
-            made = task.subject.design_family.make({name: float(values[0]) for name, values in row.items()})
-            solver = made.with_closed_guess()
-            distance, reason = _compared(task, solver)
-            worst, reason = (
-                max(worst, distance),
-                reason or _difference_from_table(task, solver, result, int(i)),
-            )
-        except MechsimError as error:
-            reason = str(error)
-        if reason:
-            failed[int(i)] = reason
-    return CheckedDesigns(len(selected), len(selected) - len(failed), worst, failed)
-
-
-def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
-    """Return the largest position error between both methods in [m], and the reason if they differ."""
-    arcs = solver.crank_range() if solver.motion_laws.crank else None
-    if arcs is None:
-        prescribed: dict[str, Any] = {"motion_laws": solver.motion_laws}
-    elif arcs.full:
-        prescribed = {"speed": task.path_speed}
-    elif arcs.arcs:
-        prescribed = {"profile": within_range(solver.mechanism, arcs, task.path_speed)}
-    else:
-        raise no_crank_range_error(solver.name)
-    run = simulate(solver, samples=task.samples, method="pose", **prescribed)
-    exact = solver.solve_as(run.motion)
-    verdict = crosscheck(run, exact)
-    distance = max(float(errors.max()) for errors in run.motion.position_errors(exact).values())
-    return distance, "" if verdict.passed else verdict.outcome
-
-
-def _difference_from_table(task: SweepTask, solver: KinematicSolver, result: Dataset, i: int) -> str:
-    """Return the first measure of a single design that differs from the table, as text, or ""."""
-    values, outcome, _ = measured_alone(task, solver)
-    tolerance = RELATIVE_TOLERANCE_AT_ENDS if outcome == "swings" else RELATIVE_TOLERANCE
-    scales = {
-        "rad": 1.0,
-        "m": solver.mechanism.characteristic_length,
-        "rad/s": task.path_speed,
-        "rad/s2": task.path_speed**2,
-    }
-    scales |= {
-        "m/s": solver.mechanism.characteristic_length * task.path_speed,
-        "m/s2": solver.mechanism.characteristic_length * task.path_speed**2,
-    }
-    for measure in task.measures:
-        tabulated, single = float(result[column_name(measure.name)].values.ravel()[i]), values[measure.name]
-        if not abs(tabulated - single) <= tolerance * (abs(single) + abs(scales.get(measure.unit, 0.0))):
-            return f"{measure.name} is {tabulated:.12g} in the table and {single:.12g} for the single design"
-    return ""

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from slider_interpolation import interpolated
 
-from mechsim.pictures.view.pose_grid import Slider, interpolated, quaternions
+from mechsim.pictures.view.pose_grid import Slider, quaternions
 
 RANDOM = np.random.default_rng(5)
 

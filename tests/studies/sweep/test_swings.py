@@ -6,7 +6,8 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.studies.sweep import methods
-from mechsim.studies.sweep.sweeping import built, check_sweep, run_sweep, swept_task
+from mechsim.studies.sweep.sweeping import built, run_sweep, swept_task
+from mechsim.studies.sweep.task import nothing_measured
 
 FOUR_BAR = model_text("swings_four_bar.toml")
 ROCKERS = np.linspace(0.033, 0.037, 5)
@@ -54,15 +55,15 @@ def test_swinging_designs_are_batched_over_their_reachable_range(model, monkeypa
 
 @pytest.mark.long
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
-def test_swinging_designs_agree_with_mujoco_and_single_designs(model):
+def test_designs_measured_together_agree_with_single_designs(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
     result = run_sweep(task)
     assert result["outcome"].values.tolist() == ["swings", "passed"]
-    checked = check_sweep(task, result, 2)
-    assert checked.passed == checked.count == 2, checked.failed
-    broken = result.copy(deep=True)
-    broken["range:rocker"][0] += 1e-4
-    assert check_sweep(task, broken, 2).passed == 1
+    single = nothing_measured(task, 2)
+    methods.one_by_one(task, task.designs.rows(0, 2), np.arange(2), single)
+    for name, values in single.values.items():
+        # a pose at a dead centre is accurate only to the square root of rounding
+        np.testing.assert_allclose(result[name], values, rtol=1e-6)
 
 
 def test_a_design_without_a_closed_position_cannot_assemble():
