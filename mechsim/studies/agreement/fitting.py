@@ -143,11 +143,6 @@ def _jacobian(misfit: Misfit, hypothesis: Hypothesis, current: _FitTrial) -> Arr
 
 
 def linearly_explains(misfit: Misfit, jacobian: Array) -> float:
-    """Return the fraction of a misfit that derivatives (m, p) explain to first order.
-
-    With noise, a cause counts in full if its fit is better than chance: by more than `ODDS` in chi squared.
-    """
+    """Return the fraction of a misfit that derivatives (m, p) explain to first order."""
     solution = np.linalg.lstsq(jacobian, misfit.before, rcond=1e-10)[0]
-    remaining = rms(misfit.before - jacobian @ solution)
-    gain = len(misfit.before) * (misfit.magnitude**2 - remaining**2)
-    return 1.0 - remaining / misfit.magnitude + (1.0 if misfit.noisy and gain > ODDS else 0.0)
+    return 1.0 - rms(misfit.before - jacobian @ solution) / misfit.magnitude
