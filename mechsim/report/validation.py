@@ -2,10 +2,15 @@
 
 import io
 import math
-from collections.abc import Callable, Mapping
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +31,6 @@ from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.validate import Validation
 
-if TYPE_CHECKING:
-    pass
-
 Drawing = TypeVar("Drawing")
 # pixels of a picture
 RESOLUTION = (640, 480)
@@ -37,6 +39,8 @@ UNSTEPPED_PLOTS = ("curve",)
 # colours of a plot, and quality of a picture, in WebP: over the mechanisms of the default run the plots take
 # half of their size in SVG, the pictures a quarter of their size in PNG
 PLOT_COLOURS, PICTURE_QUALITY = 32, 80
+# number of mechanisms from which on several processes draw
+MIN_SHARED = 4
 # points whose displacement, velocity and acceleration are drawn: the last ones, mostly the output
 MAX_POINTS = 2
 # plots of a comparison: of the quantities with the largest error / tolerance
@@ -64,18 +68,41 @@ def write_validation_report(
         sentence names the package that brings it.
     """
     folder.mkdir(exist_ok=True)
-    notes: list[str] = []
+    notes: dict[str, None] = {}
     sections: list[Section] = []
-    for name, case in cases.items():
-        sections.append(_section(folder, name, case, notes))
-        progress(name, len(sections) / len(cases))
-    write_report(folder, results, sections, notes=notes)
-    return notes
+    for section, own in _sections(folder, cases):
+        sections.append(section)
+        notes.update(dict.fromkeys(own))
+        progress(section.name, len(sections) / len(cases))
+    write_report(folder, results, sections, notes=[*notes])
+    return [*notes]
 
 
-def _section(folder: Path, name: str, case: Validation, notes: list[str]) -> Section:
-    """Return the section of a mechanism, and write its interactive view."""
-    return Section(
+def _sections(folder: Path, cases: Mapping[str, Validation]) -> Iterator[tuple[Section, list[str]]]:
+    """Yield the section and the notes of each mechanism; where processes fork, one for each core draws.
+
+    A forked process has the mechanisms already; they contain functions, which cannot be sent to another one.
+    """
+    _CASES.update(cases)
+    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1
+    if cores == 1 or len(cases) < MIN_SHARED:
+        yield from (_section(folder, name) for name in cases)
+        return
+    with ProcessPoolExecutor(cores, get_context("fork")) as pool, warnings.catch_warnings():
+        # the threads of the linear algebra are idle
+        warnings.filterwarnings("ignore", ".*multi-threaded", DeprecationWarning)
+        drawn = [pool.submit(_section, folder, name) for name in cases]
+        yield from (section.result() for section in drawn)
+
+
+# the mechanisms of a page, for the processes that draw it
+_CASES: dict[str, Validation] = {}
+
+
+def _section(folder: Path, name: str) -> tuple[Section, list[str]]:
+    """Return the section of a mechanism and its notes, and write its interactive view."""
+    case, notes = _CASES[name], list[str]()
+    section = Section(
         name=name,
         title=name,
         about=about(case.solver),
@@ -86,6 +113,7 @@ def _section(folder: Path, name: str, case: Validation, notes: list[str]) -> Sec
         checks=case.verdict.checks,
         settings=_settings(case),
     )
+    return section, notes
 
 
 def _drawn(draw: Callable[[], Drawing], notes: list[str]) -> Drawing | None:

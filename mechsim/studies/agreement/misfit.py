@@ -93,9 +93,9 @@ class Misfit:
         """Return the largest error relative to its tolerance; of vectors their length."""
         kept = slice(None) if rows is None else rows
         largest = [0.0]
-        for candidate, values, bound in zip(self.candidates, predicted, self.bounds, strict=True):
+        for candidate, values, limit in zip(self.candidates, predicted, self.bounds, strict=True):
             error = candidate_errors(candidate.quantity, candidate.values, values)
-            scaled = (error / bound)[kept]
+            scaled = (error / limit)[kept]
             largest.append(float(np.sqrt((scaled**2).sum(1)).max(initial=0.0)))
         return max(largest)
 
