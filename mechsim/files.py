@@ -307,21 +307,27 @@ def read_text(path: str | Path, kind: str, largest: int | None = None) -> str:
     Raises:
         InputError: for a missing or too large file, or one that is no text.
     """
+    require_file(path, kind, largest)
     try:
-        status = os.stat(path)
-        if not stat.S_ISREG(status.st_mode):
-            raise InputError(f"{path} is no regular file; name {kind}")
-        if largest is not None and status.st_size > largest:
-            raise InputError(f"{path} has {status.st_size} bytes; {kind} has {largest} at most")
         return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}; name {kind}") from None
     except UnicodeDecodeError:
         raise InputError(f"{path} is not text in UTF-8; name {kind} in that encoding") from None
-    except InputError:
-        raise
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+
+
+def require_file(path: str | Path, kind: str, largest: int | None = None) -> None:
+    """Raise InputError for what is no regular file or exceeds a size in bytes; arguments of `read_text`."""
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise InputError(f"there is no file {path}; name {kind}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path} is no regular file; name {kind}")
+    if largest is not None and status.st_size > largest:
+        raise InputError(f"{path} has {status.st_size} bytes; {kind} has {largest} at most")
 
 
 def read_rows(path: str | Path, kind: str) -> list[list[str]]:

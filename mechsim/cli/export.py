@@ -37,7 +37,7 @@ class ExportOptions:
         "A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose passive "
         "joints follow polynomials.",
         name="--format",
-        metavar="xml|toml|sdf|mjcf-tree|urdf",
+        metavar="xml|toml|sdf|usda|mjcf-tree|urdf",
     )
     independent: str | None = option(
         None,
@@ -73,8 +73,8 @@ def export(
         str,
         typer.Argument(
             metavar="MODEL",
-            help="A name from `mechsim list`, FILE.toml, .xml, .urdf, .sdf or FILE.py:OBJECT, which is "
-            "code and is run.",
+            help="A name from `mechsim list`, FILE.toml, .xml, .urdf, .sdf, .usd or FILE.py:OBJECT, "
+            "which is code and is run.",
         ),
     ],
     *,

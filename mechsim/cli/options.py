@@ -100,8 +100,8 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="A name from `mechsim list`, FILE.toml, .xml (MJCF), .urdf, .sdf, .json, .pmks or "
-        "FILE.py:OBJECT, which is code and is run.",
+        help="A name from `mechsim list`, FILE.toml, .xml (MJCF), .urdf, .sdf, .usd, .json, "
+        ".pmks or FILE.py:OBJECT, which is code and is run.",
         autocompletion=complete_models,
     ),
 ]

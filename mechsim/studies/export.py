@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError
+from mechsim.errors import InputError, needs
 from mechsim.model.mechanism import Mechanism, require_polynomials
 from mechsim.model.scene import Level, Scene
 from mechsim.simulation.mjcf.compiling import to_xml
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
 SERIAL_FORMATS = ("mjcf-tree", "urdf")
-FORMATS = ("xml", "toml", "sdf", *SERIAL_FORMATS)
+FORMATS = ("xml", "toml", "sdf", "usda", *SERIAL_FORMATS)
 STYLES = ("plain", "menagerie")
 
 
@@ -76,7 +76,7 @@ def export(
         model: any argument of `load`.
         output: path of the file; None writes none.
         set: parameter -> its value, as for `load`.
-        format: "xml", "toml" or "sdf"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
+        format: "xml", "toml", "sdf" or "usda"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
         independent: joints of the twin that move freely, with ranges in SI or text; by default those with
             actuators, within their limits.
         style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms.
@@ -114,7 +114,7 @@ def export(
         contents = _Contents(scene, settings, timestep, speed)
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = _exported(solver, format, style, contents)
-        if format != "sdf":
+        if format not in ("sdf", "usda"):
             own = left_out if format == "toml" else _friction_left_out(solver, scene)
             result = replace(result, left_out=own)
     if output is not None:
@@ -153,15 +153,24 @@ def _exported(solver: KinematicSolver, format: str, style: str, contents: _Conte
         return ExportedModel(solver.name, format, _menagerie_text(solver, contents))
     if style != "plain":
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
-    if format == "sdf":
-        from mechsim.subjects.sdf_writer import to_sdf
-
-        text, left_out = to_sdf(solver)
+    if format in ("sdf", "usda"):
+        text, left_out = _text_of_joints(solver, format)
         return ExportedModel(solver.name, format, text, left_out=left_out)
     if format == "toml":
         text = to_toml(solver)
         return ExportedModel(solver.name, format, text)
     return ExportedModel(solver.name, format, _mjcf_text(solver, contents))
+
+
+def _text_of_joints(solver: KinematicSolver, format: str) -> tuple[str, str]:
+    """Return a mechanism as SDF or USD text, and a sentence on what is left out."""
+    if format == "sdf":
+        from mechsim.subjects.sdf_writer import to_sdf
+
+        return to_sdf(solver)
+    with needs("usd"):
+        from mechsim.subjects.usd_writer import to_usd
+    return to_usd(solver)
 
 
 def _with_formula_from(solver: KinematicSolver, folder: Path) -> tuple[KinematicSolver, str]:

@@ -150,6 +150,7 @@ READERS: list[Reader] = [
     ),
     Reader("mechsim.subjects.formula_file:open_python", suffixes=(".py",)),
     Reader("mechsim.subjects.sdf_reader:open_sdf", suffixes=(".sdf",)),
+    Reader("mechsim.subjects.usd_reader:open_usd", suffixes=(".usda", ".usdc", ".usdz", ".usd")),
     Reader("mechsim.subjects.planar_json:open_json", suffixes=(".json", ".pmks")),
     Reader(
         "mechsim.subjects.python_object:GivenObject",

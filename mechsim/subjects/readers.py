@@ -96,11 +96,11 @@ def load(
     """Return the solver of a model.
 
     Args:
-        model: a name of the catalogue or the gallery; FILE.toml; FILE.xml in MJCF; FILE.urdf; FILE.sdf; a
-            planar linkage in FILE.json or FILE.pmks; or FILE.py:OBJECT. The object is a Mechanism, an object
-            of the catalogue, or a function that returns one; arguments with numbers as defaults are
-            parameters (the Python file is run). Also such an object itself, a `mujoco.MjSpec`, or the
-            `mujoco.MjModel` that MuJoCo loaded last.
+        model: a name of the catalogue or the gallery; FILE.toml; FILE.xml in MJCF; FILE.urdf; FILE.sdf;
+            FILE.usd; a planar linkage in FILE.json or FILE.pmks; or FILE.py:OBJECT. The object is a
+            Mechanism, an object of the catalogue, or a function that returns one; arguments with numbers as
+            defaults are parameters (the Python file is run). Also such an object itself, a `mujoco.MjSpec`,
+            or the `mujoco.MjModel` that MuJoCo loaded last.
         set: parameter -> its value as text, as in `--set`, or a number in SI;
             docs/reference/toml.md states the rule for numbers without a unit.
         drive: coordinate -> its motion law: text as in `--drive`, or a function of times (n,) in [s]

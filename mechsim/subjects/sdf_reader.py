@@ -7,26 +7,24 @@ Source: SDFormat 1.11, "Specifying pose: semantics", sdformat.org.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-import networkx as nx
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, several
 from mechsim.files import read_text
-from mechsim.model.forces import Forces, JointSpring
+from mechsim.model.forces import JointSpring
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Coupling, End, Joint
+from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Pose, Vector, vector
-from mechsim.model.mechanism import Mechanism, against
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelSource, PlainFile
+from mechsim.subjects.plain_joints import FileContents
 
 # elements and attribute of mechsim: drivers, positions of joints at the poses of the file, names
 NAMESPACE = "mechsim"
@@ -57,18 +55,6 @@ def open_sdf(path: str) -> ModelSource:
     return PlainFile(path, _solver)
 
 
-@dataclass
-class _JointContents:
-    """What joints contribute to a mechanism."""
-
-    joints: list[Joint] = field(default_factory=list[Joint])
-    positions: dict[str, float] = field(default_factory=dict[str, float])
-    followers: dict[str, Element] = field(default_factory=dict[str, Element])
-    friction: list[Friction] = field(default_factory=list[Friction])
-    springs: list[JointSpring] = field(default_factory=list[JointSpring])
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
-
-
 def _solver(path: str) -> KinematicSolver:
     """Return the mechanism of a file, its forces and limits, and a sentence on what is not read."""
     try:
@@ -84,37 +70,20 @@ def _solver(path: str) -> KinematicSolver:
     (model,) = models
     frames = {each.get("name", ""): each for each in model if each.tag in ("link", "joint", "frame")}
     bodies = {_label(link): _placed(model, frames, link.get("name", ""))[1] for link in model.findall("link")}
-    contents = _JointContents()
+    gravity = _floats(root.findtext(".//gravity", GRAVITY), 3, "gravity")
+    contents = FileContents(_label(model), gravity, poses=bodies)
+    contents.links += [Link(_label(link), inertia=_inertia(link)) for link in model.findall("link")]
     for element in model.findall("joint"):
-        _add_joint(contents, element, model, frames, {GROUND: IDENTITY, **bodies})
-    graph = nx.Graph(
-        [*(joint.links for joint in contents.joints), *((link, link) for link in (GROUND, *bodies))]
-    )
-    for group in nx.connected_components(graph):
-        if GROUND not in group:
-            link = next(link for link in bodies if link in group)
-            contents.joints.append(Joint(f"{link}_floating", "floating", End(GROUND), End(link)))
-    laws = [_mimic(name, mimic, frames, contents) for name, mimic in contents.followers.items()]
-    gravity = vector(_floats(root.findtext(".//gravity", GRAVITY), 3, "gravity"))
-    points: dict[str, tuple[str, Vector]] = {}
+        _add_joint(contents, element, model, frames)
+    for element in model.findall("joint"):
+        mimic = element.find("axis/mimic")
+        if mimic is not None:
+            _add_mimic(contents, _label(element), mimic, frames)
     for frame in model.findall("frame"):
         link, pose = _placed(model, frames, frame.get("name", ""))
-        points[_label(frame)] = link, _in_body(bodies.get(link, IDENTITY), pose.position)
-    drivers = tuple((each.text or "").strip() for each in model.findall(DRIVER))
-    links = tuple(Link(_label(link), inertia=_inertia(link)) for link in model.findall("link"))
-    mechanism = Mechanism(
-        *(_label(model), links, tuple(contents.joints), drivers, points),
-        guess=bodies,
-        couplings=tuple(laws),
-        guess_coordinates=contents.positions,
-        up=against(gravity) or "z",
-    )
-    if drivers and mechanism.has_crank:
-        mechanism = replace(mechanism, start=contents.positions[drivers[0]])
-    forces = Forces(gravity=gravity, friction=tuple(contents.friction), joint_springs=tuple(contents.springs))
-    unread = ", ".join(sorted({*_unread(model)}))
-    facts = (f"not read: {unread}",) if unread else ()
-    return KinematicSolver(mechanism, forces=forces, ranges=contents.ranges, facts=facts)
+        contents.points[_label(frame)] = link, _in_body(bodies.get(link, IDENTITY), pose.position)
+    contents.drivers = tuple((each.text or "").strip() for each in model.findall(DRIVER))
+    return contents.solver(_unread(model))
 
 
 def _placed(
@@ -138,11 +107,7 @@ def _placed(
 
 
 def _add_joint(
-    contents: _JointContents,
-    element: Element,
-    model: Element,
-    frames: Mapping[str, Element],
-    bodies: Mapping[str, Pose],
+    contents: FileContents, element: Element, model: Element, frames: Mapping[str, Element]
 ) -> None:
     """Add a joint, and what its axis states."""
     name, kind = _label(element), KIND_OF.get(element.get("type", ""))
@@ -160,7 +125,7 @@ def _add_joint(
     rotated = Rotation.from_rotvec(axes[0] * position).apply(x) if KINDS[kind].hinge else x
     # at the poses of the file the coordinate is the position that mechsim wrote, else zero
     starts = own.position - (0.0 if KINDS[kind].hinge else position) * axes[0], own.position
-    ends: list[End] = []
+    bodies, ends = {GROUND: IDENTITY, **contents.poses}, list[End]()
     for link, start, axis, reference in zip(sides, starts, axes, (x, rotated), strict=True):
         own_axes = bodies[link].rotation.T
         toward = None if crossed else vector(own_axes @ reference)
@@ -171,9 +136,6 @@ def _add_joint(
     if not single or axis is None:
         return
     contents.positions[name] = position
-    mimic = axis.find("mimic")
-    if mimic is not None:
-        contents.followers[name] = mimic
     low, high = (position + _number(axis, f"limit/{side}", sign * np.inf) for side, sign in LIMITS)
     if low > -UNLIMITED or high < UNLIMITED:
         contents.ranges[name] = low if low > -UNLIMITED else -np.inf, high if high < UNLIMITED else np.inf
@@ -198,17 +160,13 @@ def _axis(axis: Element | None) -> Array:
     return direction / length
 
 
-def _mimic(name: str, mimic: Element, frames: Mapping[str, Element], contents: _JointContents) -> Coupling:
-    """Return the coupling of a joint that follows another: p = multiplier (p' - reference) + offset."""
-    element = frames.get(mimic.get("joint", ""))
-    leader = "" if element is None else _label(element)
-    if leader not in contents.positions:
-        raise InputError(f"joint {name} mimics {mimic.get('joint')!r}, which is no joint with one axis")
-    positions, ratio = contents.positions, _number(mimic, "multiplier", 1.0)
-    zeros = positions[name] + _number(mimic, "offset"), positions[leader] + _number(mimic, "reference")
-    both = [joint for joint in contents.joints if joint.name in (name, leader)]
-    turns = all(KINDS[joint.kind].hinge for joint in both)
-    return Coupling(f"{name} mimic", name, leader, (0.0, ratio), zeros, turns)
+def _add_mimic(contents: FileContents, name: str, mimic: Element, frames: Mapping[str, Element]) -> None:
+    """Add the coupling of a joint that follows another: p = multiplier (p' - reference) + offset."""
+    leader = mimic.get("joint", "")
+    leader = _label(frames[leader]) if leader in frames else leader
+    zeros = _number(mimic, "offset"), _number(mimic, "reference")
+    zeros = contents.positions.get(name, 0.0) + zeros[0], contents.positions.get(leader, 0.0) + zeros[1]
+    contents.follow(name, leader, _number(mimic, "multiplier", 1.0), zeros)
 
 
 def _inertia(link: Element) -> Inertia | None:

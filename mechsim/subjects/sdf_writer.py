@@ -1,7 +1,6 @@
 """Mechanisms as SDF text: links at their poses at the start, and all joints, also those that close loops."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -14,16 +13,14 @@ from mechsim.errors import InputError
 from mechsim.model.forces import forces_of
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Inertia, Link, Pose
+from mechsim.model.links import GROUND, IDENTITY, Inertia, Pose
 from mechsim.model.masses import with_inertia
-from mechsim.model.mechanism import Mechanism
+from mechsim.subjects.plain_joints import BETWEEN, leaders, left_out, split_joints, unique_name
 from mechsim.subjects.sdf_reader import KIND_OF, MOMENTS, NAMESPACE
 
 # version of the format, the first with joints that follow others
 VERSION = "1.11"
 TYPE_OF = {kind: name for name, kind in KIND_OF.items() if name != "continuous"}
-# inertia of the link between the slide and the hinge of a cylindrical joint
-BETWEEN = Inertia(1e-6, ORIGIN, ((1e-9, 0.0, 0.0), (0.0, 1e-9, 0.0), (0.0, 0.0, 1e-9)))
 
 
 def to_sdf(solver: KinematicSolver) -> tuple[str, str]:
@@ -35,18 +32,7 @@ def to_sdf(solver: KinematicSolver) -> tuple[str, str]:
     """
     mechanism = with_inertia(solver.mechanism)
     assembled, values = start_poses(mechanism)
-    poses = {GROUND: IDENTITY, **assembled}
-    links, joints = [*mechanism.links], list[Joint]()
-    for joint in mechanism.joints:
-        if joint.kind == "cylindrical":
-            between = Link(f"{joint.name} between", inertia=BETWEEN)
-            links.append(between)
-            poses[between.name] = poses[joint.b.link]
-            side = replace(joint.b, link=between.name)
-            joints.append(Joint(f"{joint.name}.way", "prismatic", joint.a, side))
-            joints.append(Joint(f"{joint.name}.turn", "revolute", side, joint.b))
-        elif joint.kind != "floating":
-            joints.append(joint)
+    links, joints, poses = split_joints(mechanism, {GROUND: IDENTITY, **assembled}, ("cylindrical",))
     root = Element("sdf", {"version": VERSION, "xmlns:mechsim": NAMESPACE})
     world = SubElement(root, "world", name="default")
     _add(world, "gravity", *forces_of(solver).gravity)
@@ -58,30 +44,25 @@ def to_sdf(solver: KinematicSolver) -> tuple[str, str]:
         element = SubElement(model, "link", name=link.name)
         _add_pose(element, poses[link.name])
         _add_inertia(element, link.inertia or BETWEEN)
-    leaders = _leaders(mechanism)
-    names = {joint.name: _unique(joint.name, "joint", unique) for joint in joints}
+    followed = leaders(mechanism, "SDF")
+    names = {joint.name: unique_name(joint.name, "joint", unique) for joint in joints}
     for joint in joints:
         element = _add_joint(model, joint, names[joint.name], poses)
         if KINDS[joint.kind].single:
             _add(element, "mechsim:position", values[joint.name])
             (axis,) = element.findall("axis")
             _add_axis_data(axis, joint.name, solver, values[joint.name])
-            if joint.name in leaders:
-                leader, ratio = leaders[joint.name]
+            if joint.name in followed:
+                leader, ratio = followed[joint.name]
                 _add(SubElement(axis, "mimic", joint=names[leader]), "multiplier", ratio)
     for name, (link, point) in mechanism.points.items():
-        frame = SubElement(model, "frame", name=_unique(name, "frame", unique), attached_to=_in_world(link))
+        frame = SubElement(
+            model, "frame", name=unique_name(name, "frame", unique), attached_to=_in_world(link)
+        )
         frame.set("mechsim:name", name)
         _add_pose(frame, Pose(np.array(point), np.eye(3)))
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n", _left_out(solver)
-
-
-def _unique(name: str, kind: str, unique: dict[str, str]) -> str:
-    """Return a name that no other element has, which SDF requires, and add it to those in use."""
-    while name in unique:
-        name = f"{name}_{kind}"
-    return unique.setdefault(name, name)
+    return ElementTree.tostring(root, encoding="unicode") + "\n", left_out(solver, "SDF", coulomb=True)
 
 
 def _in_world(link: str) -> str:
@@ -139,32 +120,3 @@ def _add_axis_data(axis: Element, name: str, solver: KinematicSolver, value: flo
     for spring in (spring for spring in forces.joint_springs if spring.joint == name):
         _add(dynamics, "spring_reference", spring.rest - value)
         _add(dynamics, "spring_stiffness", spring.stiffness)
-
-
-def _leaders(mechanism: Mechanism) -> dict[str, tuple[str, float]]:
-    """Return joint -> the joint that it follows, and the ratio."""
-    single = {joint.name for joint in mechanism.joints if KINDS[joint.kind].single}
-    leaders: dict[str, tuple[str, float]] = {}
-    for law in mechanism.laws:
-        plain = len(law.coefficients) == 2 and not law.function and not law.rope
-        if not plain or not all(isinstance(side, str) and side in single for side in (law.left, law.right)):
-            raise InputError(
-                f"coupling {law.name} is not linear between two joints, as in SDF; export it to TOML"
-            )
-        leaders[str(law.left)] = str(law.right), law.ratio
-    return leaders
-
-
-def _left_out(solver: KinematicSolver) -> str:
-    """Return a sentence on what SDF cannot contain; empty if there is nothing."""
-    forces = forces_of(solver)
-    present = {
-        "springs between points": forces.springs or forces.nonlinear_springs,
-        "loads": forces.load_profiles,
-        "motors and controllers": forces.replaced_by_motion or forces.controllers or forces.flywheel,
-        "friction by load and rate": [friction for friction in forces.friction if friction.varies],
-        "locked coordinates": solver.mechanism.locked,
-        "motion laws": not solver.motion_laws.crank,
-    }
-    names = ", ".join(name for name, exists in present.items() if exists)
-    return f"left out, because SDF has no place for it: {names}" if names else ""

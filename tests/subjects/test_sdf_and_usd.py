@@ -1,4 +1,4 @@
-"""SDF files: what mechsim writes has the same loops when read; poses, frames and axes of others are read."""
+"""SDF and USD files: what mechsim writes has the same loops when read; those of others are read."""
 
 import re
 
@@ -15,6 +15,7 @@ from mechsim.subjects import catalog, gallery
 from mechsim.subjects.readers import load
 
 # couplings by a function, and a rope
+FORMATS = ("sdf", "usda")
 NOT_LINEAR = {"cam_follower", "geneva_drive", "hoist"}
 NAMES = [name for name in (*catalog.MECHANISMS, *gallery.files()) if name not in NOT_LINEAR]
 
@@ -46,11 +47,12 @@ def mobility(solver):
     return dof_count(solver.mechanism, sample).mobility
 
 
+@pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("name", NAMES)
-def test_a_written_mechanism_has_the_same_mobility_and_points(name, tmp_path):
+def test_a_written_mechanism_has_the_same_mobility_and_points(name, format, tmp_path):
     exact = load(name)
-    export(exact, tmp_path / "m.sdf", format="sdf")
-    read = load(tmp_path / "m.sdf", still=True)
+    export(exact, tmp_path / f"m.{format}", format=format)
+    read = load(tmp_path / f"m.{format}", still=True)
     assert mobility(read) == mobility(exact)
     assert read.mechanism.drivers == exact.mechanism.drivers
     assert read.mechanism.points.keys() == exact.mechanism.points.keys()
@@ -60,14 +62,15 @@ def test_a_written_mechanism_has_the_same_mobility_and_points(name, tmp_path):
         assert np.abs(pose.rotation - poses[link].rotation).max() <= 1e-12
 
 
+@pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize(
     "name",
     ["four_bar", "rssr", "looper", "warp_knitter", "planetary_gear", "rack_steering", "rsur", "quick_return"],
 )
-def test_a_written_mechanism_moves_alike_over_a_revolution(name, tmp_path):
+def test_a_written_mechanism_moves_alike_over_a_revolution(name, format, tmp_path):
     exact = load(name)
-    export(exact, tmp_path / "m.sdf", format="sdf")
-    read = load(tmp_path / "m.sdf")
+    export(exact, tmp_path / f"m.{format}", format=format)
+    read = load(tmp_path / f"m.{format}")
     angles = exact.mechanism.start + np.linspace(0.0, 2.0 * np.pi if exact.crank_range().full else 0.4, 37)
     before, after = exact.solve(angles, 3.0), read.solve(angles, 3.0)
     for point, motion in before.points.items():
@@ -94,14 +97,17 @@ def test_without_its_own_elements_a_file_has_the_same_loops_and_joints_at_zero(t
         assert np.abs(gap).max() <= 1e-12
 
 
-def test_friction_springs_limits_and_gravity_return(tmp_path):
+@pytest.mark.parametrize(("format", "coulomb"), [("sdf", 0.5), ("usda", 0.0)])
+def test_friction_springs_limits_and_gravity_return(format, coulomb, tmp_path):
     path = tmp_path / "slider.toml"
-    forces = "\n[forces]\ngravity = [0, 0, -9.81]\nfriction.slide = { viscous = 2.0, coulomb = 0.5 }\n"
+    friction = f"{{ viscous = 2.0, coulomb = {coulomb} }}"
+    forces = f"\n[forces]\ngravity = [0, 0, -9.81]\nfriction.slide = {friction}\n"
     forces += "[forces.joint_springs.crank]\nstiffness = 3.0\nrest = 0.4\n"
     path.write_text(export("slider_crank", format="toml").text + forces)
     exact = load(path)
-    export(exact, tmp_path / "m.sdf", format="sdf")
-    read = load(tmp_path / "m.sdf")
+    export(exact, tmp_path / f"m.{format}", format=format)
+    read = load(tmp_path / f"m.{format}")
+    assert read.ranges == exact.ranges
     torques = [
         dynamics.prescribed(dynamics.dynamic_model(solver), np.linspace(0.2, 6.0, 50), 5.0).forces.torque
         for solver in (exact, read)
@@ -177,3 +183,149 @@ def test_what_sdf_does_not_have_is_stated(tmp_path):
     assert "motion laws" in export("delta_robot", format="sdf").left_out
     with pytest.raises(InputError, match="--scene, --speed and settings are for MuJoCo models"):
         export("four_bar", format="sdf", speed="600rpm")
+    friction = export("slider_crank", format="toml").text + "\n[forces]\nfriction.slide = { coulomb = 2.0 }\n"
+    (tmp_path / "rough.toml").write_text(friction)
+    assert "constant friction" in export(tmp_path / "rough.toml", format="usda").left_out
+
+
+# a crank about x at the height 0.5 m, in cm and g, y up; its group is rotated and scaled
+CRANK = """#usda 1.0
+( defaultPrim = "rig"
+  metersPerUnit = 0.01
+  kilogramsPerUnit = 0.001
+  upAxis = "Y" )
+def Xform "rig" {
+  def PhysicsScene "scene" {}
+  def Xform "group" {
+    double3 xformOp:translate = (0, 50, 0)
+    float xformOp:rotateY = 90
+    double3 xformOp:scale = (2, 2, 2)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:scale"]
+    def Xform "crank" (
+      prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsCollisionAPI"]
+    ) {
+      float physics:mass = 2000
+      point3f physics:centerOfMass = (1, 2, 3)
+      float3 physics:diagonalInertia = (100, 200, 250)
+      quatf physics:principalAxes = (0.70710677, 0, 0, 0.70710677)
+      def Xform "pin" {
+        double3 xformOp:translate = (0, 5, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+      }
+    }
+    def Xform "rod" ( prepend apiSchemas = ["PhysicsRigidBodyAPI"] ) {
+      double3 xformOp:translate = (0, 5, 0)
+      uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+  }
+  def PhysicsRevoluteJoint "shaft" ( prepend apiSchemas = ["PhysicsDriveAPI:angular"] ) {
+    rel physics:body0 = </rig>
+    rel physics:body1 = </rig/group/crank>
+    point3f physics:localPos0 = (0, 50, 0)
+    quatf physics:localRot0 = (0.70710677, 0, 0.70710677, 0)
+    uniform token physics:axis = "Z"
+    float physics:lowerLimit = -60
+    float physics:upperLimit = 90
+    float drive:angular:physics:stiffness = 3000
+    float drive:angular:physics:damping = 1000
+    float drive:angular:physics:targetPosition = 30
+  }
+  def PhysicsJoint "wrist" ( prepend apiSchemas = ["PhysicsLimitAPI:transX", "PhysicsLimitAPI:transY",
+      "PhysicsLimitAPI:transZ", "PhysicsLimitAPI:rotX", "PhysicsLimitAPI:rotY"] ) {
+    rel physics:body0 = </rig/group/crank/pin>
+    rel physics:body1 = </rig/group/rod>
+    float limit:transX:physics:low = 1
+    float limit:transX:physics:high = -1
+    float limit:transY:physics:low = 1
+    float limit:transY:physics:high = -1
+    float limit:transZ:physics:low = 0
+    float limit:transZ:physics:high = 0
+    float limit:rotX:physics:low = 1
+    float limit:rotX:physics:high = -1
+    float limit:rotY:physics:low = 1
+    float limit:rotY:physics:high = -1
+  }
+}
+"""
+
+
+@pytest.fixture
+def crank(tmp_path):
+    path = tmp_path / "crank.usda"
+    path.write_text(CRANK)
+    return path
+
+
+def test_units_groups_scales_drives_and_locked_coordinates_of_usd_are_read(crank):
+    solver = load(crank, still=True)
+    mechanism, inertia = solver.mechanism, solver.mechanism.links[0].inertia
+    assert {joint.name: joint.kind for joint in mechanism.joints} == {
+        "shaft": "revolute",
+        "wrist": "revolute",
+    }
+    # the group is twice as large, and its z is the x of the world
+    assert mechanism.guess["rod"].position == pytest.approx([0.0, 0.6, 0.0], abs=1e-15)
+    assert mechanism.guess["crank"].rotation @ [0, 0, 1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
+    shaft, wrist = mechanism.joints
+    assert mechanism.guess["crank"].rotation @ shaft.b.axis == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
+    assert wrist.a.point == pytest.approx((0.0, 0.1, 0.0), abs=1e-15)
+    assert (inertia.mass, inertia.centre) == (2.0, pytest.approx((0.01, 0.02, 0.03)))
+    # 1 g cm2 = 1e-7 kg m2, and the principal axes are rotated by 90 deg about z
+    assert np.diag(inertia.matrix) == pytest.approx([2e-5, 1e-5, 2.5e-5], rel=1e-14)
+    assert solver.ranges["shaft"] == pytest.approx((-np.pi / 3, np.pi / 2))
+    (spring,), (damper,) = solver.forces.joint_springs, solver.forces.friction
+    # 3,000 g cm2/s2 per degree
+    assert (spring.stiffness, spring.rest) == pytest.approx((3e-4 * 180 / np.pi, np.pi / 6))
+    assert damper.viscous == pytest.approx(1e-4 * 180 / np.pi)
+    assert solver.forces.gravity == pytest.approx((0.0, -9.81, 0.0))
+    assert solver.facts == ("not read: PhysicsCollisionAPI, masses by density",)
+
+
+def test_mimics_and_binary_files_of_usd_are_read(crank):
+    from pxr import Usd
+
+    mimic = (
+        "rel newton:mimicJoint = </rig/shaft>\nfloat newton:mimicCoef0 = 90\nfloat newton:mimicCoef1 = -2\n"
+    )
+    pin = "rel physics:body0 = </rig/group/crank/pin>"
+    follower = CRANK.replace(pin, mimic + pin).replace('"PhysicsLimitAPI:rotY"]', '"NewtonMimicAPI"]')
+    crank.write_text(follower)
+    binary = crank.with_suffix(".usdc")
+    stage = Usd.Stage.Open(str(crank))
+    stage.GetRootLayer().Export(str(binary))
+    moved = load(binary, drive={"shaft": "0.1*t"}, duration=1.0).solve(t=[0.0, 1.0])
+    assert moved.joints["wrist"].value == pytest.approx([np.pi / 2, np.pi / 2 - 0.2], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "</rig/group/rod>",
+            "</rig/group/rood>",
+            "joint wrist connects /rig/group/rood, which does not exist",
+        ),
+        (
+            "float limit:transX:physics:low = 1",
+            "",
+            "joint wrist is of type PhysicsJoint with transX, rotZ free",
+        ),
+        ("PhysicsRevoluteJoint", "PhysicsDistanceJoint", "joint shaft keeps a distance between limits"),
+        ("def Xform", "deff Xform", "is no USD file"),
+        ('"PhysicsLimitAPI:rotY"]', '"NewtonMimicAPI"]', "joint wrist has NewtonMimicAPI without"),
+    ],
+)
+def test_invalid_usd_files_are_rejected_in_one_sentence(crank, old, new, message):
+    crank.write_text(CRANK.replace(old, new))
+    with pytest.raises(InputError, match=re.escape(message)) as error:
+        load(crank, still=True)
+    assert "\n" not in str(error.value)
+
+
+def test_a_body_without_joints_floats_and_a_link_may_be_called_physics(tmp_path):
+    text = 'name = "top"\n[links.physics]\ninertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n'
+    text += '[joints.free]\nkind = "floating"\na = { link = "ground" }\nb = { link = "physics" }\n'
+    (tmp_path / "top.toml").write_text(text)
+    export(tmp_path / "top.toml", tmp_path / "top.usda", format="usda")
+    (joint,) = load(tmp_path / "top.usda", still=True).mechanism.joints
+    assert (joint.kind, joint.links) == ("floating", ("ground", "physics"))
