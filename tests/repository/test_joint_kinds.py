@@ -36,6 +36,7 @@ DEFINING_MODULES = {
     "mechsim.subjects.toml_cams",  # the joints that a cam and its follower consist of
     "mechsim.subjects.toml_curves",  # the joints that a point on a curve consists of
     "mechsim.subjects.sdf_reader",  # types of joints in SDF
+    "mechsim.subjects.sdf_writer",  # types of joints in SDF
     "mechsim.subjects.plain_joints",  # the two joints into which one is split
     "mechsim.subjects.usd_reader",  # types of joints in USD
     "mechsim.subjects.usd_writer",  # types of joints in USD

@@ -323,7 +323,8 @@ def test_invalid_usd_files_are_rejected_in_one_sentence(crank, old, new, message
 
 
 def test_a_body_without_joints_floats_and_a_link_may_be_called_physics(tmp_path):
-    text = 'name = "top"\n[links.physics]\ninertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n'
+    text = 'name = "top"\n[links.physics]\n'
+    text += "inertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n"
     text += '[joints.free]\nkind = "floating"\na = { link = "ground" }\nb = { link = "physics" }\n'
     (tmp_path / "top.toml").write_text(text)
     export(tmp_path / "top.toml", tmp_path / "top.usda", format="usda")
