@@ -162,7 +162,7 @@ GROUPS = {
         "synthesize": ("synthesize.synthesize", "Find a looper whose coupler point follows a line."),
     },
     "Code": {
-        "compile": ("compile.compile_solver", "Write a solver as a C header or JavaScript."),
+        "compile": ("compile.compile_solver", "Write a solver as a C header, JavaScript or FMU."),
     },
     "Pictures": {
         "plot": ("plot.plot", "Plot motions, curves, errors and quantities."),

@@ -1,14 +1,19 @@
-"""Command `mechsim compile`: a solver of a mechanism as a C header or a JavaScript file."""
+"""Command `mechsim compile`: a solver of a mechanism as a C header or a JavaScript file, or an FMU."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from mechsim.cli.command import Result, Without, command
+from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.load_options import InitialOptions, released_model
 from mechsim.cli.options import ModelOptions, require_other_drivers
+from mechsim.cli.output import print_text
 from mechsim.cli.output_paths import output_file, writable
 from mechsim.codegen.assembly import assembly
+from mechsim.codegen.fmu import FmuModel, Standard, fmu_archive
+from mechsim.codegen.fmu_dynamics import dynamic_fmu
+from mechsim.codegen.fmu_kinematics import kinematic_fmu
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import solver_code
@@ -20,21 +25,41 @@ from mechsim.units import option
 @command
 def compile_solver(
     options: Annotated[ModelOptions, Without("duration", "track", "loops")],
+    initial: Annotated[InitialOptions, Without("until")],
+    stated: Stated,
     *,
-    output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.", ".h", ".js")],
+    output: Annotated[
+        str,
+        output_file(
+            "Solver to write: .h for C99, .js for JavaScript, .fmu for other simulators.", ".h", ".js", ".fmu"
+        ),
+    ],
     test: str | None = option(
         None, "Also write a test that checks and times the solver.", metavar="FILE.c|FILE.js"
     ),
+    dynamics: bool = option(
+        False,
+        "Write an FMU of the motion under forces: efforts on the joints are its inputs, not the drivers.",
+    ),
+    fmi: str | None = option(None, "Version of the standard of an FMU. Default: 3.", metavar="2|3"),
 ) -> Result:
-    """Write a solver without dependencies: a C99 header, or JavaScript.
+    """Write a solver without dependencies: a C99 header, JavaScript, or an FMU.
 
     It solves positions, rates, accelerations and drive torques from the drivers, in one assembly.
+    An FMU holds the solver with its C code for Model Exchange and Co-Simulation.
 
     Examples:
     mechsim compile rssr -o rssr.h --test rssr_test.c
     mechsim compile leg.toml -o leg.js
+    mechsim compile four_bar --dynamics --initial crank.q=30deg -o four_bar.fmu
     """
     path = Path(output)
+    if path.suffix.lower() == ".fmu":
+        stated.exclude(["test"], "on an FMU")
+        stated.exclude(["initial"], "without --dynamics", not dynamics)
+        stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs", dynamics)
+        return _fmu(options, initial if dynamics else None, output, _standard(fmi))
+    stated.exclude(["dynamics", "initial", "fmi"], "on a solver that is no FMU")
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
@@ -59,9 +84,36 @@ def compile_solver(
     return Result(data, lambda: _print(data, code.prefix), files=(output, test))
 
 
-def _write(path: Path, text: str) -> None:
+def _standard(text: str | None) -> Standard:
+    if text not in (None, "2", "3"):
+        raise InputError(f"--fmi is {text!r}; it can be 2 or 3")
+    return 2 if text == "2" else 3
+
+
+def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, standard: Standard) -> Result:
+    """Write an FMU: of a run from an initial state, or of the positions if that is None."""
+    model: FmuModel
+    if initial is None:
+        require_other_drivers(options.model, options.sets, options)
+        model = kinematic_fmu(solver_code(assembly(options.load())))
+    else:
+        model = dynamic_fmu(released_model(options), dict(initial.initial))
+    _write(Path(output), fmu_archive(model, standard))
+    kinds = ("inputs", "parameters", "states", "outputs")
+    names = {kind: [variable.name for variable in getattr(model, kind)] for kind in kinds}
+    data: dict[str, Any] = {"output": output, "mechanism": model.name, "fmi": standard, **names}
+
+    def text() -> None:
+        numbers = ", ".join(f"{len(names[kind])} {kind}" for kind in kinds)
+        typer.echo(f"FMI {standard}.0, Model Exchange and Co-Simulation: {numbers}")
+        print_text(f"inputs: {', '.join(names['inputs'])}")
+
+    return Result(data, text, files=(output,))
+
+
+def _write(path: Path, content: str | bytes) -> None:
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def _print(data: dict[str, Any], prefix: str) -> None:

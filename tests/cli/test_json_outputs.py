@@ -45,6 +45,7 @@ sample examples/own_model.xml -n 4 -o {folder}/states.npz
 map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map.npz
 view slider_crank -o {folder}/page.html
 compile slider_crank -o {folder}/solver.h --test {folder}/test.c
+compile slider_crank -o {folder}/solver.fmu
 """.strip().splitlines()
 SLOW = [
     "dynamics statics four_bar --initial crank.q=30deg --method none",
