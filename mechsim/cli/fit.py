@@ -18,7 +18,7 @@ from mechsim.errors import InputError
 from mechsim.model.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
 from mechsim.studies.identification import Identification, identify
-from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
+from mechsim.studies.measured_table import MeasuredMotion, measured_of, read_measured, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.units import crank_speed, option
 
@@ -42,8 +42,8 @@ class FitOptions:
     to: str | None = option(
         None,
         "Table of the measured motion: columns angle or t, P3.x, rocker.q ..., in SI or with a unit "
-        "(P3.x [mm]); P3.x± holds standard deviations.",
-        metavar="FILE.csv",
+        "(P3.x [mm]); P3.x± holds standard deviations; or a log of joint states in MCAP.",
+        metavar="FILE.csv|FILE.mcap",
     )
     vary: tuple[str, ...] = option(
         (),
@@ -103,7 +103,7 @@ def fit(
         return _identify(source, options.vary, table, output)
     parametric = source.load_parametric()
     solver = parametric.make({})
-    measured = measured_of(files.read(table), solver, table)
+    measured = measured_of(read_measured(table), solver, table)
     speed = _crank_speed(options.speed, measured, solver)
     moved = MovedFamily(parametric, measured.angles, speed)
     quantities = scalar_quantities([*single(measured.values, moved).values()], solver.mechanism)
@@ -146,7 +146,7 @@ def _identify(source: ModelOptions, vary: Sequence[str], table: str, output: str
     arguments = {name: value for name, value in source.as_arguments().items() if name not in FROM_LOG}
     arguments["set"] = changed_parameters(source.sets)
     with progress("fit", None):
-        result = identify(source.model, files.read(table), vary, where=table, **arguments)
+        result = identify(source.model, read_measured(table), vary, where=table, **arguments)
     if output is not None:
         files.write_json(output, result)
     return Result(result, lambda: _print_identified(result), result.outcome == "fitted", [output])

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim import files, units
+from mechsim import units
 from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
@@ -18,7 +18,7 @@ from mechsim.model.motion import short_repr
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
-from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
+from mechsim.studies.measured_table import MeasuredMotion, measured_of, read_measured, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
 from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names
 from mechsim.subjects.readers import parametric_model
@@ -369,6 +369,6 @@ def fit(
         }
         where = "the table"
     else:
-        columns, where = files.read(table), str(table)
+        columns, where = read_measured(str(table)), str(table)
     names = [vary] if isinstance(vary, str) else vary
     return fit_dimensions(subject, measured_of(columns, subject.solver, where), names, offset=offset)

@@ -3,12 +3,13 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim import units
+from mechsim import files, units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
@@ -33,6 +34,15 @@ class TableColumn:
 
     values: Array
     uncertainty: Array | None = None
+
+
+def read_measured(path: str) -> dict[str, Array]:
+    """Return the columns of a .csv or .npz file (`files.read`), or the joint states of an .mcap file."""
+    if not path.lower().endswith(".mcap"):
+        return files.read(path)
+    from mechsim.studies.joint_log import read_log
+
+    return read_log(Path(path))
 
 
 def table_columns(table: Mapping[str, ArrayLike], where: str) -> dict[str, TableColumn]:
@@ -137,6 +147,8 @@ def measured_of(
     """
     columns, motion_laws = table_columns(table, where), solver.motion_laws
     over = motion_laws.axis
+    if motion_laws.crank and over not in columns and f"{solver.mechanism.drivers[0]}.q" in columns:
+        columns[over] = columns.pop(f"{solver.mechanism.drivers[0]}.q")
     if over not in columns:
         unit = "crank angles in rad" if over == "angle" else "times in s"
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")

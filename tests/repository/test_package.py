@@ -48,7 +48,7 @@ def test_the_recipe_has_the_requirements_of_the_package():
 
 def test_extra_all_contains_the_others_and_tests_install_it():
     extras = PROJECT["optional-dependencies"]
-    assert extras["all"] == ["mechsim[pictures,tables,sweep,robots,mcp,usd]"]
+    assert extras["all"] == ["mechsim[pictures,tables,sweep,robots,mcp,usd,logs]"]
     assert "mechsim[all]" in extras["test"]
 
 
