@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mechsim.errors import InputError, OutputError
+from mechsim.errors import InputError, MechsimError, OutputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 
@@ -184,7 +184,7 @@ def atomic_folder(path: str | Path) -> Generator[Path]:
                     file.replace(folder / file.name)
             finally:
                 shutil.rmtree(unfinished, ignore_errors=True)
-    except OutputError:
+    except MechsimError:
         raise
     except (OSError, ValueError) as error:
         raise _cannot_write(folder, error) from error

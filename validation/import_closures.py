@@ -28,6 +28,7 @@ GATES = {
     ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
     ("cli.simulate", "cli.scene_run"): "--ctrl",
     ("cli.validate", "cli.earlier"): "--compare-to",
+    ("cli.validate", "report.dossier"): "--dossier",
     ("cli.validate", "report.validation"): "--report",
     ("cli.validate", "studies.reference"): "--reference",
     ("cli.validate", "subjects.reference_data"): "--reference",
@@ -57,6 +58,7 @@ GATES = {
     ("subjects.toml_reader", "model.forces"): "forces in TOML",
     ("subjects.toml_coordinates", "model.nonlinear_springs"): "soft stops in TOML",
     ("subjects.toml_reader", "subjects.toml_backlash"): "backlash of joints in TOML",
+    ("subjects.toml_reader", "subjects.toml_stated"): "sources of parameters in TOML",
 }
 # commands of the core, and those that only read MuJoCo models
 COMMANDS = ("list", "show", "solve", "simulate", "validate", "export", "check", "sample", "map")

@@ -31,12 +31,16 @@ class Dimension:
         value: its value in SI.
         unit: "m", "rad" or "1".
         declared: unit that a file declares for it; empty if it is no parameter of a file.
+        uncertainty: largest deviation to either side in SI that a file states; None if it states none.
+        source: where the value comes from; empty if the file does not state it.
     """
 
     name: str
     value: float
     unit: str
     declared: str = ""
+    uncertainty: float | None = None
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class DesignFamily:
             forces.
         usual: default selection of dimensions; empty for all.
         derived: dimension -> dimensions from which its default value is computed.
+        intended_use: question that the model answers; empty if its source states none.
     """
 
     name: str
@@ -62,6 +67,13 @@ class DesignFamily:
     forces: Callable[[Mapping[str, float]], Forces | None] | None = None
     usual: tuple[str, ...] = ()
     derived: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+    intended_use: str = ""
+
+    @property
+    def uncertainties(self) -> dict[str, float]:
+        """The uncertainties that the file states: dimension -> largest deviation to either side, in SI."""
+        stated = {name: dimension.uncertainty for name, dimension in self.dimensions.items()}
+        return {name: value for name, value in stated.items() if value is not None}
 
     def require_independent(self, names: Collection[str]) -> None:
         """Raise InputError for dimensions of which one is computed from another.

@@ -1,5 +1,6 @@
 """Command `mechsim sensitivity`: exact derivatives by dimensions, and propagation of tolerances."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -48,7 +49,8 @@ class SensitivityOptions:
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     tolerances: str | None = option(
         None,
-        "Tolerances of dimensions (crank=±0.02mm), and clearances of joints (P3.clearance=0.01mm).",
+        "Tolerances of dimensions (crank=±0.02mm) and clearances of joints (P3.clearance=0.01mm). "
+        "Default: the uncertainties in the file, if it states any.",
         metavar="P=BOUND,...",
     )
 
@@ -72,6 +74,9 @@ def sensitivity(
     if not options.quantities:
         raise InputError("--of is missing; name the quantities, as in --of P3,rocker,torque")
     parametric = source.load_parametric()
+    bounds: Mapping[str, str | float] = parametric.uncertainties
+    if options.tolerances is not None:
+        bounds = written_tolerances(options.tolerances)
     solver = parametric.make({})
     stated.exclude(["angles", "speed"], "under motion laws", not solver.motion_laws.crank)
     if options.angles is None:
@@ -81,8 +86,7 @@ def sensitivity(
         warn_about_angles("--angles", options.angles, solver.written.angle)
     moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED))
     tolerances = None
-    if options.tolerances is not None:
-        bounds = written_tolerances(options.tolerances)
+    if bounds:
         tolerances = parsed_tolerances(bounds, parametric.dimensions, solver.mechanism, solver.written)
     to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
     table = derivative_table(moved, options.quantities, to)

@@ -27,6 +27,7 @@ from mechsim.cli.verdict_text import (
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.numerics.angles import REVOLUTION
+from mechsim.studies.agreement.agreement import Agreement, compare_model
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.subjects import catalog, gallery
 from mechsim.subjects.formula_file import with_formulas
@@ -45,6 +46,9 @@ class ValidateOptions:
         False, "Compare both methods with the 30-digit reference data.", name="--reference"
     )
     report: str | None = option(None, "Write a page with plots and pictures to this folder.", metavar="DIR")
+    dossier: str | None = option(
+        None, "Write what was verified, and what was not, of each model to this folder.", metavar="DIR"
+    )
     speed: Speed = "600rpm"
     budget: str = option(f"{BUDGET:g}s", "Processor time for the stepped runs of each mechanism.")
     against: str | None = option(
@@ -137,7 +141,7 @@ def _validate(
             raise InputError("--against compares one model; name exactly one")
         design = load_parametric(models[0], sets, driven, moving=False)
         _require_crank(stated, [design.make({})])
-        return _against(design, chosen, folder, verbose)
+        return _against(models[0], design, chosen, folder, verbose)
     names = list(models or catalog.MECHANISMS)
     names += list(gallery.files()) if chosen.whole_gallery or not models else []
     if driven_or_changed and len(names) != 1:
@@ -151,7 +155,26 @@ def _validate(
     _require_crank(stated, solvers)
     report_code(solvers)
     quick = () if models or chosen.whole_gallery else list(gallery.files())
-    return _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
+    with output_folder(chosen.dossier) as dossiers:
+        result, cases = _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
+        for (name, case), model in zip(cases.items(), names, strict=True):
+            _write_dossier(dossiers, chosen, name, model, designs[name], case)
+    return result
+
+
+def _write_dossier(
+    folder: Path | None,
+    chosen: ValidateOptions,
+    name: str,
+    model: str,
+    design: DesignFamily,
+    record: Validation | Agreement,
+) -> None:
+    """Write the dossier of a model into a folder if there is one."""
+    if folder is not None:
+        from mechsim.report.dossier import ComparedModel, write_dossier
+
+        write_dossier(folder, chosen.dossier or "", name, ComparedModel(model, design, record))
 
 
 def _require_crank(stated: Stated, solvers: Iterable[KinematicSolver]) -> None:
@@ -223,7 +246,7 @@ def _validated(
     *,
     verbose: bool,
     as_json: bool,
-) -> Result:
+) -> tuple[Result, dict[str, Validation]]:
     """Validate mechanisms; if one cannot be assembled, JSON reports it before the error is raised.
 
     Args:
@@ -253,25 +276,29 @@ def _validated(
 
     def text() -> None:
         print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
-        _print_report(chosen.report)
+        _print_folders(chosen)
 
-    return Result(data, text, passed)
-
-
-def _print_report(folder: str | None) -> None:
-    if folder is not None:
-        typer.echo(f"report: {Path(folder) / 'index.html'}")
+    return Result(data, text, passed), cases
 
 
-def _against(design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool) -> Result:
+def _print_folders(chosen: ValidateOptions) -> None:
+    if chosen.report is not None:
+        typer.echo(f"report: {Path(chosen.report) / 'index.html'}")
+    if chosen.dossier is not None:
+        typer.echo(f"dossier: {chosen.dossier}")
+
+
+def _against(
+    model: str, design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool
+) -> Result:
     """Compare a model with a function or a table, and explain the difference."""
     source = chosen.against or ""
-    from mechsim.studies.agreement.agreement import compare_model
-
     tolerance = chosen.tolerance_in_metres
     if not source.lower().endswith(".csv"):
         print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source} (a formula is Python code)")
-    agreement = compare_model(design, source, speed=crank_speed(chosen.speed), tolerance=tolerance)
+    with output_folder(chosen.dossier) as dossiers:
+        agreement = compare_model(design, source, speed=crank_speed(chosen.speed), tolerance=tolerance)
+        _write_dossier(dossiers, chosen, agreement.solver.name, model, design, agreement)
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
     data: dict[str, Any] = {"passed": agreement.passed, "mechanisms": {name: entry}}
@@ -285,7 +312,7 @@ def _against(design: DesignFamily, chosen: ValidateOptions, folder: Path | None,
         print_finding_lines(findings)
         warnings = sum(finding.severity != "note" for finding in findings)
         print_agreement(name, agreement, verbose=verbose, findings=warnings)
-        _print_report(chosen.report)
+        _print_folders(chosen)
 
     return Result(data, text, agreement.passed)
 

@@ -99,17 +99,39 @@ def write_report(
         directory.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write a report to {directory}: {error.strerror or error}") from error
-    about = {
-        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "command": command or _this_command(),
-        "versions": versions(),
-        "machine": computer(),
-    }
+    about = about_this_run() | ({"command": command} if command else {})
     page = render(results, sections, about, notes)
     write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
     with atomic_path(directory / "index.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
     return directory / "index.html"
+
+
+def environment() -> Any:
+    """Return what fills the templates."""
+    with needs("pictures"):
+        import jinja2
+
+    made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters: dict[str, Any] = {"quantity": quantity, "instant": instant, "value": value, "percent": percent}
+    made.filters.update(filters | {"data_uri": data_uri})
+    return made
+
+
+def about_this_run() -> dict[str, Any]:
+    """Return time, command, versions and computer."""
+    return {
+        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "command": _this_command(),
+        "versions": versions(),
+        "machine": computer(),
+    }
 
 
 def render(
@@ -119,33 +141,27 @@ def render(
     notes: Sequence[str] = (),
 ) -> str:
     """Return the page as HTML text; mechanisms that failed come first."""
-    with needs("pictures"):
-        import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    filters: dict[str, Any] = {"quantity": quantity, "instant": instant, "value": value, "percent": percent}
-    environment.filters.update(filters | {"data_uri": data_uri})
     shown = sorted((_shown(section, results) for section in sections), key=lambda case: case["passed"])
-    return environment.get_template("report.html").render(
-        passed=bool(results["passed"]),
-        warnings=counted_findings(sum(case["warnings"] for case in shown)),
-        outcomes=OUTCOMES,
-        mechanisms=shown,
-        check_count=sum(len(case["checks"]) for case in shown),
-        failed_count=sum(len(case["checks"]) - case["checks_passed"] for case in shown),
-        failures=[case for case in shown if not case["passed"]],
-        methods=method_rows(shown),
-        unstepped=[
-            case["name"] for case in shown if results["mechanisms"].get(case["name"], {}).get("steps") == 0
-        ],
-        notes=notes,
-        about=about,
+    return (
+        environment()
+        .get_template("report.html")
+        .render(
+            passed=bool(results["passed"]),
+            warnings=counted_findings(sum(case["warnings"] for case in shown)),
+            outcomes=OUTCOMES,
+            mechanisms=shown,
+            check_count=sum(len(case["checks"]) for case in shown),
+            failed_count=sum(len(case["checks"]) - case["checks_passed"] for case in shown),
+            failures=[case for case in shown if not case["passed"]],
+            methods=method_rows(shown),
+            unstepped=[
+                case["name"]
+                for case in shown
+                if results["mechanisms"].get(case["name"], {}).get("steps") == 0
+            ],
+            notes=notes,
+            about=about,
+        )
     )
 
 
@@ -265,7 +281,7 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "checks": section.checks,
         "methods": [METHODS.get(m, (m, m))[1] for m in dict.fromkeys(c.method for c in section.checks)],
         "rows": list(enumerate(section.checks)),
-        "tightest": _tightest(section.checks),
+        "tightest": tightest(section.checks),
         "checks_passed": sum(check.passed for check in section.checks),
         "worst": max(section.checks, key=lambda check: check.severity, default=None),
         "seconds": seconds,
@@ -273,7 +289,7 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
+def tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
     """Return the check with the largest error / tolerance of each kind, and all failed ones, with their rows.
 
     Checks that use less than `UNUSED` of their tolerance are left out, unless nothing else is there.

@@ -35,7 +35,7 @@ from mechsim.subjects.toml_reader import TomlModel, formula_path, mechanism_of
 from mechsim.subjects.toml_values import TomlSource, Values, head_comment, suggestion
 
 # tables that such a file may have; the others state forces and motions, which follow from options
-TABLES = ("name", "parameters", "links", "joints", "couplings", "points", "when", "formula")
+TABLES = ("name", "intended_use", "parameters", "links", "joints", "couplings", "points", "when", "formula")
 # of these, the ones that are no description
 OWN_TABLES = ("parameters", "when", "formula")
 # kind of a parameter -> its unit
@@ -91,7 +91,8 @@ class FormulaDescription(ModelSource):
             if not (row.is_choice or isinstance(row.default, tuple))
         }
         return Parameters(
-            {name: Dimension(name, float(values[name]), row.unit, row.unit) for name, row in numbers.items()}
+            {name: Dimension(name, float(values[name]), row.unit, row.unit) for name, row in numbers.items()},
+            intended_use=self.source.document.get("intended_use", ""),
         )
 
     def _used_by_formulas_alone(self) -> list[str]:
@@ -171,7 +172,7 @@ class FormulaFile(FormulaDescription):
 
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
         """Return none: the dimensions are those of the solver."""
-        return Parameters()
+        return Parameters(intended_use=self.source.document.get("intended_use", ""))
 
 
 def open_toml(path: str) -> ModelSource:

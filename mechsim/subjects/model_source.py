@@ -39,10 +39,12 @@ class Parameters:
     Attributes:
         dimensions: parameter -> its value and unit.
         derived: parameter -> parameters in its expression.
+        intended_use: question that the model answers; empty if the source states none.
     """
 
     dimensions: Mapping[str, "Dimension"] = field(default_factory=dict[str, "Dimension"])
     derived: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+    intended_use: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

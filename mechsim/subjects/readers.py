@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -208,7 +209,7 @@ def parametric_model(
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
-        return own_designs(solver)
+        return replace(own_designs(solver), intended_use=parameters.intended_use)
 
     def design(values: Mapping[str, float], *, assembled: bool) -> KinematicSolver:
         if not values:
@@ -228,6 +229,7 @@ def parametric_model(
         forces if solver.forces is not None else None,
         tuple(name for name in dimensions if name not in derived),
         derived,
+        parameters.intended_use,
     )
 
 

@@ -53,7 +53,12 @@ class TomlModel(ModelSource):
     @cached_property
     def source(self) -> TomlSource:
         """The parsed file."""
-        return parsed_source(self.path, read_text(self.path, "a TOML file", MAX_BYTES))
+        source = parsed_source(self.path, read_text(self.path, "a TOML file", MAX_BYTES))
+        if not _tables(source.document, "parameters"):
+            return source
+        from mechsim.subjects.toml_stated import with_stated
+
+        return with_stated(source)
 
     def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
         """Return the mechanism; the requested coordinates are the drivers if the file names none.
@@ -68,6 +73,8 @@ class TomlModel(ModelSource):
         units_of = parameter_units(source.document) if changed else {}
         parameters = source.document.get("parameters", {})
         values = values_of(source).with_parameters(parameters, changed, units_of)
+        if source.stated:
+            self.parameters({})
         if any("backlash" in joint for joint in _tables(document, "joints")):
             from mechsim.subjects.toml_backlash import with_backlash
 
@@ -125,12 +132,17 @@ class TomlModel(ModelSource):
         dimensions: dict[str, Dimension] = {}
         for name, value in values.parameters.items():
             unit = values.unit_of(name, texts[name], units_of)
-            dimensions[name] = (
+            dimension = (
                 Dimension(name, value, "1")
                 if unit is None
                 else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
             )
-        return Parameters(dimensions, parameter_dependencies(document))
+            if name in self.source.stated:
+                from mechsim.subjects.toml_stated import as_stated
+
+                dimension = as_stated(values, dimension)
+            dimensions[name] = dimension
+        return Parameters(dimensions, parameter_dependencies(document), document.get("intended_use", ""))
 
 
 def has_forces(read: Mapping[str, Any]) -> bool:

@@ -47,11 +47,13 @@ class TomlSource:
         path: its path, as given.
         document: its contents.
         lines: key path -> line number.
+        stated: parameter -> its table with `uncertainty` and `source`; the document has its value.
     """
 
     path: str
     document: dict[str, Any]
     lines: dict[tuple[str, ...], int] = field(default_factory=dict[tuple[str, ...], int])
+    stated: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
 
     def line(self, key: KeyPath) -> int:
         """Return the line of a key, or of the table that contains it."""

@@ -51,7 +51,16 @@ class Case:
     @property
     def worst(self) -> Row | None:
         """The row nearest to its tolerance or farthest beyond it."""
-        return max(self.rows, key=lambda row: row.error / (row.tolerance or 1e-300), default=None)
+        return max(self.rows, key=_nearness, default=None)
+
+    @property
+    def nearness(self) -> float:
+        """The largest difference as a fraction of its tolerance."""
+        return max(map(_nearness, self.rows), default=0.0)
+
+
+def _nearness(row: Row) -> float:
+    return row.error / (row.tolerance or 1e-300)
 
 
 @dataclass(frozen=True, slots=True)

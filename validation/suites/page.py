@@ -13,7 +13,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "outside_evidence.md
 HEAD = """# Evidence from others
 
 Others have published answers. `python -m validation.suites --source FOLDER` solves their cases and writes
-this page; FOLDER holds git clones. Without it, figures in `validation/suites/figures` are compared.
+this page; FOLDER holds git clones. Without it, figures in `validation/suites/figures` are compared. The
+tables list cases with a remark, and the right one nearest to its tolerance; `--json` prints
+all.
 
 Written on {day} with mechsim {mechsim}, numpy {numpy}.
 
@@ -46,11 +48,14 @@ def counts(suite: Suite, cases: Sequence[Case]) -> str:
 
 def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
     source = f"`{suite.repository}` at {clone.commit}. " if clone else ""
+    nearest = max(cases, key=lambda case: (case.outcome == "right", case.nearness), default=None)
     lines = [f"\n## {suite.title}\n\n{source}{suite.about}\n\n"]
     lines.append(
         "| case | quantities | worst | difference | tolerance | remark |\n|---|---|---|---|---|---|\n"
     )
     for case in cases:
+        if case is not nearest and not case.remark and case.outcome == "right":
+            continue
         row = case.worst
         worst = (row.quantity, f"{row.error:.1e} {row.unit}", f"{row.tolerance:.0e}") if row else ("", "", "")
         lines.append(f"| {case.name} | {len(case.rows)} | {' | '.join(worst)} | {case.remark} |\n")
