@@ -141,8 +141,9 @@ def not_covered(design: DesignFamily, record: Validation | Agreement) -> list[st
 
 def _table(record: Validation | Agreement) -> str | None:
     """Return the table with which a model was compared, or None."""
-    is_table = isinstance(record, Agreement) and record.source.lower().endswith(".csv")
-    return record.source if is_table else None
+    if isinstance(record, Agreement) and record.source.lower().endswith(".csv"):
+        return record.source
+    return None
 
 
 def _effects(design: DesignFamily) -> dict[str, dict[str, float]]:
