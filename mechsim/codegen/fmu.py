@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Literal
 from xml.etree import ElementTree
 
@@ -44,14 +45,15 @@ UNITS = {
 EPOCH = (1980, 1, 1, 0, 0, 0)
 # processor, as Python names it -> its name in FMI 3.0
 PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
-# causality, variability and initial of the time, inputs, parameters, states, and what follows from them
-ATTRIBUTES = (
-    "independent continuous",
-    "input continuous",
-    "parameter fixed exact",
-    "output continuous exact",
-    "output continuous calculated",
-)
+# kind of values in C -> their causality, variability and initial in FMI
+KINDS = {
+    "INDEPENDENT": "independent continuous",
+    "INPUT": "input continuous",
+    "PARAMETER": "parameter fixed exact",
+    "STATE": "output continuous exact",
+    "DERIVATIVE": "output continuous calculated",
+    "OUTPUT": "output continuous calculated",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,34 +105,28 @@ class FmuModel:
                     f"{self.name}: two variables of the FMU are named {name!r}; rename one of them"
                 )
 
-    @property
+    @cached_property
+    def kinds(self) -> dict[str, Sequence[Variable]]:
+        """The variables of each of `KINDS`."""
+        variables = self.inputs, self.parameters, self.states, self.derivatives, self.outputs
+        return dict(zip(KINDS, ((Variable("time", "s"),), *variables), strict=True))
+
+    @cached_property
     def variables(self) -> list[Variable]:
-        """All variables, by number, with the time first."""
-        time = Variable("time", "s")
-        return [
-            *(time, *self.inputs, *self.parameters, *self.states, *self.derivatives, *self.outputs),
-        ]
+        """All variables, by number."""
+        return [variable for variables in self.kinds.values() for variable in variables]
 
     @property
     def identifier(self) -> str:
         """Name of the binary."""
         return identifiers([self.name])[self.name]
 
-    @property
+    @cached_property
     def first(self) -> dict[str, int]:
-        """Name of a kind of values in C -> number of the first of them."""
-        kinds = {
-            "INPUT": self.inputs,
-            "PARAMETER": self.parameters,
-            "STATE": self.states,
-            "DERIVATIVE": self.derivatives,
-            "OUTPUT": self.outputs,
-        }
-        numbers, number = dict[str, int](), 1
-        for kind, variables in kinds.items():
-            numbers[kind] = number
-            number += len(variables)
-        return numbers | {"STATES": len(self.states), "VALUES": number}
+        """Name of a kind of values in C -> number of the first of them; numbers of states and of values."""
+        sizes = [len(variables) for variables in self.kinds.values()]
+        firsts = dict(zip((*KINDS, "VALUES"), accumulate(sizes, initial=0), strict=True))
+        return firsts | {"STATES": len(self.states)}
 
     @cached_property
     def token(self) -> str:
@@ -154,14 +150,11 @@ class FmuModel:
                 f'static const char TOKEN[] = "{self.token}";\n',
                 self.code,
                 _text("fmu.c"),
+                _text("fmi.c"),
                 _text(f"fmi{standard}.c"),
                 "",
             ]
         )
-
-    def description(self, standard: Standard) -> str:
-        """Return modelDescription.xml."""
-        return (_description_3 if standard == 3 else _description_2)(self)
 
 
 def _text(name: str) -> str:
@@ -179,7 +172,7 @@ def fmu_archive(model: FmuModel, standard: Standard) -> bytes:
     folder, suffix = _platform(standard)
     library = shared_library(f"fmu_{model.identifier}", source).read_bytes()
     contents = {
-        "modelDescription.xml": model.description(standard).encode(),
+        "modelDescription.xml": _description(model, standard).encode(),
         f"binaries/{folder}/{model.identifier}.{suffix}": library,
         "sources/fmu.c": source.encode(),
     }
@@ -224,8 +217,9 @@ def _document(root: ElementTree.Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
-def _root(model: FmuModel, standard: Standard, token: str, state: str) -> ElementTree.Element:
-    """Return the description without variables; `token` and `state` are names of attributes."""
+def _root(model: FmuModel, standard: Standard) -> ElementTree.Element:
+    """Return the description without variables."""
+    token, state = ("instantiationToken", "FMUState") if standard == 3 else ("guid", "FMUstate")
     attributes = {"fmiVersion": f"{standard}.0", "modelName": model.name, token: model.token}
     attributes |= {"generationTool": f"mechsim {__version__}", "variableNamingConvention": "flat"}
     root = ElementTree.Element("fmiModelDescription", attributes)
@@ -235,13 +229,13 @@ def _root(model: FmuModel, standard: Standard, token: str, state: str) -> Elemen
         f"canSerialize{state}": "true",
     }
     exchange = ElementTree.SubElement(root, "ModelExchange", both)
+    simulation = ElementTree.SubElement(root, "CoSimulation", both)
+    simulation.set("canHandleVariableCommunicationStepSize", "true")
     if standard == 3:
         exchange.set("needsCompletedIntegratorStep", "false")
     else:
+        root.set("numberOfEventIndicators", "0")
         exchange.set("completedIntegratorStepNotNeeded", "true")
-    simulation = ElementTree.SubElement(root, "CoSimulation", both)
-    simulation.set("canHandleVariableCommunicationStepSize", "true")
-    if standard == 2:
         for element in (exchange, simulation):
             ElementTree.SubElement(ElementTree.SubElement(element, "SourceFiles"), "File", name="fmu.c")
     units = ElementTree.SubElement(root, "UnitDefinitions")
@@ -255,65 +249,37 @@ def _root(model: FmuModel, standard: Standard, token: str, state: str) -> Elemen
     return root
 
 
-def _attributes(model: FmuModel, number: int) -> dict[str, str]:
-    """Return causality, variability and initial of a variable."""
-    ends = [model.first[kind] for kind in ("INPUT", "PARAMETER", "STATE", "DERIVATIVE", "VALUES")]
-    words = next(words for end, words in zip(ends, ATTRIBUTES, strict=True) if number < end)
-    return dict(zip(("causality", "variability", "initial"), words.split(), strict=False))
-
-
-def _value(variable: Variable) -> dict[str, str]:
-    """Return unit and start of a variable."""
-    unit = {"unit": variable.unit} if variable.unit else {}
-    return unit | ({} if variable.start is None else {"start": repr(variable.start)})
-
-
-def _state_of(model: FmuModel, number: int) -> int | None:
-    """Return the number of the state of which a variable is the derivative; None for another variable."""
-    k = number - model.first["DERIVATIVE"]
-    return model.first["STATE"] + k if 0 <= k < len(model.states) else None
-
-
-def _description_3(model: FmuModel) -> str:
-    root = _root(model, 3, "instantiationToken", "FMUState")
-    variables = ElementTree.SubElement(root, "ModelVariables")
-    for number, variable in enumerate(model.variables):
-        state = _state_of(model, number)
+def _description(model: FmuModel, standard: Standard) -> str:
+    """Return modelDescription.xml."""
+    root, first = _root(model, standard), model.first
+    listed = ElementTree.SubElement(root, "ModelVariables")
+    kinds = [kind for kind, variables in model.kinds.items() for _ in variables]
+    for number, (variable, kind) in enumerate(zip(model.variables, kinds, strict=True)):
         attributes = {"name": variable.name, "valueReference": str(number)}
         attributes |= {"description": variable.description} if variable.description else {}
-        attributes |= _attributes(model, number) | _value(variable)
-        attributes |= {} if state is None else {"derivative": str(state)}
-        ElementTree.SubElement(variables, "Float64", attributes)
-    structure, first = ElementTree.SubElement(root, "ModelStructure"), model.first
-    for kind, start, end in (
-        ("Output", first["STATE"], first["VALUES"]),
-        ("ContinuousStateDerivative", first["DERIVATIVE"], first["OUTPUT"]),
-        ("InitialUnknown", first["DERIVATIVE"], first["VALUES"]),
+        attributes |= zip(("causality", "variability", "initial"), KINDS[kind].split(), strict=False)
+        real = {"unit": variable.unit} if variable.unit else {}
+        real |= {} if variable.start is None else {"start": repr(variable.start)}
+        if kind == "DERIVATIVE":
+            # variables are counted from 1 in FMI 2.0
+            state = number - first["DERIVATIVE"] + first["STATE"]
+            real["derivative"] = str(state if standard == 3 else state + 1)
+        if standard == 3:
+            ElementTree.SubElement(listed, "Float64", attributes | real)
+        else:
+            ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", attributes), "Real", real)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    for new, old, start, end in (
+        ("Output", "Outputs", "STATE", "VALUES"),
+        ("ContinuousStateDerivative", "Derivatives", "DERIVATIVE", "OUTPUT"),
+        ("InitialUnknown", "InitialUnknowns", "DERIVATIVE", "VALUES"),
     ):
-        for number in range(start, end):
-            ElementTree.SubElement(structure, kind, valueReference=str(number))
-    return _document(root)
-
-
-def _description_2(model: FmuModel) -> str:
-    root = _root(model, 2, "guid", "FMUstate")
-    root.set("numberOfEventIndicators", "0")
-    variables = ElementTree.SubElement(root, "ModelVariables")
-    for number, variable in enumerate(model.variables):
-        state = _state_of(model, number)
-        attributes = {"name": variable.name, "valueReference": str(number)}
-        attributes |= {"description": variable.description} if variable.description else {}
-        element = ElementTree.SubElement(variables, "ScalarVariable", attributes | _attributes(model, number))
-        derivative = {} if state is None else {"derivative": str(state + 1)}
-        ElementTree.SubElement(element, "Real", _value(variable) | derivative)
-    structure, first = ElementTree.SubElement(root, "ModelStructure"), model.first
-    for kind, start, end in (
-        ("Outputs", first["STATE"], first["VALUES"]),
-        ("Derivatives", first["DERIVATIVE"], first["OUTPUT"]),
-        ("InitialUnknowns", first["DERIVATIVE"], first["VALUES"]),
-    ):
-        # empty lists are not valid
-        element = ElementTree.SubElement(structure, kind) if end > start else structure
-        for number in range(start, end):
-            ElementTree.SubElement(element, "Unknown", index=str(number + 1))
+        numbers = range(first[start], first[end])
+        if standard == 3:
+            for number in numbers:
+                ElementTree.SubElement(structure, new, valueReference=str(number))
+        elif numbers:
+            unknowns = ElementTree.SubElement(structure, old)
+            for number in numbers:
+                ElementTree.SubElement(unknowns, "Unknown", index=str(number + 1))
     return _document(root)

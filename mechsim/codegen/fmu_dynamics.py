@@ -1,15 +1,13 @@
 """A dynamic model as an FMU: efforts on joints are inputs; coordinates, points and energies are outputs."""
 
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mechsim.analytic import dynamics
 from mechsim.analytic.dynamics.compiled_expressions import CONTROLLER, INSTRUCTION
-from mechsim.analytic.dynamics.compiled_model import COUNTS, TABLES, CompiledModel, library
+from mechsim.analytic.dynamics.compiled_model import COUNTS, TABLES, CompiledModel, c_sources, library
 from mechsim.analytic.dynamics.compiled_motion import collocation_rule
 from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, Initial, initial_values, require_regular
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
@@ -30,26 +28,6 @@ from mechsim.numerics.arrays import Array
 
 # duration of the runs of an FMU by default, in [s]
 DURATION = 1.0
-# table of a model in C -> type of its entries
-TYPES = {
-    "branches": "Branch",
-    "coordinates": "Coordinate",
-    "cut": "Cut",
-    "moved": "Moved",
-    "coupling": "Coupling",
-    "weights": "double",
-    "inertias": "Inertia",
-    "spring": "Spring",
-    "resistance": "Resistance",
-    "load": "Load",
-    "instruction": "Instruction",
-    "controller": "Controller",
-    "actuator": "Actuator",
-    "gear": "double",
-    "rotors": "double",
-    "nonlinear_spring": "NonlinearSpring",
-    "tables": "double",
-}
 ENERGIES = ("kinetic", "potential")
 
 
@@ -67,11 +45,11 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
     """
     run, compiled = _prepared(released(model), initial, duration)
     equations, mechanism = run.equations, model.mechanism
-    layout = _Layout(equations)
-    inputs, tables = _with_inputs(layout, compiled)
+    tree = equations.loops.tree
+    inputs, tables = _with_inputs(equations, compiled)
     parameters = dict(_parameters(equations, tables))
     members = [*(where for _, where in inputs), *(where for where, _ in parameters.values())]
-    states, index, units = zip(*layout.states(run.state), strict=True)
+    states, index, units = zip(*_states(equations, run.state), strict=True)
     points = [
         (point, *located(mechanism, point)) for point, (link, _) in mechanism.points.items() if link != GROUND
     ]
@@ -79,8 +57,8 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         "RANK": equations.rank,
         "IMPLICIT": int(run.implicit),
         "SIZE": len(run.state),
-        "COUNT": layout.count,
-        "POSITIONS": layout.positions,
+        "COUNT": tree.count,
+        "POSITIONS": tree.count + 4 * len(tree.balls),
         "POINTS": len(points),
     }
     reals = {
@@ -89,9 +67,10 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         "NEAREST": run.nearest_pivot(),
         "DURATION": duration,
     }
+    sources = c_sources()
     lines = [
-        *_sources(),
-        *_tables(tables, compiled, len(inputs)),
+        sources,
+        *_tables(tables, _table_types(sources), compiled, len(inputs)),
         "enum { " + ", ".join(f"{key} = {value}" for key, value in integers.items()) + " };",
         *(f"#define {key} {_number(value)}" for key, value in reals.items()),
         _array("size_t", "PLACES", [f"offsetof(Tables, {where})" for where in members]),
@@ -101,7 +80,7 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         _array("double", "NONE", np.zeros(len(equations.frictions))),
         _array("int", "PHASES", run.right.mode.phases),
         _array("double", "RULE", collocation_rule()),
-        _array("int", "POINT_LINK", [equations.loops.tree.index[link] for _, link, _ in points]),
+        _array("int", "POINT_LINK", [tree.index[link] for _, link, _ in points]),
         _array(
             "double", "POINT_PLACE", np.array([position for _, _, position in points]).reshape(-1, 3), "[3]"
         ),
@@ -165,47 +144,29 @@ def _event(equations: EquationsOfMotion) -> str:
     return f"spring {springs[0].name!r}" if springs else ""
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """Names of a state's components."""
+def _coordinates(equations: EquationsOfMotion) -> list[tuple[str, int]]:
+    """Return names and indices of the free coordinates that are no rotations of balls."""
+    tree, chosen = equations.loops.tree, {*equations.free} - {*equations.loops.tree.ball_indices}
+    return [(name, i) for name, i in tree.index_of.items() if i in chosen]
 
-    equations: EquationsOfMotion
 
-    @property
-    def count(self) -> int:
-        return self.equations.loops.tree.count
-
-    @property
-    def positions(self) -> int:
-        return self.count + 4 * len(self.equations.loops.tree.balls)
-
-    @property
-    def coordinates(self) -> list[tuple[str, int]]:
-        """Names and indices of the free coordinates that are no rotations of balls."""
-        tree, free = self.equations.loops.tree, {*self.equations.free}
-        balls = {*tree.ball_indices}
-        return [(name, i) for name, i in tree.index_of.items() if i in free and i not in balls]
-
-    def states(self, state: Array) -> Iterator[tuple[Variable, int, float]]:
-        """Yield each continuous state, its index, and its unit in the equations."""
-        tree, units = self.equations.loops.tree, self.equations.loops.units
-        unit_of = self.equations.model.mechanism.unit
-        for name, i in self.coordinates:
-            yield Variable(f"{name}.q", unit_of(name), float(state[i] * units[i])), i, float(units[i])
+def _states(equations: EquationsOfMotion, state: Array) -> Iterator[tuple[Variable, int, float]]:
+    """Yield each continuous state, its index, and its unit in the equations."""
+    tree, units, unit_of = equations.loops.tree, equations.loops.units, equations.model.mechanism.unit
+    rates = tree.count + 4 * len(tree.balls)
+    for first, letter, per in ((0, "q", ""), (rates, "v", "/s")):
+        for name, i in _coordinates(equations):
+            value = float(state[first + i] * units[i])
+            yield Variable(f"{name}.{letter}", unit_of(name) + per, value), first + i, float(units[i])
         for k, ball in enumerate(tree.balls):
-            for j, axis in enumerate("wxyz"):
-                i = self.count + 4 * k + j
-                yield Variable(f"{ball.joint.name}.quaternion.{axis}", "", float(state[i])), i, 1.0
-        for name, i in self.coordinates:
-            start = float(state[self.positions + i] * units[i])
-            yield Variable(f"{name}.v", f"{unit_of(name)}/s", start), self.positions + i, float(units[i])
-        for ball in tree.balls:
-            for j, axis in enumerate("xyz"):
-                i = self.positions + ball.first_angle + j
-                yield Variable(f"{ball.joint.name}.w.{axis}", "rad/s", float(state[i])), i, 1.0
-        names = [a.name for a in self.equations.model.forces.actuators if a.inflow is not None]
-        for i, name in enumerate(names, self.positions + self.count):
-            yield Variable(f"{name}.activation", "", float(state[i])), i, 1.0
+            quaternion = f"{ball.joint.name}.quaternion", "wxyz", "", tree.count + 4 * k
+            spin = f"{ball.joint.name}.w", "xyz", "rad/s", rates + ball.first_angle
+            name, axes, unit, start = spin if first else quaternion
+            for i, axis in enumerate(axes, start):
+                yield Variable(f"{name}.{axis}", unit, float(state[i])), i, 1.0
+    names = [a.name for a in equations.model.forces.actuators if a.inflow is not None]
+    for i, name in enumerate(names, rates + tree.count):
+        yield Variable(f"{name}.activation", "", float(state[i])), i, 1.0
 
 
 def _derivative(state: Variable) -> Variable:
@@ -217,16 +178,16 @@ def _derivative(state: Variable) -> Variable:
 
 
 def _with_inputs(
-    layout: _Layout, compiled: CompiledModel
+    equations: EquationsOfMotion, compiled: CompiledModel
 ) -> tuple[list[tuple[Variable, str]], dict[str, np.ndarray[Any, Any]]]:
     """Return an effort on each coordinate with its place, and the tables with a controller for each."""
-    names, tables = layout.coordinates, compiled.tables
+    names, tables = _coordinates(equations), compiled.tables
     first = len(tables["instruction"])
     added = {
         "instruction": np.zeros(len(names), INSTRUCTION),
         "controller": np.array([(i, (first + k, 1)) for k, (_, i) in enumerate(names)], CONTROLLER),
     }
-    unit_of = layout.equations.model.mechanism.effort_unit
+    unit_of = equations.model.mechanism.effort_unit
     inputs = [
         (
             Variable(f"{name}.effort", unit_of(name).replace(" ", "."), 0.0, "added to the model's own"),
@@ -281,10 +242,10 @@ def _parameters(
         yield row("resistance", i, "rest", f"{spring.joint}.rest", unit)
 
 
-def _sources() -> Iterator[str]:
-    folder = Path(dynamics.__file__).parent / "c"
-    for name in ("expressions.c", "equations.c", "integration.c"):
-        yield (folder / name).read_text(encoding="utf-8")
+def _table_types(sources: str) -> dict[str, str]:
+    """Return table of a model in C -> type of its entries."""
+    declared = re.findall(r"const (\w+) (\*\w+(?:, \*\w+)*);", sources)
+    return {name.strip(" *"): kind for kind, names in declared for name in names.split(",")}
 
 
 def _number(value: float) -> str:
@@ -307,18 +268,18 @@ def _array(kind: str, name: str, values: Any, more: str = "") -> str:
 
 
 def _tables(
-    tables: Mapping[str, np.ndarray[Any, Any]], compiled: CompiledModel, inputs: int
+    tables: Mapping[str, np.ndarray[Any, Any]], types: Mapping[str, str], compiled: CompiledModel, inputs: int
 ) -> Iterator[str]:
     """Yield the tables of a model, with the numbers that inputs and parameters replace, and their use."""
     data = compiled.data
     counts = {name: getattr(data, name) for name in COUNTS} | {"controllers": data.controllers + inputs}
     flat = {
-        name: tables[name].ravel() if TYPES[name] == "double" else tables[name]
+        name: tables[name].ravel() if types[name] == "double" else tables[name]
         for name in TABLES
         if tables[name].size
     }
     yield "/* the data of the model */\ntypedef struct {"
-    yield from (f"    {TYPES[name]} {name}[{len(table)}];" for name, table in flat.items())
+    yield from (f"    {types[name]} {name}[{len(table)}];" for name, table in flat.items())
     yield "    double gravity[3], torque, torque_slope;\n} Tables;\n"
     yield "static const Tables TABLES = {"
     for name, table in flat.items():

@@ -225,16 +225,18 @@ class CompiledModel:
     library: ctypes.CDLL
 
 
+def c_sources() -> str:
+    """Return the C code that evaluates and integrates equations of motion."""
+    folder = Path(__file__).parent / "c"
+    names = "expressions.c", "equations.c", "integration.c"
+    return "".join((folder / name).read_text(encoding="utf-8") for name in names)
+
+
 @cache
 def library_or_error() -> ctypes.CDLL | MechsimError:
     """Return the compiled C code, or the reason why there is none; a compiler that fails is tried once."""
-    folder = Path(__file__).parent / "c"
-    texts = (
-        (folder / name).read_text(encoding="utf-8")
-        for name in ("expressions.c", "equations.c", "integration.c")
-    )
     try:
-        return loaded_library("forward_dynamics", "".join(texts))
+        return loaded_library("forward_dynamics", c_sources())
     except (MissingToolError, OutputError) as error:
         return error
 

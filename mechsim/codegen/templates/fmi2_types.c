@@ -28,7 +28,24 @@ typedef struct {
 } fmi2EventInfo;
 #endif
 
+#ifdef FMI2_FUNCTION_PREFIX
+#define PREFIX FMI2_FUNCTION_PREFIX
+#else
+#define PREFIX
+#endif
+#define FMI(name) fmi2##name
+#define VERSION "2.0"
+/* functions whose names 3.0 changed */
+#define fmi2GetFMUState fmi2GetFMUstate
+#define fmi2SetFMUState fmi2SetFMUstate
+#define fmi2FreeFMUState fmi2FreeFMUstate
+#define fmi2SerializedFMUStateSize fmi2SerializedFMUstateSize
+#define fmi2SerializeFMUState fmi2SerializeFMUstate
+#define fmi2DeserializeFMUState fmi2DeSerializeFMUstate
+#define fmi2GetContinuousStateDerivatives fmi2GetDerivatives
+#define fmi2FMUState fmi2FMUstate
 typedef fmi2Status Status;
+typedef fmi2Component Component;
 typedef fmi2ValueReference Reference;
 typedef fmi2CallbackLogger Logger;
 #define GOOD fmi2OK

@@ -34,7 +34,15 @@ typedef void (*fmi3LockPreemptionCallback)(void);
 typedef void (*fmi3UnlockPreemptionCallback)(void);
 #endif
 
+#ifdef FMI3_FUNCTION_PREFIX
+#define PREFIX FMI3_FUNCTION_PREFIX
+#else
+#define PREFIX
+#endif
+#define FMI(name) fmi3##name
+#define VERSION "3.0"
 typedef fmi3Status Status;
+typedef fmi3Instance Component;
 typedef fmi3ValueReference Reference;
 typedef fmi3LogMessageCallback Logger;
 #define GOOD fmi3OK
