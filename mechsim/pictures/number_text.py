@@ -43,9 +43,9 @@ def prefixed(value: float, unit: str) -> str:
 
 def quantity_text(value: float, unit: str) -> str:
     """Return a quantity with the prefix of its unit that gives a readable number; angles in degrees."""
-    if unit == "rad" and value >= 1e-6:
+    if unit == "rad" and abs(value) >= 1e-6:
         return f"{math.degrees(value):.3g}°"
-    if unit.startswith(WITHOUT_PREFIX) or not 1e-9 <= value < 1e6:
+    if unit.startswith(WITHOUT_PREFIX) or not 1e-9 <= abs(value) < 1e6:
         return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
     return prefixed(value, unit)
 

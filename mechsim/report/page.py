@@ -241,6 +241,7 @@ def quantity(value: float | None, unit: str) -> str:
     """Return a quantity as in the terminal: 1.05 mm; very small ones with a power of ten."""
     if value is None or not math.isfinite(value):
         return "not a number"
+    unit = unit.replace("s2", "s²")
     return quantity_text(value, unit) if value >= 1e-9 else f"{number(value)} {unit}"
 
 

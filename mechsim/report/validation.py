@@ -21,6 +21,7 @@ from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion
 from mechsim.model.progress import Progress, no_progress
 from mechsim.pictures import plots
+from mechsim.pictures.number_text import quantity_text
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.report.facts import about, facts
@@ -106,7 +107,7 @@ def _section(folder: Path, name: str) -> tuple[Section, list[str]]:
         name=name,
         title=name,
         about=about(case.solver),
-        facts=_facts(case) | ({} if case.formula is None else explanations(case.formula)),
+        facts=_facts(case) | ({} if case.formula is None else error_of_a_run(case.formula)),
         picture=_picture(case.solver, case.run.motion, notes),
         view=_write_view(folder, name, case),
         plots=_plots(case),
@@ -249,9 +250,9 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
     """
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
-    mechanism = agreement.solver.mechanism
+    mechanism, source = agreement.solver.mechanism, Path(agreement.source).name
     rows: dict[str, Any] = {
-        "compared with": agreement.source,
+        "compared with": source,
         "driven": ", ".join(mechanism.drivers),
         "instants": len(agreement.evaluation),
         "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
@@ -260,7 +261,7 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
         name=agreement.solver.name,
         title=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
-        facts=rows | explanations(agreement),
+        facts=rows | error_of_a_run(agreement),
         picture=_picture(agreement.solver, agreement.evaluation.motion, notes),
         plots=[
             (f"{curves.name}: exact and claimed", _webp(plots.drawn(agreement_plot(curves), "png")))
@@ -271,8 +272,7 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
     mechanisms = results["mechanisms"]
     if not agreement.passed:
         mechanisms = {
-            name: {**case, "reason": f"disagrees with {agreement.source}"}
-            for name, case in mechanisms.items()
+            name: {**case, "reason": f"disagrees with {source}"} for name, case in mechanisms.items()
         }
     write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes)
     return notes
@@ -299,16 +299,18 @@ def _curves(agreement: Agreement, i: int) -> TwoCurves:
         claimed=candidate.values,
         components=candidate.quantity.axes,
         tolerance=agreement.checks[i].tolerance,
-        source=agreement.source,
+        source=Path(agreement.source).name,
         shares=shares,
     )
 
 
-def explanations(agreement: Agreement) -> dict[str, Any]:
-    """Return what explains a difference, and where that of a time-stepped run comes from."""
-    rows: dict[str, Any] = {}
-    if agreement.findings:
-        rows["what explains the difference"] = [[finding.message] for finding in agreement.findings]
-    if "says" in agreement.attribution:
-        rows["a run in time"] = [str(agreement.attribution["run"]), str(agreement.attribution["says"])]
-    return rows
+def error_of_a_run(agreement: Agreement) -> dict[str, Any]:
+    """Return where the difference of a time-stepped run comes from; nothing without such a run."""
+    data = agreement.attribution
+    if "says" not in data:
+        return {}
+    sizes = {name: quantity_text(float(data[name]), str(data["unit"])) for name in ("whole", *COMPONENTS)}
+    sources = ", ".join(f"{name} {sizes[name]}" for name in COMPONENTS)
+    return {
+        "error of a time-stepped run": [str(data["run"]), f"{data['quantity']}: {sizes['whole']} = {sources}"]
+    }

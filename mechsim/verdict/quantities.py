@@ -74,7 +74,7 @@ VIBRATION = "x position tolerance x crank speed{}: vibration of the loop"
 
 def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> ToleranceRule:
     """Return the tolerance of a solved pose in multiples of eps; `measured` is over random mechanisms."""
-    reason = f"{how}, eps = 2.2e-16: {eps} eps allowed, measured {measured} over random mechanisms"
+    reason = f"{how}: {eps} times 2.2e-16; random mechanisms had up to {measured} times"
     return ToleranceRule(reason, eps * EPS, power=power, scale=scale)
 
 

@@ -30,6 +30,8 @@ FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
 INK = "#222831"
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
+# distances of the ticks of a crank angle in degrees
+ANGLE_STEPS = (1.0, 5.0, 15.0, 30.0, 60.0, 180.0)
 # relative variation below which a curve is rounding
 ROUNDED = 1e-12
 # largest number of decades of a logarithmic axis with a tick for each
@@ -184,8 +186,8 @@ def angle_axis(ax: Axes) -> None:
     """Label the horizontal axis for crank angles in degrees."""
     ax.set_xlabel("crank angle [°]")
     low, high = ax.get_xlim()
-    if high - low < 800.0:
-        ax.xaxis.set_major_locator(locator(60.0 if high - low < 450.0 else 180.0))
+    if high - low < 7.5 * ANGLE_STEPS[-1]:
+        ax.xaxis.set_major_locator(locator(next(step for step in ANGLE_STEPS if high - low < 7.5 * step)))
 
 
 def still(values: ArrayLike, scale: float) -> bool:

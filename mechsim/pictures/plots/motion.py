@@ -231,7 +231,7 @@ def _difference(ax: Axes, x: Array, curves: TwoCurves) -> None:
         gap = 0.0 * gap
     for i in range(gap.shape[1]):
         ax.plot(x, gap[:, i] / factor, color=COLOURS[i], label=curves.components[i : i + 1])
-    largest = float(np.abs(gap).max(initial=0.0))
+    largest = float(np.linalg.norm(gap, axis=1).max(initial=0.0))
     if rounding:
         limit = 1.3 * max(curves.tolerance, floor) / factor
         ax.set_ylim(-limit, limit)
