@@ -107,20 +107,21 @@ class Actuator:
         low, high = self.control_range
         return np.clip(value, low, high), np.where((value < low) | (value > high), 0.0, rate)
 
-    def force(self, time: Array, length: Array, speed: Array, state: Array) -> Array:
-        """Return the force p at times, lengths, speeds and states, (n,); complex steps are propagated."""
-        control, rate = self.input(time)
+    def force(self, inputs: tuple[Array, Array], length: Array, speed: Array, state: Array) -> Array:
+        """Return the force p at inputs, lengths, speeds and states, (n,); complex steps are propagated."""
+        control, rate = inputs
         x = control if self.inflow is None else state
         value = (self.gain[0] + self.gain[1] * length + self.gain[2] * speed) * x
         value = value + self.bias[0] + self.bias[1] * length + self.bias[2] * speed
         return limited(value + self.direct[0] * control + self.direct[1] * rate, self.force_range)
 
-    def state_rate(self, time: Array, length: Array, speed: Array, state: Array) -> Array:
+    def state_rate(self, inputs: tuple[Array, Array], length: Array, speed: Array, state: Array) -> Array:
         """Return w', (n,): zero where it would leave its range."""
         assert self.inflow is not None
-        control, _ = self.input(time)
         u, w, by_length, by_speed = self.inflow
-        rate = u * control + w * state + by_length * length + by_speed * speed
+        rate = u * inputs[0] + w * state + by_length * length + by_speed * speed
+        if self.state_range == NO_LIMIT:
+            return rate
         low, high = self.state_range
         leaving = ((state <= low) & (np.real(rate) < 0.0)) | ((state >= high) & (np.real(rate) > 0.0))
         return np.where(leaving, 0.0, rate)
@@ -129,12 +130,14 @@ class Actuator:
         """Return the state w with w' = 0, (n,); its start if w' does not depend on it."""
         if self.inflow is None or not self.inflow[1]:
             return np.full(np.shape(length), self.start)
-        rest = self.state_rate(time, length, speed, np.zeros(np.shape(length)))
+        rest = self.state_rate(self.input(time), length, speed, np.zeros(np.shape(length)))
         return limited(-rest / self.inflow[1], self.state_range)
 
 
 def limited(values: Array, limits: Range) -> Array:
     """Return values within limits; a complex step of a limited value is zero."""
+    if limits == NO_LIMIT:
+        return values
     low, high = limits
     real: Any = np.real(values)
     return np.where(real < low, low, np.where(real > high, high, values))

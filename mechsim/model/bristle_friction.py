@@ -29,12 +29,12 @@ class BristleFriction(Actuator):
 
     friction: Friction = Friction("")
 
-    def force(self, time: Array, length: Array, speed: Array, state: Array) -> Array:
+    def force(self, inputs: tuple[Array, Array], length: Array, speed: Array, state: Array) -> Array:
         """Return the force on the joint's link b, (n,)."""
-        row, rate = self.friction, self.state_rate(time, length, speed, state)
+        row, rate = self.friction, self.state_rate(inputs, length, speed, state)
         return -(row.bristle_stiffness * state + row.bristle_damping * rate + row.viscous * speed)
 
-    def state_rate(self, time: Array, length: Array, speed: Array, state: Array) -> Array:
+    def state_rate(self, inputs: tuple[Array, Array], length: Array, speed: Array, state: Array) -> Array:
         """Return z', (n,)."""
         limit = self.friction.coulomb * self.friction.ratio(np.real(speed))
         return speed - self.friction.bristle_stiffness * np.sign(np.real(speed)) * speed * state / limit

@@ -290,6 +290,15 @@ def sample(
             raise InputError("no actuator moves a joint, so that --lock others leaves none to draw")
         path = replace(path, drivers=drivers)
     paths = path.independent_paths()
+    outside = path.outside(path.reference[None])[0]
+    for each in paths:
+        outside[each.joints] &= not len(each.drivers)
+    if outside.any():
+        name = model.joint(int(np.argmax(outside))).name
+        raise AssemblyError(
+            f"joint {name} stays at the start, which is outside its limits; start within them, by "
+            f"--start {name}=VALUE"
+        )
     qpos, accepted = np.repeat(path.reference[None], n, 0), 1.0
     for i, each in enumerate(paths):
         states, share = _drawn(
@@ -320,7 +329,9 @@ def _drawn(
         # estimated from the fraction accepted so far
         expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
         batch = int(np.clip(expected, 64, BATCH))
-        qpos, valid = path.reach(random.uniform(low, high, (batch, len(low))))
+        qpos, closed = path.follow(random.uniform(low, high, (batch, len(low))))
+        # joints of other paths are at the start, which may be beyond their limits
+        valid = closed & ~path.outside(qpos)[:, path.joints].any(1)
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch
     return np.concatenate(accepted)[:n], count / drawn

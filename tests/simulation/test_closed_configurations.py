@@ -8,6 +8,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
+from mechsim.errors import AssemblyError
 
 FOUR_BAR = model_text("closed_configurations_four_bar.xml")
 
@@ -163,6 +164,27 @@ def test_a_reference_outside_the_limits_is_replaced() -> None:
     rocker = states.qpos[:, model.joint("rocker").qposadr[0]]
     assert np.all(rocker >= np.radians(15) - 1e-9)
     assert states.residual.max() < 1e-12
+
+
+def test_a_joint_that_starts_beyond_its_limits_does_not_reject_draws_of_others() -> None:
+    """A hinge, and a pair of coupled hinges that starts beyond the limits of its passive one."""
+    spec = mujoco.MjSpec()
+    for name in ("hip", "knee", "motor"):
+        body = spec.worldbody.add_body()
+        body.add_joint(name=name)
+        body.add_geom(size=[0.1, 0, 0])
+    spec.joint("knee").range, spec.joint("knee").limited = [-150, -5], True
+    coupling = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1="knee", name2="motor")
+    coupling.data[:2] = 0.0, 1.0
+    drawn = ms.sample(spec, 50).qpos
+    assert (np.degrees(drawn[:, 1]) >= -150).all()
+    assert (np.degrees(drawn[:, 1]) <= -5).all()
+    np.testing.assert_allclose(drawn[:, 1], drawn[:, 2], atol=1e-12)
+    # uniform over a revolution
+    assert np.ptp(drawn[:, 0]) > np.pi
+    spec.add_actuator(target="hip", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    with pytest.raises(AssemblyError, match="knee stays at the start, which is outside its limits"):
+        ms.sample(spec, 50, lock_others=True)
 
 
 def test_a_start_at_a_change_point_is_rejected() -> None:

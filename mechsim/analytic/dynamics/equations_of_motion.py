@@ -528,13 +528,14 @@ def _actuator_forces(
     for actuator in forces.actuators:
         arms = tree.coupled(actuator.gear)
         length, speed = arms @ state.q.values, (arms * units) @ state.rates
+        inputs = actuator.input(time)
         if state.activation is None or actuator.inflow is None:
             activation = actuator.steady_state(time, length, speed)
         else:
             activation = state.activation[len(activations)]
-        total += np.outer(arms * units, actuator.force(time, length, speed, activation))
+        total += np.outer(arms * units, actuator.force(inputs, length, speed, activation))
         if actuator.inflow is not None:
-            activations.append(actuator.state_rate(time, length, speed, activation))
+            activations.append(actuator.state_rate(inputs, length, speed, activation))
     return total[equations.free].T, np.reshape(activations, (-1, len(time)))
 
 

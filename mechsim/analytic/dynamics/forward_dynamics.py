@@ -255,11 +255,15 @@ class Integration:
             if self._impact():
                 self.events.append(self.time)
             self._choose_mode()
-            rest = self._at_rest()
-            if rest is None:
+            ended = self._at_rest()
+            if ended is not None:
+                # integrated rounding would move a light link
+                self.time = duration
+                self.pieces[-1] = replace(self.pieces[-1], last=duration)
+            else:
                 self._compile(self.duration)
-            self._find_stiffness(self.duration)
-            ended = self._too_stiff() if rest is None else None
+                self._find_stiffness(self.duration)
+                ended = self._too_stiff()
             while ended is None and self.time < duration:
                 locked = None if self.compiled is None or self.passing else self._locked()
                 ended = (
@@ -267,7 +271,7 @@ class Integration:
                     if self.compiled is None or locked is None
                     else self._motion_in_c(self.compiled, locked, duration)
                 )
-            outcome, reason = ended or rest or (outcome, reason)
+            outcome, reason = ended or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
         except FrictionError as error:

@@ -15,13 +15,13 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
-from mechsim.simulation.equality_rows import RodPair
+from mechsim.simulation.equality_rows import CouplingConstraint, RodPair
 from mechsim.simulation.mjcf.force_elements import MASSLESS, native
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
 
-EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+EQUALITY, JOINT = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY), int(mujoco.mjtEq.mjEQ_JOINT)
 
 
 def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations: int) -> ModelLoops:
@@ -80,34 +80,39 @@ class AppliedControls:
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None
         over = {profile.over for profile in model.forces.load_profiles} - {None}
-        #: whether controls depend on nothing but the time
-        reacts = model.dry or self.controllers.others or model.forces.nonlinear_springs
-        self.timed = not (reacts or "angle" in over)
-        other = not self.timed or self.controllers.used or self.drives.names
+        self.by_angle = "angle" in over
+        self.reacts = bool(model.dry or model.forces.nonlinear_springs)
+        other = self.reacts or self.controllers.used or self.drives.names
         self.constant = not (other or over or model.forces.actuators)
-        self.first, self.table = 0.0, np.empty((0, loops.model.nu))
+        #: time of the first stage of the steps ahead, and controls and inputs of actuators at each stage
+        self.first, self.table, self.inputs = 0.0, np.empty((0, loops.model.nu)), np.empty((0, 0, 2))
 
     def look_ahead(self, time: float, steps: int) -> None:
-        """Evaluate controls that depend on nothing but the time at all stages of the next steps of RK4."""
-        if self.timed and not self.constant:
+        """Evaluate what depends on nothing but the time at all stages of the next steps of RK4."""
+        if not (self.constant or self.by_angle):
             times = time + 0.5 * self.loops.model.opt.timestep * np.arange(2 * steps + 1)
             self.first, self.table = time, self.model.controls(np.zeros(len(times)), times)
+            self.inputs = self.controllers.inputs(times)
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set controls and applied forces at MuJoCo's state."""
         if self.drives.evaluating:
             return
         if len(self.table):
-            stage = round((data.time - self.first) / (0.5 * self.loops.model.opt.timestep))
             # MuJoCo sets the time of a state that has become invalid to zero
-            data.ctrl[:] = self.table[max(stage, 0)]
+            stage = max(round((data.time - self.first) / (0.5 * self.loops.model.opt.timestep)), 0)
+            controls, inputs = self.table[stage : stage + 1], self.inputs[stage]
         else:
-            angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
-            controls = self.model.controls(angle, np.array([data.time]))
+            angle, time = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1), data.time
+            controls = self.model.controls(angle, np.array([time]))
+            (inputs,) = self.controllers.inputs(np.array([time]))
+        data.ctrl[:] = controls[0]
+        if self.reacts:
+            controls = data.ctrl[None]
             self.model.react(data.actuator_length[None], data.actuator_velocity[None], controls)
             data.ctrl[:] = controls[0]
         data.qfrc_applied[:] = 0.0
-        self.controllers.apply(data)
+        self.controllers.apply(data, inputs)
         self.drives.apply(data)
 
     @contextmanager
@@ -146,24 +151,29 @@ class Controllers:
             dict(zip(names, dofs, strict=True)),
         )
 
-    def apply(self, data: mujoco.MjData) -> None:
-        """Set the applied forces at MuJoCo's state."""
+    def inputs(self, times: Array) -> Array:
+        """Return the controls of the actuators that MuJoCo does not have, and their rates, (n, k, 2)."""
+        inputs = [np.transpose(actuator.input(times)) for _, _, actuator in self.others]
+        return np.stack(inputs, 1) if inputs else np.empty((len(times), 0, 2))
+
+    def apply(self, data: mujoco.MjData, inputs: Array) -> None:
+        """Set the applied forces at MuJoCo's state, with inputs of actuators (k, 2)."""
         if not (self.used or self.others):
             return
-        values = {name: data.qpos[[address]] for name, address in self.addresses.items()}
-        rates = {name: data.qvel[[dof]] for name, dof in self.dofs.items()}
+        values = {name: data.qpos[address] for name, address in self.addresses.items()}
+        rates = {name: data.qvel[dof] for name, dof in self.dofs.items()}
         for controller in self.used:
             effort = controller.effort(values, rates, np.array([data.time]))
             data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
-        for number, state, actuator in self.others:
+        for (number, state, actuator), control in zip(self.others, inputs, strict=True):
             length, speed = (
-                np.array([sum(ratio * terms[name][0] for name, ratio in actuator.gear.items())])
+                np.array(sum(ratio * terms[name] for name, ratio in actuator.gear.items()))
                 for terms in (values, rates)
             )
-            activation, time = data.act[state : state + 1], np.array([data.time])
-            force = float(actuator.force(time, length, speed, activation)[0])
+            activation = np.array(0.0 if actuator.inflow is None else data.act[state])
+            force = float(actuator.force(control, length, speed, activation))
             if actuator.inflow is not None:
-                data.ctrl[number] = actuator.state_rate(time, length, speed, activation)[0]
+                data.ctrl[number] = actuator.state_rate(control, length, speed, activation)
             for name, ratio in actuator.gear.items():
                 data.qfrc_applied[self.dofs[name]] += ratio * force
 
@@ -237,7 +247,12 @@ def dofs_of(model: LoadedModel, names: Iterable[str]) -> tuple[list[int], list[i
 
 @contextmanager
 def _velocity_products(loops: ModelLoops) -> Generator[None]:
-    """Install a callback for the velocity-product terms of couplings, and restore the previous one."""
+    """Install a callback for nonlinear couplings and rods, and restore the previous one.
+
+    It adds their velocity-product terms. MuJoCo makes a joint coupling q = f(p) compliant in proportion to
+    1/m_q + 1/m_p with the inertias of both coordinates; the callback corrects this to 1/m_q + f'(p)^2 / m_p.
+    A light cam under a preloaded follower, on a dwell, would otherwise yield as if it carried the load.
+    """
     before = mujoco.get_mjcb_passive()
     nonlinear = [row for row in (*loops.couplings, *loops.rods) if row.nonlinear]
     rows: list[int] = []
@@ -254,9 +269,20 @@ def _velocity_products(loops: ModelLoops) -> Generator[None]:
                 data.efc_pos[row] += coupling.stretching(data) / (stiffness * impedance)
                 continue
             data.efc_pos[row] -= float(coupling.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
+            data.efc_R[row] *= _mobility_ratio(loops.model, coupling, qpos)
+            data.efc_D[row] = 1.0 / data.efc_R[row]
 
     mujoco.set_mjcb_passive(opened if nonlinear else before)
     try:
         yield
     finally:
         mujoco.set_mjcb_passive(before)
+
+
+def _mobility_ratio(model: mujoco.MjModel, coupling: CouplingConstraint, qpos: Array) -> float:
+    """Return the mobility of a coupling of two joints by its derivative, relative to that of derivative 1."""
+    if coupling.right is None or model.eq_type[coupling.equality] != JOINT:
+        return 1.0
+    left, right = (model.dof_invweight0[side.dofs[0]] for side in (coupling.left, coupling.right))
+    (rate,) = coupling.values(coupling.right.value(qpos))[1]
+    return float((left + rate**2 * right) / (left + right))
