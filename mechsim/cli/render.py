@@ -34,6 +34,7 @@ from mechsim.pictures.render.frame_poses import (
     frame_indices,
     returns_to_start,
 )
+from mechsim.pictures.render.gltf import write_gltf
 from mechsim.studies.drawn_motion import MAX_SAMPLES, drawn_motion, joint_loads
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
@@ -101,8 +102,8 @@ def render(
     output: Annotated[
         str,
         output_file(
-            "Picture or animation to write: .png, .mp4, .webm, .gif, or a new folder.",
-            *(".png", ".mp4", ".webm", ".gif", ""),
+            "Picture or animation to write: .png, .mp4, .webm, .gif, .glb (glTF), or a new folder.",
+            *(".png", ".mp4", ".webm", ".gif", ".glb", ""),
         ),
     ],
     animation: AnimationOptions,
@@ -110,7 +111,7 @@ def render(
     release: Annotated[ReleaseOptions, Without("until")],
     stated: Stated,
 ) -> Result:
-    """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
+    """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, .glb, or a new folder of .png files.
 
     Motions that return to their start play in a loop without a seam: no frame is shown twice. Motions under
     motion laws and runs from an initial state are shown in their own time.
@@ -248,6 +249,9 @@ def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look)
             stated.exclude(["angle"], "with --positions, which show the whole motion")
     else:
         stated.exclude(["angle", "overlay"], "on an animation, only on a .png file")
+    if output.endswith(".glb"):
+        drawn = ["size", "camera", "labels", "arrows"] + ["method"] * (animation.method == "both")
+        stated.exclude(drawn, "in a .glb file, which has meshes and their motion alone")
     width, height = look.size
     if output.endswith((".mp4", ".webm")) and (width % 2 or height % 2):
         raise InputError(
@@ -258,7 +262,9 @@ def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look)
 def _write_animation(
     path: Path, solver: KinematicSolver, motion: Motion, periodic: bool, look: Look, extra: dict[str, Any]
 ) -> int:
-    """Write an animation, with progress on stderr; a periodic one omits its last frame, a repeated first."""
+    """Write an animation, with progress on stderr; a periodic one ends before its repeated first."""
+    if path.suffix == ".glb":
+        return write_gltf(path, solver.mechanism, motion, look, **extra)
     indices = frame_indices(motion, None, extra["every"]).astype(np.intp)
     shown = motion.angle[indices[:-1] if periodic else indices]
     with progress("draw", len(shown)) as report:

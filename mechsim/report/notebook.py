@@ -218,8 +218,8 @@ def render(
 
     Args:
         model: any argument of `load`.
-        output: path to write: .png, .mp4, .webm, .gif, or a new folder for a file of each frame; None writes
-            none and returns a picture.
+        output: path to write: .png, .mp4, .webm, .gif, .glb (glTF: meshes and their motion), or a new folder
+            for a file of each frame; None writes none and returns a picture.
         motion: what is drawn, analytic or simulated; None for a turn of the crank, or the motion laws.
         angle: crank angle of a picture in [rad]; None for one that shows the mechanism well.
         set: parameter -> its value, as for `load`.
@@ -241,6 +241,7 @@ def render(
     from mechsim.pictures.render import Look, write_picture, write_video
     from mechsim.pictures.render.drawn_model import drawn_as
     from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
+    from mechsim.pictures.render.gltf import write_gltf
     from mechsim.studies.drawn_motion import drawn_motion
     from mechsim.studies.motions import profile_of
     from mechsim.subjects.readers import load
@@ -255,6 +256,9 @@ def render(
         samples = 360.0 * abs(turns) if picture else profile.duration * fps if timed else 72.0 * abs(turns)
         motion = drawn_motion(solver, "closed", profile, max(1.0, samples))
     if output is not None and not picture:
+        if Path(output).suffix == ".glb":
+            write_gltf(output, solver.mechanism, motion, look, fps=fps)
+            return None
         # a repeated first frame is left out
         again = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
         angles = motion.angle[:-1] if again else motion.angle
