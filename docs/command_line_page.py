@@ -1,4 +1,4 @@
-"""The reference page of the command line, written from the application itself: every command, every option."""
+"""Reference pages of the command line, one for each command, written from the application itself."""
 
 import inspect
 from collections.abc import Iterator
@@ -32,15 +32,19 @@ def commands() -> dict[str, Any]:
 
 
 def write(folder: Path) -> None:
-    """Write command_line.md into a folder."""
+    """Write command_line.md, a list of all commands, and a page of each command into a folder."""
     named = commands()
     first = {name: (named[name].help or "").partition("\n\n")[0] for name in named}
     summary = "".join(f"| [`{name}`](#{_anchor(name)}) | {_line(first[name])} |\n" for name in named)
-    text = HEAD + "| command | does |\n|---|---|\n" + summary + "".join(map(_section, named, named.values()))
-    page = folder / "command_line.md"
-    folder.mkdir(parents=True, exist_ok=True)
-    if not page.is_file() or page.read_text(encoding="utf-8") != text:
-        page.write_text(text, encoding="utf-8")
+    contents = (
+        "\n```{toctree}\n:hidden:\n" + "".join(f"commands/{_anchor(name)}\n" for name in named) + "```\n"
+    )
+    pages = {folder / "command_line.md": f"{HEAD}| command | does |\n|---|---|\n{summary}{contents}"}
+    pages |= {folder / "commands" / f"{_anchor(name)}.md": _page(name, named[name]) for name in named}
+    (folder / "commands").mkdir(parents=True, exist_ok=True)
+    for page, text in pages.items():
+        if not page.is_file() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
 
 
 class Sections(click.HelpFormatter):
@@ -67,8 +71,8 @@ class Sections(click.HelpFormatter):
         self.lines.append(string.strip())
 
 
-def _section(name: str, command: Any) -> str:
-    """Return the section of a command: its text, usage, options in groups, and examples."""
+def _page(name: str, command: Any) -> str:
+    """Return the page of a command: its text, usage, options in groups, and examples."""
     context = click.Context(command, info_name=f"mechsim {name}")
     usage = " ".join(command.collect_usage_pieces(context))
     text = _escaped(inspect.cleandoc(command.help or "").partition("\nExamples:\n")[0].strip())
@@ -81,7 +85,7 @@ def _section(name: str, command: Any) -> str:
     table = "| option | meaning |\n|---|---|\n" + "".join(rows)
     lines = "\n".join(line for line in sections.lines if line)
     examples = f"\nExamples:\n\n```text\n{lines}\n```\n" if lines else ""
-    head = f"\n({_anchor(name)})=\n## {name}\n\n{text}\n\n```text\nmechsim {name} {usage}\n```\n"
+    head = f"({_anchor(name)})=\n# mechsim {name}\n\n{text}\n\n```text\nmechsim {name} {usage}\n```\n"
     return f"{head}{examples}\n{table}"
 
 

@@ -144,6 +144,7 @@ def _validate(
         return _against(models[0], design, chosen, folder, verbose)
     names = list(models or catalog.MECHANISMS)
     names += list(gallery.files()) if chosen.whole_gallery or not models else []
+    names = list(dict.fromkeys(names))
     if driven_or_changed and len(names) != 1:
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
         raise InputError(f"{options} one mechanism; name it")

@@ -23,7 +23,8 @@ from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, require
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
-Location = str | tuple[str, Vector]
+LinkPoint = tuple[str, Vector]
+Location = str | LinkPoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +238,17 @@ class Forces:
     def sprung(self) -> list[str]:
         """Coordinates along which nonlinear springs act."""
         return [spring.ends for spring in self.nonlinear_springs if isinstance(spring.ends, str)]
+
+
+def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[LinkPoint, LinkPoint], ...]:
+    """Return the ends of all springs between points, each as a link and a point in its frame in [m]."""
+    springs = () if forces is None else (*forces.springs, *forces.nonlinear_springs)
+    ends = [(spring.a, spring.b) if isinstance(spring, Spring) else spring.ends for spring in springs]
+    return tuple(
+        (located(mechanism, pair[0]), located(mechanism, pair[1]))
+        for pair in ends
+        if not isinstance(pair, str)
+    )
 
 
 def forces_of(source: object, forces: Forces | None = None) -> Forces:

@@ -86,7 +86,7 @@ def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
 def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
     """Yield the pairs of a ring around points in their plane of best fit, and of spokes to the innermost."""
     flat = (points - points.mean(0)) @ np.linalg.svd(points - points.mean(0))[2][:2].T
-    ring = _hull(flat)
+    ring = hull(flat)
     inside = [i for i in range(len(flat)) if i not in ring]
     hub = min(inside, key=lambda i: float(np.linalg.norm(flat[i])), default=None)
     for i, j in zip(ring, [*ring[1:], ring[0]], strict=True):
@@ -95,7 +95,7 @@ def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
             yield min(i, hub), max(i, hub)
 
 
-def _hull(flat: Array) -> list[int]:
+def hull(flat: Array) -> list[int]:
     """Return the convex hull of points in a plane, in order, with the points on its sides."""
     slack = 1e-9 * float(np.ptp(flat, axis=0).max())
     order = [int(i) for i in np.lexsort((flat[:, 1], flat[:, 0]))]

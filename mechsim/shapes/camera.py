@@ -14,9 +14,11 @@ from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, Up, unit_vector
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import extent
+from mechsim.shapes.body import extent, hull
 from mechsim.shapes.shape import HOUSING, Shape, vector
 
+# fraction of the height above which all bearings of a hanging robot lie
+HANGING = 0.7
 PRESETS = ("iso", "shaft", "top", "side")
 # azimuth and elevation of a file's camera in [deg], as MuJoCo's free camera counts them
 Angles = tuple[float, float]
@@ -256,11 +258,26 @@ def stands(shapes: Iterable[Shape], up: Array, floor: float, radius: float) -> l
     return posts
 
 
+def _ceiling(ground: Iterable[Shape], up: Array, height: float, radius: float) -> list[Shape]:
+    """Return a frame over three or more bearings that all lie above a height; else nothing."""
+    bearings = np.array([shape.centre for shape in ground if shape.role == "bearing"]).reshape(-1, 3)
+    heights = bearings @ up
+    if len(bearings) < 3 or heights.min() < height:
+        return []
+    corners = bearings + (heights.max() + 4.0 * radius - heights)[:, None] * up
+    # the axes of the ring's plane
+    ring = corners[hull(corners @ np.eye(3)[np.abs(up) < PARALLEL].T)]
+    rods = [*zip(bearings, corners, strict=True), *zip(ring, np.roll(ring, 1, axis=0), strict=True)]
+    return [Shape("capsule", vector(a), vector(b), (1.6 * radius,), HOUSING) for a, b in rods]
+
+
 def add_stands(
     ground: list[Shape], up: Array, floor: float, radius: float, balls: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Add `stands` to the shapes of the ground; return the balls with theirs."""
-    posts = stands(ground, up, floor, radius)
+    """Add `stands`, or the frame of a hanging robot, to the shapes of the ground; return all balls."""
+    top = float((balls[0] @ up + balls[1]).max())
+    hung = _ceiling(ground, up, floor + HANGING * (top - floor), radius)
+    posts = hung or stands(ground, up, floor, radius)
     ground.extend(posts)
     feet = extent([(IDENTITY, posts)])
     return np.vstack([balls[0], feet[0]]), np.append(balls[1], feet[1])

@@ -12,7 +12,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import Canvas, upright_end
-from mechsim.shapes.shape import HOUSING, STEEL, Shape, TriangleMesh, pale, vector
+from mechsim.shapes.shape import HOUSING, STEEL, pale, plate_of
 
 # ends of the names of joints that prescribe the pose of a point or link (`subjects.pose_drivers`)
 CHAIN = (".x", ".y", ".z", ".rx", ".ry", ".rz")
@@ -38,9 +38,8 @@ def draw_contacts(canvas: Canvas) -> None:
             end = canvas.mechanism.joint(name).a
             axis = canvas.normals[contact.carrier] if canvas.normals else np.asarray(end.axis)
             middle = np.asarray(end.point) + (canvas.level(contact.carrier) * axis if canvas.normals else 0.0)
-            plate = _plate(middle, points[:-1], 0.5 * canvas.r * axis)
-            shape = Shape("facets", vector(middle), vector(middle), (0.0,), pale(colour), facets=plate)
-            canvas.out[contact.carrier].append(shape)
+            cam = plate_of(middle, points[:-1], 0.5 * canvas.r * axis, pale(colour))
+            canvas.out[contact.carrier].append(cam)
         for frm, to in pairwise(points):
             canvas.add(contact.carrier, "capsule", frm, to, 0.6 * canvas.r, colour)
         end = canvas.mechanism.joint(contact.force_joint).b
@@ -49,17 +48,6 @@ def draw_contacts(canvas: Canvas) -> None:
             upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
             height = canvas.level(contact.carrier) if canvas.normals else 0.0
             canvas.disc(end.link, upright, height - 0.6 * canvas.r, height + 0.6 * canvas.r, radius, STEEL)
-
-
-def _plate(middle: Array, edge: Array, half: Array) -> TriangleMesh:
-    """Return a plate of half a thickness, (3,), whose edge, (n, 3), is seen from its middle."""
-    n = len(edge)
-    low, following = np.arange(n), np.roll(np.arange(n), -1)
-    front = np.stack([np.full(n, 2 * n), low, following], 1)
-    back = np.stack([np.full(n, 2 * n + 1), following + n, low + n], 1)
-    rim = np.stack([low, low + n, following, following, low + n, following + n], 1).reshape(-1, 3)
-    vertices = np.vstack([edge + half, edge - half, [middle + half, middle - half]])
-    return TriangleMesh(vertices, np.vstack([front, back, rim]).astype(np.int32))
 
 
 def _points(end: End, contact: Contact) -> Array:

@@ -12,10 +12,10 @@ from mechsim.model.links import GROUND
 from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import Canvas, edges, free_sides, stations, upright_end
+from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations, upright_end
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
-from mechsim.shapes.shape import HOUSING, STEEL, Shape, vector
+from mechsim.shapes.shape import HOUSING, STEEL, Rgba, Shape, plate_of, vector
 
 
 def revolute(canvas: Canvas, joint: Joint) -> None:
@@ -186,6 +186,8 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
             canvas.carry()
 
 
+# radius of the disc between slides, in rod radii
+DISC = 9.0
 DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
     "revolute": revolute,
     "prismatic": slide,
@@ -252,10 +254,25 @@ def _polygon(mechanism: Mechanism, link: str) -> list[tuple[Array, Array]]:
     return [*pairwise([*corners, corners[0]]), *spokes]
 
 
+def _platform(points: Array, radius: float, colour: Rgba) -> list[Shape]:
+    """Return the plate of a link whose joints and other points, (n, 3), lie in a plane; none for others."""
+    middle = points.mean(0)
+    _, spread, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if len(points) < 3 or not spread[1] > radius > spread[2]:
+        return []
+    edge = points[hull((points - middle) @ axes[:2].T)]
+    return [plate_of(middle, edge, 0.6 * radius * axes[2], colour)]
+
+
 def _body(canvas: Canvas, link: str) -> None:
-    """Draw rods between the points of a link, and an eye where there is no joint."""
+    """Draw rods between the points of a link, and an eye where there is no joint.
+
+    A link of slides through one point, such as that of an Oldham coupling, is a disc.
+    """
     positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
     lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
+    if not canvas.normals and len(canvas.mechanism.ends(link)) > 2:
+        canvas.out[link].extend(_platform(np.array(positions), canvas.r, colour))
     for a, b in _polygon(canvas.mechanism, link) or edges(positions):
         if canvas.normals:
             width, thick = 1.15 * canvas.r, 0.5 * canvas.r
@@ -264,6 +281,13 @@ def _body(canvas: Canvas, link: str) -> None:
             canvas.out[link].append(bar)
         else:
             canvas.add(link, "capsule", a, b, canvas.r, colour)
+    own = [joint for joint in canvas.mechanism.joints if link in (joint.a.link, joint.b.link)]
+    if canvas.normals and len(positions) == 1 and len(own) > 1 and {j.kind for j in own} == {"prismatic"}:
+        end = upright_end(canvas.mechanism.ends(link)[0], canvas.normals[link])
+        middle = canvas.height(link)
+        canvas.disc(
+            link, end, middle - 0.5 * canvas.r, middle + 0.5 * canvas.r, DISC * canvas.r, (*colour[:3], 0.5)
+        )
     joint_points = [np.asarray(end.point) for end in canvas.mechanism.ends(link)]
     for position in positions:
         if min(float(np.linalg.norm(position - joint)) for joint in joint_points) > 0.1 * canvas.r:

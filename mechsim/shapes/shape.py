@@ -118,6 +118,18 @@ class Shape:
         return self.centre + (self.frame @ corners).T, 0.0
 
 
+def plate_of(middle: Array, edge: Array, half: Array, rgba: Rgba) -> Shape:
+    """Return a plate of half a thickness, (3,), whose edge, (n, 3), is seen from its middle."""
+    n = len(edge)
+    low, following = np.arange(n), np.roll(np.arange(n), -1)
+    front = np.stack([np.full(n, 2 * n), low, following], 1)
+    back = np.stack([np.full(n, 2 * n + 1), following + n, low + n], 1)
+    rim = np.stack([low, low + n, following, following, low + n, following + n], 1).reshape(-1, 3)
+    vertices = np.vstack([edge + half, edge - half, [middle + half, middle - half]])
+    facets = TriangleMesh(vertices, np.vstack([front, back, rim]).astype(np.int32))
+    return Shape("facets", vector(middle), vector(middle), (0.0,), rgba, facets=facets)
+
+
 def across_of(direction: Array, axis: Array) -> Array:
     """Return the unit component of a direction perpendicular to an axis, or any such unit vector."""
     for candidate in (direction, *np.eye(3)):

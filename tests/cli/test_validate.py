@@ -79,6 +79,10 @@ def test_mechanisms_without_stepping_are_reported(mechsim, monkeypatch):
     code, out, _ = mechsim("validate")
     assert not code
     assert "1 gallery mechanism: solved poses only; --gallery also steps it" in out
+    # a mechanism that is named and in the gallery is checked once
+    code, out, _ = mechsim("validate", "scotch_yoke", "--gallery", "--json")
+    assert not code
+    assert list(json.loads(out)["mechanisms"]) == ["scotch_yoke"]
 
 
 def test_a_failure_reports_the_error_and_the_likely_cause(mechsim, tmp_path):

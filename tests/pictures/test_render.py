@@ -10,7 +10,7 @@ import pytest
 from grids import grid
 from picture_colours import coloured, hues
 
-from mechsim import catalog
+from mechsim import catalog, load
 from mechsim.errors import InputError, MissingToolError, OutputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
@@ -19,7 +19,7 @@ from mechsim.model.motion import LinkMotion, Motion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, video
 from mechsim.pictures.render.drawing import Source
-from mechsim.pictures.render.drawn_model import DrawnModel
+from mechsim.pictures.render.drawn_model import DrawnModel, drawn_as
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import camera
@@ -389,3 +389,24 @@ def test_the_last_state_of_a_run_is_a_frame():
     with_ghost = Source(linkage.mechanism, motion, exact=motion, every=4).drawn(Look(size=SIZE))
     assert with_ghost.ghost is not None
     assert len(with_ghost.ghost.poses["rocker"].position) == 4
+
+
+@draws
+def test_springs_are_drawn_between_their_ends():
+    model = load("bicycle_suspension", drive={"pivot": "0.1rad*sin(2*pi*t)"})
+    look = replace(Look(size=SIZE, labels=False, notes=False, paths=False), **drawn_as(model))
+    motion = model.solve(t=np.linspace(0.0, 1.0, 5))
+    source = Source(model.mechanism, motion)
+    camera = source.drawn(look).camera
+    without, with_spring = (
+        next(render.frames(model.mechanism, motion, chosen)) for chosen in (replace(look, springs=()), look)
+    )
+    changed = np.argwhere(np.abs(with_spring.astype(int) - without).max(-1) > 40)[:, ::-1]
+    ends = np.array(model.mechanism.points["frame"][1]), motion.points["shock"].position[0]
+    a, b = (camera.pixel(end) for end in ends)
+    along = (b - a) / np.linalg.norm(b - a)
+    share = (changed - a) @ along / np.linalg.norm(b - a)
+    # the eyes of the links cover the ends
+    assert share.min() > -0.1
+    assert share.max() < 1.1
+    assert np.ptp(share) > 0.7

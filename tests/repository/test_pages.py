@@ -79,14 +79,17 @@ def test_tutorials_and_how_to_pages_contain_assertions():
     assert [page.name for page in pages if not asserts.search(code_of(page.read_text()))] == []
 
 
-def test_the_command_line_page_has_every_command_and_option(tmp_path):
+def test_each_command_has_a_page_with_every_option(tmp_path):
     command_line_page.write(tmp_path)
-    text = (tmp_path / "command_line.md").read_text()
+    listed = (tmp_path / "command_line.md").read_text()
     for name, command in command_line_page.commands().items():
-        section = text.split(f"\n## {name}\n")[1].split("\n## ")[0]
+        label = f"mechsim-{name.replace(' ', '-')}"
+        page = (tmp_path / "commands" / f"{label}.md").read_text()
+        assert f"commands/{label}\n" in listed
+        assert page.startswith(f"({label})=\n# mechsim {name}\n")
         for parameter in command.params:
             if parameter.param_type_name == "option":
-                assert parameter.opts[0] in section, (name, parameter.opts)
+                assert parameter.opts[0] in page, (name, parameter.opts)
 
 
 def test_pictures_in_docs_are_used():

@@ -10,7 +10,7 @@ from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.shapes import camera
-from mechsim.shapes.body import free_sides, planar_normals, rod_radius
+from mechsim.shapes.body import extent, free_sides, planar_normals, rod_radius
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import PALETTE, Shape
 
@@ -64,7 +64,7 @@ def test_shapes_have_positive_finite_sizes_and_right_handed_frames(name):
     for shapes in link_shapes(mechanism_of(name)).values():
         assert shapes
         for shape in shapes:
-            assert all(0.0 < half_size < np.inf for half_size in shape.half_sizes)
+            assert shape.facets or all(0.0 < half_size < np.inf for half_size in shape.half_sizes)
             np.testing.assert_allclose(shape.frame.T @ shape.frame, np.eye(3), atol=1e-12)
             assert np.linalg.det(shape.frame) == pytest.approx(1.0)
 
@@ -73,6 +73,28 @@ def test_the_plane_of_a_mechanism_can_have_any_orientation():
     normals = planar_normals(crank_only(axis=(0.0, 1.0, 0.0)))
     assert normals is not None
     np.testing.assert_allclose(normals["crank"], (0.0, 1.0, 0.0))
+
+
+def test_platforms_are_plates_and_a_hanging_robot_has_its_base_above():
+    for name in ("delta_robot", "stewart_gough"):
+        mechanism = load(name).mechanism
+        shapes, up = link_shapes(mechanism), np.array([0.0, 1.0, 0.0])
+        (plate,) = (shape for shape in shapes["plate"] if shape.facets)
+        joints = np.array([end.point for end in mechanism.ends("plate")])
+        assert plate.facets is not None
+        np.testing.assert_allclose(np.ptp(plate.facets.vertices, 0)[[0, 2]], np.ptp(joints, 0)[[0, 2]])
+        ground = shapes["ground"]
+        own = len(ground)
+        bearings = np.array([shape.centre @ up for shape in ground if shape.role == "bearing"])
+        links = ((mechanism.guess[link.name], shapes[link.name]) for link in mechanism.links)
+        balls = extent([*links, (STANDING, ground)])
+        floor = float((balls[0] @ up - balls[1]).min())
+        camera.add_stands(ground, up, floor, rod_radius(mechanism), balls)
+        heights = [end[1] for shape in ground[own:] for end in (shape.frm, shape.to)]
+        if name == "delta_robot":
+            assert min(heights) >= bearings.min() - 1e-12
+        else:
+            assert min(heights) == pytest.approx(floor)
 
 
 def test_links_that_share_a_joint_lie_in_different_layers():

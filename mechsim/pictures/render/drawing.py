@@ -31,9 +31,10 @@ from mechsim.pictures.render.frame_poses import (
 )
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
-from mechsim.pictures.render.scenery import DECOR, Chain, chain
+from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil
 from mechsim.shapes.body import point_colours
 from mechsim.shapes.camera import clearest_pose
+from mechsim.shapes.shape import STEEL
 
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 # colour of the mark of a loop closure
@@ -71,6 +72,10 @@ class Trace:
         for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}
             arrows.put(scene, starts, frame, 0.45 * self.drawn.radius)
+        for ends in self.drawn.look.springs:
+            for shown in self.drawn.frames_shown(frame):
+                a, b = (now.position(link, point, shown) for link, point in ends)
+                coil(a, b, 2.0 * self.drawn.radius, 1.5 * self.width, STEEL).put(scene)
         last = int(now.passed[frame]) - 1
         for name, path in self.paths.items() if trace in ("grow", "tail") else ():
             first = last - len(path) // 4 if trace == "tail" else 0

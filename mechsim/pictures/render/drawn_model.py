@@ -11,6 +11,7 @@ from typing import Any, TypedDict
 import mujoco
 import numpy as np
 
+from mechsim.model.forces import LinkPoint, spring_ends
 from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
@@ -51,22 +52,24 @@ ELLIPSOID = (24, 12)
 
 
 class Drawn(TypedDict):
-    """Fields of a look or a view that a user's MJCF file determines."""
+    """Fields of a look or a view that a user's file determines."""
 
     bodies: dict[str, list[Shape]] | None
     closures: tuple[str, ...]
     angles: Angles | None
+    springs: tuple[tuple[LinkPoint, LinkPoint], ...]
 
 
-def drawn_as(solver: object) -> Drawn:
-    """Return the look of a file's model: its bodies, closures and camera; other models use the default."""
-    read = getattr(solver, "source", None)
+def drawn_as(solver: Any) -> Drawn:
+    """Return the look of a model: its springs, and for MJCF its bodies, closures and camera."""
+    read, springs = solver.source, spring_ends(solver.mechanism, solver.forces)
     bodies = file_bodies(read) if isinstance(read, MjcfModel) else None
     if bodies is None or not isinstance(read, MjcfModel):
-        return {"bodies": None, "closures": (), "angles": None}
+        return {"bodies": None, "closures": (), "angles": None, "springs": springs}
     tree, view = {joint.name for joint in read.spec.joints}, read.spec.visual.global_
     closures = tuple(joint.name for joint in read.mechanism.joints if joint.name not in tree)
-    return {"bodies": bodies, "closures": closures, "angles": (float(view.azimuth), float(view.elevation))}
+    angles = float(view.azimuth), float(view.elevation)
+    return {"bodies": bodies, "closures": closures, "angles": angles, "springs": springs}
 
 
 def without_geoms(solver: Any, bodies: Mapping[str, Sequence[Shape]] | None) -> list[str]:

@@ -140,6 +140,12 @@ class FramePoses:
     def __len__(self) -> int:
         return len(self.angle)
 
+    def position(self, link: str, point: Vector, frame: int) -> Array:
+        """Return the position of a point of a link in a frame, (3,) in [m]."""
+        return (
+            self.poses[link].point(point) if link == GROUND else self.poses[link].select(frame).point(point)
+        )
+
     def instant(self, frame: int) -> str:
         """Return the label of a frame: its crank angle, or without a crank its time."""
         if self.time is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
+from mechsim.model.forces import LinkPoint
 from mechsim.model.mechanism import Up, require_axis
 from mechsim.shapes.camera import PRESETS, Angles
 from mechsim.shapes.shape import Shape
@@ -48,6 +49,7 @@ class Look:
         bodies: link -> its body from a user's file; None draws bodies from the joints.
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
+        springs: the ends of springs, each as a link and a point in its frame in [m].
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
@@ -67,6 +69,7 @@ class Look:
     bodies: Mapping[str, Sequence[Shape]] | None = None
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
+    springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
     up: Up | None = option(
         None,
         "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",

@@ -16,7 +16,7 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, rod_radius, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, nice
 from mechsim.shapes.joints import link_shapes
-from mechsim.shapes.shape import Rgba, Shape, TriangleMesh
+from mechsim.shapes.shape import Rgba, Shape, TriangleMesh, across_of
 from mechsim.simulation.configurations import swept
 from mechsim.simulation.state import quaternion
 
@@ -156,6 +156,20 @@ def chain(path: Array, width: float, rgba: ArrayLike) -> Chain:
     # half a width at each end closes the outer side of a bend
     sizes[:, 2] = (lengths + 0.5 * width) / 2.0
     return Chain((path[:-1] + path[1:]) / 2.0, frames, sizes, np.asarray(rgba, dtype=np.float32))
+
+
+# turns of a drawn spring, and chords of a turn
+COILS, COIL_CHORDS = 8, 16
+
+
+def coil(a: Array, b: Array, radius: float, width: float, rgba: ArrayLike) -> Chain:
+    """Return the rods of a coil spring from a point to another, with straight ends."""
+    along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-300)
+    side = across_of(np.array([0.0, 0.0, 1.0]), along)
+    angles = np.linspace(0.0, 2.0 * np.pi * COILS, COILS * COIL_CHORDS + 1)[:, None]
+    circle = np.sin(angles) * np.cross(side, along) + np.cos(angles) * side
+    path = a + (0.1 + 0.8 * angles / angles[-1]) * (b - a) + radius * circle
+    return chain(np.vstack([a, a + 0.1 * (b - a), path, b - 0.1 * (b - a), b]), width, rgba)
 
 
 GEOMS = {

@@ -93,6 +93,7 @@ def _data(view: View) -> dict[str, Any]:
             {"link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
             for name in view.closures
         ],
+        "springs": [[{"link": link, "at": point} for link, point in ends] for ends in view.springs],
         "anchors": {link.name: drawn.ends(link.name)[0].point for link in drawn.links},
         "vertical": _short(up),
         "cameras": _cameras(view, balls, radii),

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mechsim.model.forces import LinkPoint
 from mechsim.model.link_poses import moved_links, with_rods
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism, Up
@@ -145,6 +146,7 @@ class View:
         bodies: link -> its body from a user's file; None draws bodies from the joints.
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
+        springs: the ends of springs, each as a link and a point in its frame in [m].
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
             only.
@@ -157,6 +159,7 @@ class View:
     bodies: Mapping[str, Sequence[Shape]] | None = None
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
+    springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
     up: Up | None = None
     live: LivePage | None = None
 

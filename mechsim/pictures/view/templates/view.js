@@ -106,7 +106,7 @@ function text(value, unit) {
 
 // colours reach the screen as the page states them
 THREE.ColorManagement.enabled = false;
-const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [], formerLines = [];
+const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [], formerLines = [], springLines = [];
 let renderer = null, camera = null, controls = null, lamp = null;
 const steels = [];
 
@@ -198,7 +198,29 @@ function build() {
     mark.renderOrder = 3;
     bodies[closure.link].add(mark);
   }
+  for (const ends of DATA.springs) {
+    const line = new THREE.Line2(new THREE.LineGeometry(), new THREE.LineMaterial({ color: 0x707682, linewidth: 3 }));
+    line.frustumCulled = false;
+    scene.add(line);
+    springLines.push({ line, ends });
+  }
   addFloor();
+}
+
+/* coils between the ends of springs, with straight pieces at both */
+function drawSprings() {
+  for (const { line, ends } of springLines) {
+    const [a, b] = ends.map((end) => new THREE.Vector3(...end.at).applyMatrix4(bodies[end.link].matrixWorld));
+    const along = b.clone().sub(a), side = new THREE.Vector3(0, 0, 1).cross(along);
+    if (side.lengthSq() < 1e-12 * along.lengthSq()) side.set(1, 0, 0);
+    side.setLength(2 * DATA.radius);
+    const other = along.clone().normalize().cross(side), points = [a];
+    for (let k = 0; k <= 128; k++) {
+      const turn = k * Math.PI / 8;
+      points.push(a.clone().addScaledVector(along, 0.1 + 0.8 * k / 128).addScaledVector(side, Math.sin(turn)).addScaledVector(other, Math.cos(turn)));
+    }
+    line.geometry.setPositions([...points, b].flatMap((point) => point.toArray()));
+  }
 }
 
 /* a floor, or a wall behind a planar mechanism, with a grid and the shadow of the links */
@@ -305,7 +327,7 @@ function resize() {
   camera.top = height / 2 / scale; camera.bottom = -height / 2 / scale;
   camera.updateProjectionMatrix();
   if (renderer) { renderer.setPixelRatio(window.devicePixelRatio || 1); renderer.setSize(width, height, false); }
-  for (const line of [...pathLines, ...formerLines]) line.material.resolution.set(width, height);
+  for (const line of [...pathLines, ...formerLines, ...springLines.map((spring) => spring.line)]) line.material.resolution.set(width, height);
   draw();
 }
 
@@ -472,6 +494,7 @@ function update() {
     grid.links.forEach((link, l) => setPose(bodies[link], state.poses, 7 * l));
     setGhost(grid, state.poses);
     scene.updateMatrixWorld();
+    drawSprings();
   }
   // curves of an unreachable request do not change
   if (poses || !grid.solver) paths();
