@@ -350,6 +350,27 @@ def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
     assert fast.energy_error <= 1e-11
 
 
+@pytest.mark.parametrize("viscous", [1e-3, pytest.param(5.0, marks=pytest.mark.long)])
+def test_prescribed_motion_is_the_same_in_c_and_in_numpy(viscous, monkeypatch):
+    """The larger friction makes the other driver's motion stiff."""
+    friction = Friction("right", viscous=viscous), Friction("left", viscous=2e-3)
+    source = ms.load("five_bar", drive={"left": "0.2rad*sin(3*t)", "right": "1rad/s"})
+    model = ms.dynamics.dynamic_model(source, Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
+    settings = {"prescribed": ["left"], "duration": 0.3, "samples": 20}
+    fast = ms.dynamics.run(model, **settings)
+    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    slow = ms.dynamics.run(model, **settings)
+    assert (fast.executed, slow.executed) == ("C", "numpy")
+    for name, joint in slow.motion.joints.items():
+        assert np.abs(fast.motion.joints[name].value - joint.value).max() <= 1e-12
+    for values, exact in (
+        (fast.work, slow.work),
+        (fast.lost, slow.lost),
+        (fast.driving["left"], slow.driving["left"]),
+    ):
+        assert np.abs(values - exact).max() <= 1e-11 * np.abs(exact).max()
+
+
 FILTER = Actuator("filter", {"crank": 1.0}, control_law("0.01+0.01*t", "filter"), inflow=(1e6, -1e6, 0, 0))
 STIFF = {
     # the speed of the crank approaches that of the motor within 1.2e-5 s

@@ -26,6 +26,7 @@ MAX_VALUES = 64
 INSTRUCTION = np.dtype([("code", "i4"), ("index", "i4"), ("value", "f8")], align=True)
 EXPRESSION = np.dtype([("first", "i4"), ("length", "i4")], align=True)
 CONTROLLER = np.dtype([("coordinate", "i4"), ("effort", EXPRESSION)], align=True)
+PRESCRIBED = np.dtype([("coordinate", "i4"), ("law", EXPRESSION)], align=True)
 ACTUATOR = np.dtype(
     [
         ("control", EXPRESSION),
@@ -132,6 +133,20 @@ def controllers(equations: EquationsOfMotion, added: Instructions) -> np.ndarray
         (effort,) = load_expressions(equations, load, added, "a load")
         rows.append((equations.crank, effort))
     return np.array(rows, CONTROLLER)
+
+
+def prescribed(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    """Return prescribed coordinates and their motion laws as data of the C code."""
+    return np.array(
+        [
+            (
+                equations.loops.tree.index_of[name],
+                added.add(getattr(law, "instructions", None), TIME, f"the motion law of {name}"),
+            )
+            for name, law in equations.prescribed.items()
+        ],
+        PRESCRIBED,
+    )
 
 
 def actuators(equations: EquationsOfMotion, added: Instructions) -> tuple[np.ndarray[Any, Any], Array]:

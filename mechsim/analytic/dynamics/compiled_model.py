@@ -23,6 +23,7 @@ from mechsim.analytic.dynamics.compiled_expressions import (
     actuators,
     controllers,
     load_expressions,
+    prescribed,
 )
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.analytic.loops.constraints import Cut
@@ -190,12 +191,12 @@ LOAD = np.dtype(
 COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
     *("rows", "springs", "resistances", "loads", "crank"),
-    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded", "tabled"),
+    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded", "tabled", "driven"),
 )
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
     *("inertias", "spring", "resistance", "load"),
-    *("instruction", "controller", "actuator", "gear", "rotors", "nonlinear_spring", "tables"),
+    *("instruction", "controller", "prescribed", "actuator", "gear", "rotors", "nonlinear_spring", "tables"),
 )
 
 
@@ -280,6 +281,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "resistance": resistances,
         "load": _loads(equations, added),
         "controller": controllers(equations, added),
+        "prescribed": prescribed(equations, added),
         "nonlinear_spring": _nonlinear_springs(equations, added),
         "instruction": np.array(added.rows, INSTRUCTION),
         "tables": np.array(added.numbers),
@@ -294,7 +296,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         len(loops.tree.balls),
         len(loops.cuts),
         len(loops.couplings),
-        loops.rows,
+        loops.rows + len(equations.prescribed),
         *(len(tables[name]) for name in ("spring", "resistance", "load")),
         -1 if equations.crank is None else equations.crank,
         *(len(tables[name]) for name in ("controller", "actuator")),
@@ -303,6 +305,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         len(tables["nonlinear_spring"]),
         int(resistances["loaded"].sum()),
         int(bool(added.numbers)),
+        len(equations.prescribed),
     )
     data = ModelData(
         **dict(zip(COUNTS, numbers, strict=True)),
@@ -325,8 +328,8 @@ def _require_supported(equations: EquationsOfMotion) -> None:
         raise NotCompiledError("its loop equations")
     for element in (forces, *loops.tree.mechanism.laws):
         _require_supported_fields(element)
-    if equations.prescribed:
-        raise NotCompiledError("prescribed motion")
+    if equations.prescribed and any(friction.loads for friction in equations.frictions):
+        raise NotCompiledError("friction by the load under prescribed motion")
 
 
 def _require_supported_fields(element: Any) -> None:

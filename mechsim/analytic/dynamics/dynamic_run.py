@@ -306,7 +306,8 @@ def recorded_states(
         AssemblyError: if the loops do not close near a state.
     """
     layout, locked = StateLayout(equations), mode.locked(equations, contacts)
-    if compiled is not None and locked is not None:
+    # C gives no drive forces of prescribed coordinates
+    if compiled is not None and locked is not None and not equations.prescribed:
         in_c = evaluated(compiled, states, times, mode, locked, closing=True)
         if np.isfinite(in_c.derivatives).all():
             accelerations = layout.accelerations(in_c.derivatives)

@@ -605,8 +605,8 @@ class Integration:
         return self._with_energies(self.layout.scale(rate))
 
     def _with_energies(self, scale: Array) -> Array:
-        """Return the scale of a state with that of work and loss, which count in implicit steps only."""
-        if self.implicit:
+        """Return the scale of a state with that of work and loss, which count unless rates balance them."""
+        if self.implicit or self.equations.prescribed:
             rate = float(scale[self.layout.positions])
             scale[-2:] = float(np.trace(self.equations.mass(self.kinematics())[0])) * rate**2
         return scale

@@ -88,6 +88,12 @@ typedef struct {
     Expression effort;
 } Controller;
 
+/* a coordinate that follows a motion law */
+typedef struct {
+    int coordinate;
+    Expression law;
+} Prescribed;
+
 /* force on a weighted sum of coordinates, as mechsim.model.actuators states; the weights lie in `gear` */
 typedef struct {
     Expression control;
@@ -97,7 +103,7 @@ typedef struct {
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
-    int controllers, actuators, states, rotating, nonlinear_springs, loaded, tabled;
+    int controllers, actuators, states, rotating, nonlinear_springs, loaded, tabled, driven;
     const Branch *branches;
     const Coordinate *coordinates;
     const Cut *cut;
@@ -110,6 +116,7 @@ typedef struct {
     const Load *load;
     const Instruction *instruction;
     const Controller *controller;
+    const Prescribed *prescribed;
     const Actuator *actuator;
     const double *gear, *rotors;
     const NonlinearSpring *nonlinear_spring;
@@ -123,6 +130,8 @@ typedef struct {
     double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
     /* forces of controllers and actuators on all coordinates, and rates of the actuators' states */
     double *applied, *inflow;
+    /* rates of prescribed coordinates, in units */
+    double *speed;
     /* of friction by the load: each link's inertia, wrench of each row of a cut, multipliers, and forces on links;
        magnitudes, their changes of the accelerations, and terms of the loads, without them and by a unit of each */
     double *own, *across, *multiplier, *found, *twisting, *carried, *pull, *push, *magnitude, *moved, *terms;
@@ -363,7 +372,17 @@ static void set_coupling_row(const Model *m, Work *w, int i, int row, const doub
     w->gamma[row] = -second * rate * rate / c->unit;
 }
 
-/* rows of the loops, then those of coordinates at rest, without dependent ones if they are known; without
+/* q - f(t) = 0 of a prescribed coordinate */
+static void set_prescribed_row(const Model *m, Work *w, int i, int row) {
+    const Coordinate *to = m->coordinates + m->prescribed[i].coordinate;
+    Timed f = evaluated(m->instruction, m->tables, m->prescribed[i].law, w->time, NULL, NULL);
+    memset(w->rows + row * m->free, 0, m->free * sizeof(double));
+    w->rows[row * m->free + to->column] = 1.0;
+    w->residual[row] = (w->q[m->prescribed[i].coordinate] - f.value) / to->unit;
+    w->speed[i] = f.rate / to->unit, w->gamma[row] = -f.second / to->unit;
+}
+
+/* rows of the loops and of prescribed coordinates, then those of coordinates at rest, without dependent ones if they are known; without
    rates, no velocity-product terms */
 static int set_rows(const Model *m, Work *w, const double *rates, int resting, const int *at_rest, int known) {
     int row = 0, count = 0;
@@ -376,6 +395,11 @@ static int set_rows(const Model *m, Work *w, const double *rates, int resting, c
     for (int i = 0; i < m->couplings; i++, row++) {
         if (known && w->dependent[row]) continue;
         set_coupling_row(m, w, i, row, rates);
+        w->order[count++] = row;
+    }
+    for (int i = 0; i < m->driven; i++, row++) {
+        if (known && w->dependent[row]) continue;
+        set_prescribed_row(m, w, i, row);
         w->order[count++] = row;
     }
     for (int i = 0; i < resting; i++, row++) {
@@ -762,7 +786,7 @@ static void respond(const Model *m, Work *w, const double *effort, double *accel
     for (int i = 0; i < free; i++) right[i] = inner(n, w->basis + i * n, effort);
     solve_positive(free, w->reduced, right);
     for (int i = 0; i < free; i++) add_scaled(n, right[i], w->basis + i * n, acceleration);
-    if (!m->loaded) return;
+    if (!m->loaded && !m->driven) return;
     /* J' lambda = M a - Q with J = L H' */
     for (int i = 0; i < n; i++) {
         left[i] = -effort[i];

@@ -109,7 +109,7 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, mass), n * n}, {offsetof(Work, effort), n}, {offsetof(Work, reflectors), n * n},
         {offsetof(Work, triangle), n * n}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
         {offsetof(Work, reduced), n * n}, {offsetof(Work, applied), k}, {offsetof(Work, inflow), m->states},
-        {offsetof(Work, norms), rows}, {offsetof(Work, moving), n * n}, {offsetof(Work, found), n},
+        {offsetof(Work, norms), rows}, {offsetof(Work, speed), m->driven}, {offsetof(Work, moving), n * n}, {offsetof(Work, found), n},
         {offsetof(Work, own), 13 * m->links}, {offsetof(Work, across), 6 * m->rows},
         {offsetof(Work, multiplier), m->rows}, {offsetof(Work, twisting), 6 * m->links},
         {offsetof(Work, carried), 6 * m->links + loaded}, {offsetof(Work, pull), 6 * m->links},
@@ -141,6 +141,8 @@ static int derive(const Model *m, Work *w, Run *run, double time, const double *
     set_forces(m, w, rates, run->sliding, run->phase);
     set_equations(m, w, rates);
     if (!accelerate(m, w, rows) || (m->loaded && !add_friction_by_load(m, w, run->sliding))) return FAILED;
+    /* the multiplier of a prescribed coordinate is its drive force */
+    for (int i = 0; i < m->driven; i++) w->power_in += w->multiplier[m->rows - m->driven + i] * w->speed[i];
     for (int i = 0; i < rows && !stages; i++) w->dependent[w->order[i]] = i >= w->rank;
     if (!run->resting && (w->rank < run->rank || w->smallest < run->nearest)) return SINGULAR;
     memcpy(out, rates, m->count * sizeof(double));
@@ -189,7 +191,7 @@ static void displace(const Model *m, const double *step, double *state) {
     }
 }
 
-/* moves a state to the nearest configuration with closed loops, and its rates to the nearest consistent ones */
+/* moves a state to the nearest configuration with closed loops at the time of `w`, and its rates to the nearest consistent ones */
 static int project(const Model *m, Work *w, Run *run, double *state) {
     double *rates = state + positions(m), worst = 0.0;
     for (int i = 0;; i++) {
@@ -208,6 +210,7 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
     for (int k = 0; k < m->count; k++)
         if (m->coordinates[k].column >= 0) w->effort[m->coordinates[k].column] = rates[k];
     for (int k = 0; k < m->rows + run->resting; k++) w->gamma[k] = inner(m->free, w->rows + k * m->free, w->effort);
+    for (int i = 0; i < m->driven; i++) w->gamma[m->rows - m->driven + i] -= w->speed[i];
     factor(rows, m->free, w);
     least_norm(m->free, w, -1.0, w->gamma, w->vector);
     for (int k = 0; k < m->count; k++)
@@ -218,7 +221,7 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
 /* scales the rates of a state to its energy, as EnergyBalance of forward_dynamics.py */
 static void balance(const Model *m, Work *w, Run *run, double *state) {
     double *rates = state + positions(m), *energies = rates + m->count + m->states, gained = energies[0] - energies[1];
-    if (!run->implicit) {
+    if (!run->implicit && !m->driven) {
         set_velocities(m, w, rates);
         set_forces(m, w, rates, run->sliding, run->phase);
         double target = run->energy + gained - w->potential;
@@ -280,8 +283,8 @@ static void set_dense(int size, double length, const double *state, const double
 
 /* moves the end of a step onto the loops and the balance of energy; sets its derivative */
 static int close_step(const Model *m, Work *w, Run *run, double length, double *after, double *slope) {
-    if (project(m, w, run, after)) return FAILED;
     w->time = run->time + length;
+    if (project(m, w, run, after)) return FAILED;
     balance(m, w, run, after);
     return derive(m, w, run, run->time + length, after, slope, 0);
 }
@@ -593,6 +596,7 @@ int evaluate(const Model *m, Run *run, int count, const double *times, int closi
     Work *w = workspace(m, run->resting);
     if (!w) return FAILED;
     for (int i = 0; i < count && status == FINISHED; i++, states += size, derivatives += size) {
+        w->time = times[i];
         if (closing) status = project(m, w, run, states);
         if (status == FINISHED) status = derive(m, w, run, times[i], states, derivatives, 0);
         energies[2 * i] = w->kinetic, energies[2 * i + 1] = w->potential;
