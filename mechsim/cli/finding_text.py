@@ -23,7 +23,7 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
     drivers = len(mechanism.drivers)
     words = [
         "spatial" if hinged_normals(mechanism) is None else "planar",
-        f"{sum(link.is_body for link in mechanism.links) + 1} links",
+        several(sum(link.is_body for link in mechanism.links) + 1, "link"),
         f"{drivers if dofs is None else dofs} DOF",
     ]
     if dofs not in (None, drivers):
@@ -40,9 +40,7 @@ def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, Sequence[F
 
 
 def print_findings(findings: Sequence[Finding] | None) -> None:
-    """Print findings as a table, or that there are none; print nothing without an MJCF file."""
-    if findings is not None and not findings:
-        typer.echo("findings: none")
+    """Print findings as a table; print nothing without any."""
     rows = [
         (finding.kind, finding.position.removeprefix("line "), finding.advice) for finding in findings or ()
     ]

@@ -22,7 +22,7 @@ from mechsim.cli.options import SPEED, ModelOptions, load_parametric
 from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
-from mechsim.model.mechanism import require_axis
+from mechsim.model.mechanism import require_axis, require_polynomials
 from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ def _live(contents: "View", source: ModelOptions, release: ReleaseOptions) -> "V
     solver = source.load(still=True)
     if not solver.mechanism.drivers:
         raise InputError(f"{solver.name}: nothing is driven, and --live moves drivers; leave it out")
+    require_polynomials(solver.mechanism, "solved in the page, so leave --live out")
     return live_view(contents, open_model(source.model), solver, designs, crank_speed(SPEED))
 
 

@@ -115,7 +115,11 @@ def write_sweep(path: str | Path, result: "Dataset") -> None:
     kind = suffix_of(path)
     with atomic_path(path) as temporary:
         if kind == ".nc":
-            result.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
+            try:
+                result.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
+            except RuntimeError as error:
+                # netCDF4 reports so what HDF5 could not write, as on a full disk
+                raise OSError(f"{error}; is the disk full?") from error
         else:
             table = library("pandas").DataFrame(design_columns(result))
             table.to_csv(temporary, index=False, na_rep="nan", lineterminator="\n")

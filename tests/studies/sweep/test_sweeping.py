@@ -5,7 +5,7 @@ import pytest
 import xarray
 
 import mechsim as ms
-from mechsim.errors import InputError, install_command
+from mechsim.errors import InputError, OutputError, install_command
 from mechsim.studies.sweep import sweeping
 
 VARY = {"crank": np.linspace(0.02, 0.06, 5), "coupler": np.linspace(0.03, 0.1, 4)}
@@ -36,6 +36,18 @@ def test_an_interrupted_sweep_leaves_no_file(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         ms.sweep("four_bar", VARY, MEASURES, output=tmp_path / "out.nc", progress=interrupt)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_netcdf_cannot_write_keeps_the_earlier_table(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise RuntimeError("NetCDF: HDF error")
+
+    path = tmp_path / "out.nc"
+    path.write_text("earlier")
+    monkeypatch.setattr(xarray.Dataset, "to_netcdf", full)
+    with pytest.raises(OutputError, match="HDF error; is the disk full"):
+        ms.sweep("four_bar", VARY, MEASURES, output=path)
+    assert path.read_text() == "earlier"
 
 
 def test_short_chunks_give_the_table_of_one_chunk(monkeypatch):
