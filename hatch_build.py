@@ -12,5 +12,6 @@ class WithData(BuildHookInterface):
         """Add the folders, unless the install is editable."""
         if version != "editable":
             build_data["force_include"]["models"] = "mechsim/models"
-            for part in ("data", "mechanisms", "datapackage.json", "SHA256SUMS", "README.md"):
+            stated = ("runs.toml", "datapackage.json", "SHA256SUMS", "README.md")
+            for part in ("data", "mechanisms", "forward", "models", *stated):
                 build_data["force_include"][f"reference/{part}"] = f"mechsim/reference/{part}"

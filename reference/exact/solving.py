@@ -213,12 +213,7 @@ def instant(
         near: coordinates there.
         drive: driver -> its value, rate and acceleration in [m] or [rad] and [s].
     """
-    zero = np.array([mpf(0)] * 6, dtype=object)
-    exact = State(
-        {link: _many(item) for link, item in state.position.items()},
-        {link: _square(_many(item)) for link, item in state.rotation.items()},
-        dict.fromkeys(described.links, zero),
-    )
+    exact = to_digits(described, state)
     prescribed = {name: item[0] for name, item in motion.items()}
     exact = exactly(described, exact, guess, prescribed)
     equations = rows(described, exact, guess, prescribed)
@@ -241,6 +236,15 @@ def instant(
     }
     points = {name: tracked(exact, rates, *position) for name, position in described.points.items()}
     return Instant(points, drive_forces)
+
+
+def to_digits(described: Description, state: State) -> State:
+    """Return a state at rest at the working precision, near one in doubles."""
+    return State(
+        {link: _many(item) for link, item in state.position.items()},
+        {link: _square(_many(item)) for link, item in state.rotation.items()},
+        dict.fromkeys(described.links, np.array([mpf(0)] * 6, dtype=object)),
+    )
 
 
 def _many(array: Any) -> Any:

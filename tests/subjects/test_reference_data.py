@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +62,9 @@ def test_the_data_cover_catalogue_gallery_and_benchmarks():
     solved = {*catalog.MECHANISMS, *gallery.files(), "spatial_slider_crank", "bricard"}
     assert set(NAMES) == solved - by_function
     reported = json.loads((WHERE / "datapackage.json").read_text())
-    assert [item["path"] for item in reported["resources"]] == [f"data/{name}.csv" for name in NAMES]
+    tables = [f"data/{name}.csv" for name in NAMES]
+    tables += [f"forward/{name}.csv" for name in tomllib.loads((WHERE / "runs.toml").read_text())]
+    assert [item["path"] for item in reported["resources"]] == tables
     assert reported["licenses"][0]["name"] == "CC-BY-4.0"
     assert sum(item["bytes"] for item in reported["resources"]) < 15e6
 
@@ -109,8 +112,13 @@ def test_closed_forms_agree_with_the_data():
             assert abs(mpf(row["B.x"]) - x) < mpf(10) ** -30
 
 
-def test_the_example_of_the_readme_runs_without_mechsim():
-    block = re.search(r"```python\n(.*?)```", (WHERE / "README.md").read_text(), re.DOTALL).group(1)
+def test_the_examples_of_the_readme_run_without_mechsim():
+    block, forward = re.findall(r"```python\n(.*?)```", (WHERE / "README.md").read_text(), re.DOTALL)
+    assert len([line for line in forward.splitlines() if line]) <= 10
+    completed = subprocess.run(
+        [sys.executable, "-c", forward], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert 1e-9 < float(completed.stdout.split()[0]) < 1e-7
     assert "mechsim" not in re.sub(r"#.*", "", block)
     assert len([line for line in block.splitlines() if line]) <= 10
     completed = subprocess.run(
