@@ -229,7 +229,7 @@ def link_shapes(
     hidden = hidden_links(mechanism)
     bodies = [link.name for link in mechanism.links if link.name not in hidden]
     for link in bodies:
-        _body(canvas, link)
+        _body(canvas, link, hidden)
     for joint in mechanism.joints:
         if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
@@ -264,14 +264,16 @@ def _platform(points: Array, radius: float, colour: Rgba) -> list[Shape]:
     return [plate_of(middle, edge, 0.6 * radius * axes[2], colour)]
 
 
-def _body(canvas: Canvas, link: str) -> None:
+def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
     """Draw rods between the points of a link, and an eye where there is no joint.
 
     A link of slides through one point, such as that of an Oldham coupling, is a disc.
     """
     positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
     lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
-    if not canvas.normals and len(canvas.mechanism.ends(link)) > 2:
+    joints = [joint for joint in canvas.mechanism.joints if link in joint.links]
+    own = [joint for joint in joints if not hidden.intersection(joint.links)]
+    if not canvas.normals and len(own) > 2:
         canvas.out[link].extend(_platform(np.array(positions), canvas.r, colour))
     for a, b in _polygon(canvas.mechanism, link) or edges(positions):
         if canvas.normals:
@@ -281,7 +283,6 @@ def _body(canvas: Canvas, link: str) -> None:
             canvas.out[link].append(bar)
         else:
             canvas.add(link, "capsule", a, b, canvas.r, colour)
-    own = [joint for joint in canvas.mechanism.joints if link in (joint.a.link, joint.b.link)]
     if canvas.normals and len(positions) == 1 and len(own) > 1 and {j.kind for j in own} == {"prismatic"}:
         end = upright_end(canvas.mechanism.ends(link)[0], canvas.normals[link])
         middle = canvas.height(link)

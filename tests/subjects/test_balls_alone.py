@@ -40,6 +40,15 @@ def test_a_run_from_an_initial_state_keeps_the_ball(tmp_path):
     assert ms.load(str(path), still=True).mechanism.joints[0].kind == "spherical"
 
 
+def test_a_run_of_a_ball_that_turns_as_a_hinge_says_how_to_keep_the_ball(tmp_path):
+    path = tmp_path / "pendulum.toml"
+    text = model_text("balls_alone_pendulum.toml", kind="spherical", axis="")
+    path.write_text(text + "\n[initial]\nball = { q = [0, 0, 1, 0] }\n")
+    with pytest.raises(InputError, match=r"ball\.q is .*but the joint has one coordinate.*still=True"):
+        ms.dynamics.run(ms.load(str(path)), duration=0.1)
+    assert ms.dynamics.run(str(path), duration=0.01).motion.time[-1] == pytest.approx(0.01)
+
+
 def test_an_undriven_ball_is_exported_as_a_ball_and_not_driven_in_a_live_page(tmp_path, mechsim):
     path, copy = tmp_path / "pendulum.toml", tmp_path / "copy.toml"
     path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))

@@ -461,6 +461,11 @@ def _rotation_or_spin(quantity: str, value: Initial, written: units.WrittenUnits
 
 
 def _finite(what: str, value: Any) -> float:
+    if np.ndim(value):
+        raise InputError(
+            f"{what} is {value}, but the joint has one coordinate; give one number, or load the model with "
+            "still=True if the joint is a ball in its file"
+        )
     number = float(value)
     if not abs(number) < np.inf:
         raise InputError(f"{what} is {number}; give a finite number")
