@@ -189,8 +189,12 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
         hint = "" if assemblies else "; --assemblies N also searches from N random ones of any assembly"
         print_text(f"{mechanism.name}: no equilibrium {searched}{other}{hint}")
     families = sum(equilibrium.dimension > 0 for equilibrium in solutions)
-    kinds = f"{len(solutions) - families} isolated equilibria and {families} families" if families else ""
-    title = f"{mechanism.name}: {kinds or f'{len(solutions)} equilibria'} {searched}{other}"
+    isolated = len(solutions) - families
+    noun = "equilibrium" if isolated == 1 else "equilibria"
+    kinds = f"{isolated} {noun}"
+    if families:
+        kinds = f"{isolated} isolated {noun} and {families} famil{'y' if families == 1 else 'ies'}"
+    title = f"{mechanism.name}: {kinds} {searched}{other}"
     head = ("at", "dimension", "stable", "reached", "potential [J]", "modes")
     print_table(title, head, rows)
 

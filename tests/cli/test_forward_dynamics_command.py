@@ -197,6 +197,14 @@ def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):
     assert "fall: no equilibrium found along the motion; --assemblies N" in " ".join(out.split())
 
 
+def test_one_equilibrium_is_counted_in_the_singular(tmp_path, mechsim):
+    path = tmp_path / "fall.toml"
+    spring = 'forces.joint_springs.slide = { stiffness = 100, rest = "0.1 m" }\n'
+    path.write_text(spring + model_text("forward_dynamics_command_fall.toml"))
+    out = mechsim("dynamics", "statics", str(path), "--gravity", "0,0,0", "--method", "none").out
+    assert out.splitlines()[0] == "fall: 1 equilibrium found along the motion"
+
+
 def test_a_start_beyond_a_stop_names_the_options_that_choose_another(mechsim, tmp_path):
     path = tmp_path / "loop.xml"
     text = model_text("options_without_effect_loop.xml").replace(
