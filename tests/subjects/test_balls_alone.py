@@ -40,7 +40,7 @@ def test_a_run_from_an_initial_state_keeps_the_ball(tmp_path):
     assert ms.load(str(path), still=True).mechanism.joints[0].kind == "spherical"
 
 
-def test_a_run_of_a_ball_that_turns_as_a_hinge_says_how_to_keep_the_ball(tmp_path):
+def test_initial_values_of_a_ball_that_is_driven_as_a_hinge_name_the_remedy(tmp_path):
     path = tmp_path / "pendulum.toml"
     text = model_text("balls_alone_pendulum.toml", kind="spherical", axis="")
     path.write_text(text + "\n[initial]\nball = { q = [0, 0, 1, 0] }\n")
