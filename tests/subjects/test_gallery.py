@@ -50,7 +50,7 @@ def test_the_law_rejects_a_dimension_off_by_a_thousandth(gallery_solver):
     scales = scales_of(evaluation, law)
     assert not all(
         candidate_check(
-            item, evaluation.exact(item.quantity), evaluation, formula_tolerance(item, scales, None), None
+            item, evaluation.exact(item.quantity), evaluation, formula_tolerance(item, scales, None)
         ).passed
         for item in law
     )
