@@ -54,7 +54,8 @@ from mechsim.numerics.newton import root
 Executed = Literal["C", "numpy"]
 # kinetic energy relative to the largest below which rates are not scaled
 SLOW = 1e-2
-# acceleration at rest, relative to that without sticking friction and contacts, that is rounding
+# acceleration at rest, relative to that without sticking friction and contacts, that is rounding; root of the
+# squares weighted by the masses
 AT_REST = 1e-12
 
 
@@ -668,14 +669,15 @@ class Integration:
         if not (mode.stuck or mode.contacts) or not self.equations.steady:
             return None
         state, fastest = self.kinematics(), max(self.fastest, 1e-9)
-        resting, free = (
-            np.abs(self.contacts.accelerate(state, np.array([self.time]), other).acceleration).max(
-                initial=0.0
-            )
+        held, released = (
+            self.contacts.accelerate(state, np.array([self.time]), other).acceleration[:, 0]
             for other in (mode, ContactMode(mode.sliding, phases=mode.phases))
         )
+        # rounding of the same force accelerates a light link more: accelerations count by the masses
+        mass, index = self.equations.mass(state), self.equations.free
+        rounding, free = (kinetic_energy(mass, each[index][None])[0] for each in (held, released))
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * fastest
-        if still and resting <= max(1e-9 * fastest**2, AT_REST * free):
+        if still and (np.abs(held).max(initial=0.0) <= 1e-9 * fastest**2 or rounding < AT_REST**2 * free):
             constant = StepSolution.constant(self.time, self.state)
             self.pieces.append(Piece(self.time, self.time, constant, mode, self.contacts.indices(mode)))
             return "stopped", f"{_holding(mode)} the mechanism at rest from {self.time:.6g} s on"
