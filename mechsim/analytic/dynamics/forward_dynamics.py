@@ -669,15 +669,15 @@ class Integration:
         if not (mode.stuck or mode.contacts) or not self.equations.steady:
             return None
         state, fastest = self.kinematics(), max(self.fastest, 1e-9)
-        held, released = (
+        resting, released = (
             self.contacts.accelerate(state, np.array([self.time]), other).acceleration[:, 0]
             for other in (mode, ContactMode(mode.sliding, phases=mode.phases))
         )
         # rounding of the same force accelerates a light link more: accelerations count by the masses
         mass, index = self.equations.mass(state), self.equations.free
-        rounding, free = (kinetic_energy(mass, each[index][None])[0] for each in (held, released))
+        rounding, free = (kinetic_energy(mass, each[index][None])[0] for each in (resting, released))
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * fastest
-        if still and (np.abs(held).max(initial=0.0) <= 1e-9 * fastest**2 or rounding < AT_REST**2 * free):
+        if still and (np.abs(resting).max(initial=0.0) <= 1e-9 * fastest**2 or rounding < AT_REST**2 * free):
             constant = StepSolution.constant(self.time, self.state)
             self.pieces.append(Piece(self.time, self.time, constant, mode, self.contacts.indices(mode)))
             return "stopped", f"{_holding(mode)} the mechanism at rest from {self.time:.6g} s on"
