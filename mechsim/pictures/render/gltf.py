@@ -162,7 +162,8 @@ def _quaternions(rotations: Array) -> Array:
     """Return unit quaternions (n, 4), scalar last, of rotations (n, 3, 3), without jumps of sign."""
     from scipy.spatial.transform import Rotation
 
-    values = Rotation.from_matrix(rotations).as_quat()
+    # a copy: scipy 1.15 rejects arrays that are read-only
+    values = Rotation.from_matrix(np.array(rotations)).as_quat()
     opposite = np.sum(values[1:] * values[:-1], axis=1) < 0.0
     return values * np.cumprod([1.0, *np.where(opposite, -1.0, 1.0)])[:, None]
 

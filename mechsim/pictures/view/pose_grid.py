@@ -21,7 +21,10 @@ def quaternions(rotation: Array) -> Array:
     """Return unit quaternions of rotations, (..., 3, 3) -> (..., 4), scalar first and not negative."""
     from scipy.spatial.transform import Rotation
 
-    flat = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    # scipy 1.15 rejects arrays that are read-only, as those of links that keep their pose are
+    flat = Rotation.from_matrix(np.array(rotation).reshape(-1, 3, 3)).as_quat(
+        canonical=True, scalar_first=True
+    )
     return flat.reshape(*rotation.shape[:-2], 4)
 
 
