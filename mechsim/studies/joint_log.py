@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.errors import InputError, needs, several
+from mechsim.errors import InputError, MissingToolError, needs, several
 from mechsim.files import Table, require_file
 
 # largest file in bytes
 MAX_BYTES = 2_000_000_000
-# end of the schema names of joint states in ROS 1 and 2
+# end of the schema names of joint states
 SCHEMA = "JointState"
 # fields of a message -> name of the column of a joint
 COLUMNS = {"position": "{}.q", "velocity": "{}.v", "effort": "torque:{}"}
@@ -38,7 +38,6 @@ def read_log(path: Path) -> Table:
     """
     require_file(path, "a log in MCAP", MAX_BYTES)
     with needs("logs"):
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
     topics: set[str] = set()
     messages: list[tuple[int, Any]] = []
@@ -50,8 +49,11 @@ def read_log(path: Path) -> Table:
                     messages.append(
                         (message.log_time, _state(schema, channel.message_encoding, message.data))
                     )
-    except (McapError, ValueError, TypeError) as error:
-        raise InputError(f"{path} is no complete log in MCAP ({error or type(error).__name__})") from None
+    except MissingToolError:
+        raise
+    except Exception as error:  # the decoders raise errors of many kinds for a damaged file
+        cause = (str(error).splitlines() or [""])[0] or type(error).__name__
+        raise InputError(f"{path} is no complete log in MCAP ({cause}); record it again") from None
     if len(topics) != 1:
         raise InputError(
             f"{path} has joint states on {several(len(topics), 'topic')}{': ' * bool(topics)}"
@@ -76,9 +78,10 @@ def _state(schema: Any, encoding: str, data: bytes) -> Any:
             raise ValueError(f"messages in {encoding} are not read; write json or cdr")
         state = decode(data)
     try:
-        state.name = list(state.name)
+        state.name = [str(name) for name in state.name]
         for field in COLUMNS:
             setattr(state, field, np.asarray(getattr(state, field), dtype=np.float64))
+        state.time = _stamp(state)
     except AttributeError as error:
         raise ValueError(f"a message has no {error.name}") from None
     return state
@@ -93,12 +96,21 @@ def _table(path: Path, messages: list[tuple[int, Any]]) -> Table:
                 f"{path}: message {row + 1} has other joints or fields than the first one, which has "
                 f"{', '.join(first.name)}; give a log in which all have the same"
             )
-    times = [_stamp(state) or logged for logged, state in messages]
+    count = len(first.name)
+    if len(set(first.name)) < count:
+        raise InputError(f"{path} names a joint twice: {', '.join(first.name)}; give each a name of its own")
+    times = [state.time or logged for logged, state in messages]
     table = {"t": np.array([time - times[0] for time in times]) * NANOSECONDS}
     for field, column in COLUMNS.items():
         values = np.array([getattr(state, field) for _, state in messages])
-        if values.shape == (len(messages), len(first.name)):
-            table |= dict(zip(map(column.format, first.name), values.T, strict=True))
+        if values.shape == (len(messages), 0):
+            continue
+        if values.shape != (len(messages), count):
+            raise InputError(
+                f"{path} has {several(values[0].size, 'number')} of {field} for "
+                f"{several(count, 'joint')}; give one for each joint, or none"
+            )
+        table |= dict(zip(map(column.format, first.name), values.T, strict=True))
     return table
 
 

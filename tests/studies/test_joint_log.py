@@ -118,6 +118,15 @@ def fleeting(i):
             "could not convert string to float",
         ),
         (lambda path: json_log(path, text='{"position": [1.0]}'), "a message has no name"),
+        (
+            lambda path: json_log(path, text='{"name": ["a", "b"], "position": [1.0]}'),
+            "1 number of position for 2 joints; give one for each joint, or none",
+        ),
+        (
+            lambda path: json_log(path, text='{"name": ["a", "a"], "position": [1.0, 2.0]}'),
+            "names a joint twice: a, a",
+        ),
+        (lambda path: json_log(path, text="[" * 100_000), "is no complete log in MCAP"),
     ],
 )
 def test_invalid_logs_are_rejected_in_one_sentence(tmp_path, write, message):

@@ -382,8 +382,8 @@ static void set_prescribed_row(const Model *m, Work *w, int i, int row) {
     w->speed[i] = f.rate / to->unit, w->gamma[row] = -f.second / to->unit;
 }
 
-/* rows of the loops and of prescribed coordinates, then those of coordinates at rest, without dependent ones if they are known; without
-   rates, no velocity-product terms */
+/* rows of the loops and of prescribed coordinates, then those of coordinates at rest, without dependent ones if
+ * they are known; without rates, no velocity-product terms */
 static int set_rows(const Model *m, Work *w, const double *rates, int resting, const int *at_rest, int known) {
     int row = 0, count = 0;
     for (int c = 0; c < m->cuts; c++)

@@ -191,7 +191,8 @@ static void displace(const Model *m, const double *step, double *state) {
     }
 }
 
-/* moves a state to the nearest configuration with closed loops at the time of `w`, and its rates to the nearest consistent ones */
+/* moves a state to the nearest configuration with closed loops at the time of `w`, and its rates to the nearest
+ * consistent ones */
 static int project(const Model *m, Work *w, Run *run, double *state) {
     double *rates = state + positions(m), worst = 0.0;
     for (int i = 0;; i++) {
