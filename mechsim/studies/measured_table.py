@@ -154,7 +154,7 @@ def measured_of(
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")
     instants = columns[over].values
     # instants and prescribed motions count as exact
-    for name in (over, "angle", "time", "speed", "acceleration", *solver.mechanism.drivers):
+    for name in (over, "angle", "t", "time", "speed", "acceleration", *solver.mechanism.drivers):
         if name in columns and columns.pop(name).uncertainty is not None:
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
     values = {name: column.values for name, column in columns.items()}

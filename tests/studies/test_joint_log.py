@@ -10,6 +10,7 @@ from mcap_ros2.writer import Writer as RosWriter
 from mechsim.errors import InputError
 from mechsim.studies.identification import identify
 from mechsim.studies.joint_log import read_log
+from mechsim.studies.measured_table import measured_of
 from mechsim.subjects.readers import load
 from tests.studies.test_identification import PENDULUM
 
@@ -142,3 +143,11 @@ def test_a_log_cut_short_is_no_complete_log(tmp_path):
     (tmp_path / "run.mcap").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="is no complete log"):
         read_log(tmp_path / "run.mcap")
+
+
+def test_the_crank_of_a_log_counts_as_the_crank_angle():
+    solver, angles = load("four_bar"), np.linspace(0.2, 1.4, 7)
+    rocker = solver.solve(angles).joints["rocker"].value
+    measured = measured_of({"t": angles, "crank.q": angles, "rocker.q": rocker}, solver)
+    np.testing.assert_array_equal(measured.angles, angles)
+    assert list(measured.values) == ["rocker.q"]
