@@ -1,4 +1,4 @@
-"""Command `mechsim export`: the MuJoCo model of a mechanism, or the mechanism as TOML."""
+"""Command `mechsim export`: the MuJoCo model of a mechanism, the mechanism in other formats, drawings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,10 +34,14 @@ class ExportOptions:
     )
     file_format: str = option(
         "xml",
-        "A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose passive "
-        "joints follow polynomials.",
+        "A MuJoCo model; the mechanism itself; its links as flat plates, 1:1 in mm (dxf, svg); or its serial "
+        "twin: the tree without loops, whose passive joints follow polynomials.",
         name="--format",
-        metavar="xml|toml|sdf|usda|mjcf-tree|urdf",
+        metavar="xml|toml|sdf|usda|dxf|svg|mjcf-tree|urdf",
+    )
+    hole: str | None = option(
+        None,
+        "Diameter of the holes of flat plates; a bare number is metres. [default: 0.05 of the largest link]",
     )
     independent: str | None = option(
         None,
@@ -86,11 +90,12 @@ def export(
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
     ] = None,
 ) -> Result:
-    """Write the MuJoCo model of a mechanism, or the mechanism as TOML.
+    """Write the MuJoCo model of a mechanism, the mechanism in another format, or its links as drawings.
 
     Examples:
     mechsim export four_bar --speed 600rpm -o four_bar.xml
     mechsim export gripper.xml --format toml -o gripper.toml
+    mechsim export klann --format dxf --hole 4mm -o klann.dxf
     """
     settings = setting.stated()
     if options.cam is not None:
@@ -113,6 +118,7 @@ def export(
         timestep=options.timestep,
         settings=settings,
         speed=options.speed,
+        hole=options.hole,
         **(driven.as_arguments() if options.is_twin else {}),
     )
     return _result(result, output)
@@ -140,7 +146,7 @@ def _result(result: ExportedModel, output: str | None) -> Result:
 
 def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result:
     """Write the profile of a cam."""
-    from mechsim.subjects.cam_files import EXTENSIONS, cam_on, cam_text, write_cam
+    from mechsim.pictures.cam_files import EXTENSIONS, cam_on, cam_text, write_cam
 
     cam = cam_on(solver.mechanism, joint)
     path = None if output is None else writable(output, *EXTENSIONS)

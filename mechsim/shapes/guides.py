@@ -31,7 +31,7 @@ def draw_contacts(canvas: Canvas) -> None:
     """Draw each curve and profile of a cam on its link, and the roller on the link that follows it."""
     for name, contact in canvas.mechanism.contacts.items():
         colour = canvas.colours.get(contact.carrier, HOUSING)
-        points = _points(canvas.mechanism.joint(name).a, contact)
+        points = contact_points(canvas.mechanism.joint(name).a, contact, CHORDS)
         if canvas.normals:
             points = points + canvas.level(contact.carrier) * canvas.normals[contact.carrier]
         if isinstance(contact.shape, Cam):
@@ -50,14 +50,14 @@ def draw_contacts(canvas: Canvas) -> None:
             canvas.disc(end.link, upright, height - 0.6 * canvas.r, height + 0.6 * canvas.r, radius, STEEL)
 
 
-def _points(end: End, contact: Contact) -> Array:
+def contact_points(end: End, contact: Contact, chords: int) -> Array:
     """Return points of a curve without its offset, or of a profile, in its link's frame, (n, 3) in [m]."""
     shape = contact.shape
     if isinstance(shape, Cam):
-        profile = shape.contact(np.linspace(0.0, REVOLUTION, CHORDS + 1))
+        profile = shape.contact(np.linspace(0.0, REVOLUTION, chords + 1))
         x, y = profile.in_cam(profile.point)
         # the joint rotates about minus the axis of the cam
         return np.asarray(end.point) + np.stack([x, -y, 0.0 * x], -1) @ end.frame.T
-    s = np.linspace(*shape.interval, CHORDS + 1)
+    s = np.linspace(*shape.interval, chords + 1)
     axes = [axis(s)[0] + 0.0 * s for axis in shape.axes]
     return np.stack([*axes, 0.0 * s][:3], -1)

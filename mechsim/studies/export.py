@@ -20,7 +20,7 @@ from mechsim.simulation.settings import plain_settings
 from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
-from mechsim.units import crank_speed
+from mechsim.units import crank_speed, si
 
 if TYPE_CHECKING:
     import mujoco
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
 SERIAL_FORMATS = ("mjcf-tree", "urdf")
-FORMATS = ("xml", "toml", "sdf", "usda", *SERIAL_FORMATS)
+DRAWINGS = ("dxf", "svg")
+FORMATS = ("xml", "toml", "sdf", "usda", *DRAWINGS, *SERIAL_FORMATS)
 STYLES = ("plain", "menagerie")
 
 
@@ -40,9 +41,9 @@ class ExportedModel:
 
     Attributes:
         name: of the mechanism.
-        format: "xml" or "toml".
+        format: one of `FORMATS`.
         text: of the file.
-        left_out: sentence on a formula or friction that the file cannot contain; empty if none is left out.
+        left_out: sentence on what the file cannot contain; empty if nothing is left out.
         twin: couplings of a serial twin and their errors; None for others.
     """
 
@@ -68,15 +69,17 @@ def export(
     timestep: float | str | None = None,
     settings: Mapping[str, Any] | None = None,
     speed: float | str | None = None,
+    hole: float | str | None = None,
     **options: Any,
 ) -> ExportedModel:
-    """Return a mechanism as a MuJoCo model or as TOML; write it if a path is given.
+    """Return a mechanism as a MuJoCo model, as TOML, SDF, USD or drawings; write it if a path is given.
 
     Args:
         model: any argument of `load`.
         output: path of the file; None writes none.
         set: parameter -> its value, as for `load`.
-        format: "xml", "toml", "sdf" or "usda"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
+        format: "xml", "toml", "sdf" or "usda"; "dxf" or "svg" for the links as flat plates; "mjcf-tree" or
+            "urdf" for the serial twin, which has no loops.
         independent: joints of the twin that move freely, with ranges in SI or text; by default those with
             actuators, within their limits.
         style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms.
@@ -84,6 +87,7 @@ def export(
         timestep: of the file, in [s] or text; by default 0.1 ms.
         settings: fields of `Settings` that the file contains.
         speed: of a motor and a keyframe, in [rad/s] or text; by default no motor.
+        hole: diameter of holes in flat plates, in [m] or text; by default 0.05 of the characteristic length.
         options: `drive`, `lock` and further arguments of `load`.
 
     Raises:
@@ -100,6 +104,8 @@ def export(
             "--independent applies to a serial twin; leave it out, or add "
             f"--format {' or '.join(SERIAL_FORMATS)}"
         )
+    if hole is not None and format not in DRAWINGS:
+        raise InputError(f"--hole applies to drawings; leave it out, or add --format {' or '.join(DRAWINGS)}")
     if format in SERIAL_FORMATS:
         loops = options.pop("loops", None)
         _require_twin(style, scene, settings, timestep, speed, *options.values())
@@ -111,10 +117,10 @@ def export(
         require_compatible(format, scene, settings, timestep, speed)
         loaded = isinstance(model, KinematicSolver) and not set
         solver = model if loaded else load(model, set, still=True, **options)
-        contents = _Contents(scene, settings, timestep, speed)
+        contents = _Contents(scene, settings, timestep, speed, hole)
         solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = _exported(solver, format, style, contents)
-        if format not in ("sdf", "usda"):
+        if format in ("xml", "toml"):
             own = left_out if format == "toml" else _friction_left_out(solver, scene)
             result = replace(result, left_out=own)
     if output is not None:
@@ -134,16 +140,17 @@ def _friction_left_out(solver: KinematicSolver, scene: str) -> str:
 
 @dataclass(frozen=True)
 class _Contents:
-    """Contents of a MuJoCo model: arguments of `export`."""
+    """Contents of a MuJoCo model or drawing: arguments of `export`."""
 
     scene: str
     settings: Mapping[str, Any]
     timestep: float | str | None
     speed: float | str | None
+    hole: float | str | None
 
 
 def _exported(solver: KinematicSolver, format: str, style: str, contents: _Contents) -> ExportedModel:
-    """Return a mechanism as a MuJoCo model in a style, or as TOML."""
+    """Return a mechanism as a MuJoCo model in a style, or in another format."""
     if style == "menagerie":
         if format != "xml" or contents.scene != LEVEL or contents.speed is not None:
             raise InputError(
@@ -156,6 +163,12 @@ def _exported(solver: KinematicSolver, format: str, style: str, contents: _Conte
     if format in ("sdf", "usda"):
         text, left_out = _text_of_joints(solver, format)
         return ExportedModel(solver.name, format, text, left_out=left_out)
+    if format in DRAWINGS:
+        from mechsim.pictures.flat_plates import drawing_text, flat_plates
+
+        hole = None if contents.hole is None else si(contents.hole, "m", "--hole")
+        plates, left_out = flat_plates(solver.mechanism, hole)
+        return ExportedModel(solver.name, format, drawing_text(plates, format), left_out=left_out)
     if format == "toml":
         text = to_toml(solver)
         return ExportedModel(solver.name, format, text)
@@ -209,7 +222,7 @@ def require_compatible(
     if format not in FORMATS:
         raise InputError(f"there is no format {format!r}; choose from {', '.join(FORMATS)}")
     has_settings = bool(settings) or timestep is not None
-    if format in ("toml", "sdf") and (speed is not None or has_settings or scene != LEVEL):
+    if format != "xml" and (speed is not None or has_settings or scene != LEVEL):
         raise InputError("--scene, --speed and settings are for MuJoCo models; leave them out")
 
 
