@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,13 +55,15 @@ def main() -> None:
     width = max(len(command) for command in COMMANDS)
     print(f"{'command':{width}}", *(f"{name:>7}" for name in releases))
     messages, rejected = dict[str, str](), False
-    for command in COMMANDS:
-        failures = [failure(python, command) for python in pythons]
-        print(f"{command:{width}}", *(f"{'fails' if text else 'runs':>7}" for text in failures), flush=True)
-        for name, text in zip(releases, failures, strict=True):
-            rejected |= bool(text) and version(name) >= lowest_allowed()
-            if text:
-                messages.setdefault(f"{name}: {text}", command)
+    with ThreadPoolExecutor(2) as pool:
+        found = pool.map(lambda command: [failure(python, command) for python in pythons], COMMANDS)
+        for command, failures in zip(COMMANDS, found, strict=True):
+            results = ("fails" if text else "runs" for text in failures)
+            print(f"{command:{width}}", *(f"{text:>7}" for text in results), flush=True)
+            for name, text in zip(releases, failures, strict=True):
+                rejected |= bool(text) and version(name) >= lowest_allowed()
+                if text:
+                    messages.setdefault(f"{name}: {text}", command)
     for message, command in messages.items():
         print(f"\n{command}\n  {message}")
     sys.exit(rejected)
