@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mechsim.model import load_profile as load_profile
     from mechsim.model import masses as masses
     from mechsim.model import motors as motors
+    from mechsim.model.bushings import Bushing as Bushing
     from mechsim.model.forces import Forces as Forces
     from mechsim.model.forces import Friction as Friction
     from mechsim.model.forces import JointSpring as JointSpring
@@ -98,6 +99,7 @@ _NAMES = {
     "_version": "__version__",
     "codegen.compiled": "compile",
     "errors": "AssemblyError InputError MechsimError",
+    "model.bushings": "Bushing",
     "model.forces": "Forces Friction JointSpring Load Spring",
     "model.joints": "Coupling End Gear Joint",
     "model.links": "Inertia Link Pose",

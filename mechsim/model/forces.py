@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.actuators import Actuator
+from mechsim.model.bushings import Bushing
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
@@ -127,6 +128,7 @@ class Forces:
         springs: springs between points.
         joint_springs: springs in joints.
         nonlinear_springs: springs with a law of their own, such as stops.
+        bushings: elastic mounts between frames on two links.
         loads: forces on points.
         couples: moments on links.
         crank_torque: load on the crank in [N m], positive for increasing crank angle, exerted on the driven
@@ -144,6 +146,7 @@ class Forces:
     springs: tuple[Spring, ...] = ()
     joint_springs: tuple[JointSpring, ...] = ()
     nonlinear_springs: tuple[NonlinearSpring, ...] = ()
+    bushings: tuple[Bushing, ...] = ()
     loads: tuple[Load, ...] = ()
     couples: tuple[Couple, ...] = ()
     crank_torque: LoadProfile | None = None
@@ -173,10 +176,7 @@ class Forces:
                     f"a spring in {name} joint {spring.joint!r} is not supported; "
                     f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
-        for spring in self.springs:
-            links = [located(mechanism, location)[0] for location in (spring.a, spring.b)]
-            if links[0] == links[1]:
-                raise InputError(f"both ends of a spring are on link {links[0]!r}; put them on two links")
+        self._check_ends(mechanism)
         for controller in (*self.controllers, *self.actuators):
             controller.check(mechanism)
         acting: list[tuple[str, Location]] = [(f"load on {act.location}", act.location) for act in self.loads]
@@ -184,6 +184,16 @@ class Forces:
         for what, location in acting:
             if located(mechanism, location)[0] == GROUND:
                 raise InputError(f"the {what} acts on the frame, which cannot move; name a moving link")
+
+    def _check_ends(self, mechanism: Mechanism) -> None:
+        """Raise InputError unless the ends of springs and bushings lie on links of the mechanism."""
+        for spring in self.springs:
+            links = [located(mechanism, location)[0] for location in (spring.a, spring.b)]
+            if links[0] == links[1]:
+                raise InputError(f"both ends of a spring are on link {links[0]!r}; put them on two links")
+        for bushing in self.bushings:
+            for end in (bushing.a, bushing.b):
+                located(mechanism, (end.link, end.point))
 
     @property
     def load_profiles(self) -> list[LoadProfile]:

@@ -24,7 +24,7 @@ from mechsim.simulation.closed_configurations import (
     straight_path,
 )
 from mechsim.simulation.mjcf_reader.pose_chains import site_or_body
-from mechsim.simulation.state import HINGE, SLIDE, cross_matrices, mass_matrix
+from mechsim.simulation.state import HINGE, SLIDE, mass_matrix, rotation_vector_rates
 
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12
@@ -207,19 +207,6 @@ class _Outputs:
             return vector[:, component], (rotation_vector_rates(vector) @ angular)[:, component]
 
         return value
-
-
-def rotation_vector_rates(vector: Array) -> Array:
-    """Return the matrices (n, 3, 3) that convert angular velocities to rates of rotation vectors (n, 3).
-
-    Source: Solà, Deray & Atchuthan 2018, "A micro Lie theory", eq. (146), inverse left Jacobian of SO(3).
-    """
-    angle = np.linalg.norm(vector, axis=1)
-    safe = np.where(angle > 1e-4, angle, 1.0)
-    # the series 1/12 + angle^2/720 is exact to 1e-18 below 1e-4 rad
-    factor = np.where(angle > 1e-4, 1 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)), 1 / 12 + angle**2 / 720)
-    cross = cross_matrices(vector)
-    return np.eye(3) - 0.5 * cross + factor[:, None, None] * (cross @ cross)
 
 
 def input_rates(path: StraightPath, qpos: Array) -> Array:

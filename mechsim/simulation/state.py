@@ -217,6 +217,19 @@ def cross_matrices(vectors: Array) -> Array:
     return matrices - np.swapaxes(matrices, 1, 2)
 
 
+def rotation_vector_rates(vector: Array) -> Array:
+    """Return the matrices (n, 3, 3) that convert angular velocities to rates of rotation vectors (n, 3).
+
+    Source: Solà, Deray & Atchuthan 2018, "A micro Lie theory", eq. (146), inverse left Jacobian of SO(3).
+    """
+    angle = np.linalg.norm(vector, axis=1)
+    safe = np.where(angle > 1e-4, angle, 1.0)
+    # the series 1/12 + angle^2/720 is exact to 1e-18 below 1e-4 rad
+    factor = np.where(angle > 1e-4, 1 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)), 1 / 12 + angle**2 / 720)
+    cross = cross_matrices(vector)
+    return np.eye(3) - 0.5 * cross + factor[:, None, None] * (cross @ cross)
+
+
 def rotated_quaternions(quaternions: Array, vector: Array) -> Array:
     """Return unit quaternions (w, x, y, z) rotated by rotation vectors in their own frames, (n, 4)."""
     angle = np.sqrt((vector * vector).sum(1))

@@ -164,6 +164,7 @@ def left_out(solver: KinematicSolver, format: str, *, coulomb: bool) -> str:
     forces = forces_of(solver)
     present = {
         "springs between points": forces.springs or forces.nonlinear_springs,
+        "bushings": forces.bushings,
         "loads": forces.load_profiles,
         "motors and controllers": forces.replaced_by_motion or forces.controllers or forces.flywheel,
         "friction by load and rate": [friction for friction in forces.friction if friction.varies],

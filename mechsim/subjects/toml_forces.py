@@ -5,6 +5,7 @@ from typing import Any
 
 from mechsim.errors import InputError
 from mechsim.files import is_table
+from mechsim.model.bushings import Bushing, diagonal
 from mechsim.model.forces import (
     WEIGHT,
     Couple,
@@ -22,6 +23,7 @@ from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Mo
 from mechsim.model.nonlinear_springs import NonlinearSpring
 from mechsim.subjects.law_text import LoadComponent, combine_components, parse_component
 from mechsim.subjects.toml_coordinates import leaves
+from mechsim.subjects.toml_links import end_of
 from mechsim.subjects.toml_motors import actuators_of, expression_controllers, require_motor_keys
 from mechsim.subjects.toml_springs import nonlinear_springs_of, point_of, springs_of
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
@@ -68,6 +70,7 @@ def forces_of(
             springs=tuple(springs_of(values, mechanism, table)),
             joint_springs=tuple(_joint_springs(values, mechanism, table)),
             nonlinear_springs=(*stops, *nonlinear_springs_of(values, mechanism, table)),
+            bushings=tuple(_bushings(values, table)),
             loads=tuple(_loads(values, mechanism, table)),
             couples=tuple(
                 Couple(link, load_profile_of(values, mechanism, moment, "N m", ("forces", "couples", link)))
@@ -176,6 +179,36 @@ def _joint_springs(values: Values, mechanism: Mechanism, table: Mapping[str, Any
         with values.source.error_context(path):
             rest = values.quantity(entry.get("rest", 0.0), unit, (*path, "rest"))
             yield JointSpring(joint, stiffness, rest)
+
+
+def _bushings(values: Values, table: Mapping[str, Any]) -> Iterator[Bushing]:
+    for name, entry in table.get("bushings", {}).items():
+        path = ("forces", "bushings", name)
+        matrices = {
+            key: _six_by_six(values, entry[key], units, (*path, key))
+            for key, units in (("stiffness", _STIFFNESS), ("damping", _VISCOUS))
+            if key in entry
+        }
+        with values.source.error_context(path):
+            yield Bushing(name, end_of(entry["a"]), end_of(entry["b"]), **matrices)
+
+
+def _six_by_six(
+    values: Values, written: Sequence[Any], units: Mapping[str, Unit], path: KeyPath
+) -> tuple[tuple[float, ...], ...]:
+    """Return a matrix from its diagonal, with units of displacements and rotations, or from its rows."""
+    rows = [isinstance(entry, tuple) for entry in written]
+    if all(rows):
+        return tuple(written)
+    if any(rows):
+        raise values.source.error(path, "mixes numbers and rows; give six numbers, or six rows of six")
+    along = ("m",) * 3 + ("rad",) * 3
+    return diagonal(
+        *(
+            values.quantity(entry, units[unit], (*path, i))
+            for i, (entry, unit) in enumerate(zip(written, along, strict=True))
+        )
+    )
 
 
 def _unit(values: Values, mechanism: Mechanism, joint: str, path: KeyPath) -> Unit:

@@ -41,12 +41,13 @@ def links_of(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
 def joint_of(source: TomlSource, name: str, entry: Mapping[str, Any]) -> Joint:
     """Return a joint."""
     with source.error_context(("joints", name)):
-        a, b = (_end(entry[side]) for side in "ab")
+        a, b = (end_of(entry[side]) for side in "ab")
         rest = {key: entry[key] for key in ("cross_angle", "lead", "length") if key in entry}
         return Joint(name, entry["kind"], a, b, **rest)
 
 
-def _end(entry: Mapping[str, Any]) -> End:
+def end_of(entry: Mapping[str, Any]) -> End:
+    """Return a frame on a link."""
     fields = {"at": "point", "axis": "axis", "reference": "reference", "mark": "reference"}
     return End(entry["link"], **{fields[key]: value for key, value in entry.items() if key != "link"})
 

@@ -13,6 +13,7 @@ from mechsim import files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.actuators import NO_LIMIT, Actuator, no_control
+from mechsim.model.bushings import Bushing
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joint_friction import BRISTLES
@@ -147,6 +148,7 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     for spring in forces.nonlinear_springs:
         if isinstance(spring.law, SpringLaw):
             table["springs", spring.name] = _nonlinear_spring(spring, spring.law)
+    table |= {("bushings", bushing.name): _bushing(bushing) for bushing in forces.bushings}
     springs = {("joint_springs", item.joint): item for item in forces.joint_springs}
     table |= {key: _fields(spring, "stiffness", "rest") for key, spring in springs.items()}
     for i, load in enumerate(forces.loads, 1):
@@ -267,6 +269,11 @@ def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
         if entry:
             limits |= entry if name == joint.name else {name.removeprefix(f"{joint.name}."): entry}
     return {"limits": limits} if limits else {}
+
+
+def _bushing(bushing: Bushing) -> dict[str, Any]:
+    matrices = {name: [list(row) for row in getattr(bushing, name)] for name in ("stiffness", "damping")}
+    return {"a": _end(bushing.a), "b": _end(bushing.b)} | matrices
 
 
 def _end(end: End) -> dict[str, Any]:

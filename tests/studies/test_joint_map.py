@@ -11,7 +11,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.simulation.joint_map import rotation_vector_rates
+from mechsim.simulation.state import rotation_vector_rates
 from mechsim.studies.robots.joint_map import MapComparison, compare_with_loop_equations, joint_map
 
 FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"

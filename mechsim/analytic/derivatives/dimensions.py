@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.analytic.designs import DesignFamily, Dimension
 from mechsim.errors import InputError, MechsimError
+from mechsim.model.bushings import Bushing
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joints import Coupling, End, Joint
@@ -27,13 +28,17 @@ NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     TabledFunction: ("positions", "targets"),
     Link: ("inertia",),
     Inertia: ("mass", "centre", "moments"),
-    Forces: ("gravity", "flywheel", "friction", "springs", "joint_springs", "nonlinear_springs", "loads"),
+    Forces: (
+        *("gravity", "flywheel", "friction", "springs", "joint_springs", "nonlinear_springs"),
+        *("bushings", "loads"),
+    ),
     Friction: ("viscous", "coulomb", "viscous_turn", "coulomb_turn"),
     Spring: ("a", "b", "stiffness", "rest", "damping"),
     JointSpring: ("stiffness", "rest"),
     NonlinearSpring: ("ends", "law"),
     SoftStop: ("limit", "stiffness", "damping"),
     SpringLaw: ("stiffness", "rest", "damping", "preload", "values", "table"),
+    Bushing: ("a", "b", "stiffness", "damping"),
     Load: ("location",),
 }
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.vector_method.rotations import dot
+from mechsim.analytic.vector_method.rotations import dot, rotation_vector
 from mechsim.errors import InputError
+from mechsim.model.bushings import Bushing
 from mechsim.model.forces import Friction, Location, Spring
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint, joint_coordinate
@@ -122,8 +123,8 @@ def add_force(unit: UnitMotion, stack: Array, link: str, point: Array, force: Ar
         stack[:, slot, 3:] += cross(point - unit.position[:, slot], force)
 
 
-def add_couple(unit: UnitMotion, stack: Array, joint: Joint, couple: Array) -> None:
-    """Add a couple on a joint's link b, and the opposite couple on link a."""
+def add_couple(unit: UnitMotion, stack: Array, joint: Joint | Bushing, couple: Array) -> None:
+    """Add a couple on link b of a joint or bushing, and the opposite couple on link a."""
     for link, sign in ((joint.b.link, 1.0), (joint.a.link, -1.0)):
         slot = unit.slot(link)
         if slot is not None:
@@ -210,6 +211,8 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
             stretch = wrapped(stretch)
         add_joint_forces(unit, springs, joint, [-spring.stiffness * stretch])
         energy = energy + 0.5 * spring.stiffness * stretch**2
+    for bushing in forces.bushings:
+        energy = energy + _add_bushing(unit, springs, damping, bushing)
     rubbing: list[Dry] = []
     for friction in forces.friction:
         rubbing += add_friction(unit, damping, coulomb, friction)
@@ -346,6 +349,33 @@ def _spring(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
     line, length, rate = _line(unit, (spring.a, spring.b))
     stretch = length - spring.rest
     return spring.stiffness * stretch, spring.damping * dot(line, rate), 0.5 * spring.stiffness * stretch**2
+
+
+def _add_bushing(unit: UnitMotion, springs: Array, damping: Array, bushing: Bushing) -> Array:
+    """Add a bushing's wrenches, and those of its damping at unit crank speed; return its energy, (n,)."""
+    frame_a, frame_b = (
+        np.stack([unit.direction(end, column) for column in range(3)], -1) for end in (bushing.a, bushing.b)
+    )
+    (at_a, rate_a), (at_b, rate_b) = (unit.point(end.link, end.point) for end in (bushing.a, bushing.b))
+    into_a, carried = np.swapaxes(frame_a, -1, -2), unit.spin(bushing.a.link)
+    rotated, factor = rotation_vector(into_a @ frame_b)
+    gap = at_b - at_a
+    moved, rate, spin = (
+        (into_a @ vector[..., None])[..., 0]
+        for vector in (gap, rate_b - rate_a - cross(carried, gap), unit.spin(bushing.b.link) - carried)
+    )
+    stiffness, damper = bushing.matrices
+    deflection = np.concatenate([moved, rotated], -1)
+    elastic, damped = -deflection @ stiffness, -np.concatenate([rate, spin], -1) @ damper
+    energy = -0.5 * (elastic * deflection).sum(-1)
+    across = cross(rotated, elastic[:, 3:])
+    elastic[:, 3:] += 0.5 * across + factor[:, None] * cross(rotated, across)
+    for stack, wrench in ((springs, elastic), (damping, damped)):
+        force, moment = ((frame_a @ half[..., None])[..., 0] for half in (wrench[:, :3], wrench[:, 3:]))
+        add_force(unit, stack, bushing.b.link, at_b, force)
+        add_force(unit, stack, bushing.a.link, at_b, -force)
+        add_couple(unit, stack, bushing, moment)
+    return energy
 
 
 def _line(unit: UnitMotion, ends: Ends) -> tuple[Array, Array, Array]:

@@ -29,6 +29,7 @@ from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.analytic.loops.constraints import Cut
 from mechsim.errors import MechsimError, MissingToolError, OutputError
 from mechsim.model.actuators import Actuator
+from mechsim.model.bushings import Bushing
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
 from mechsim.model.joint_kinds import COLUMN, KINDS, Kind
 from mechsim.model.joints import Coupling, End, Joint
@@ -55,6 +56,7 @@ SUPPORTED: dict[type, set[str]] = {
         "actuators",
         "armature",
         "nonlinear_springs",
+        "bushings",
     },
     NonlinearSpring: {"ends", "law", "name"},
     Controller: {"coordinate", "text", "inputs", "_expression"},
@@ -68,6 +70,7 @@ SUPPORTED: dict[type, set[str]] = {
     },
     Spring: {"a", "b", "stiffness", "rest", "damping"},
     JointSpring: {"joint", "stiffness", "rest"},
+    Bushing: {"name", "a", "b", "stiffness", "damping"},
     Load: {"location", "force"},
     Couple: {"link", "moment"},
     LoadProfile: {"over", "value", "width"},
@@ -178,6 +181,9 @@ NONLINEAR_SPRING = np.dtype(
     ],
     align=True,
 )
+BUSHING = np.dtype(
+    [("a", SIDE), ("b", SIDE), ("stiffness", _REAL, (6, 6)), ("damping", _REAL, (6, 6))], align=True
+)
 LOAD = np.dtype(
     [
         ("link", _INT),
@@ -192,11 +198,13 @@ COUNTS = (
     *("links", "count", "free", "balls", "cuts", "couplings"),
     *("rows", "springs", "resistances", "loads", "crank"),
     *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded", "tabled", "driven"),
+    "bushings",
 )
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
     *("inertias", "spring", "resistance", "load"),
     *("instruction", "controller", "prescribed", "actuator", "gear", "rotors", "nonlinear_spring", "tables"),
+    "bushing",
 )
 
 
@@ -283,6 +291,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "controller": controllers(equations, added),
         "prescribed": prescribed(equations, added),
         "nonlinear_spring": _nonlinear_springs(equations, added),
+        "bushing": _bushings(equations),
         "instruction": np.array(added.rows, INSTRUCTION),
         "tables": np.array(added.numbers),
         "actuator": actuated,
@@ -306,6 +315,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         int(resistances["loaded"].sum()),
         int(bool(added.numbers)),
         len(equations.prescribed),
+        len(tables["bushing"]),
     )
     data = ModelData(
         **dict(zip(COUNTS, numbers, strict=True)),
@@ -530,7 +540,17 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
     return _filled(NONLINEAR_SPRING, rows)
 
 
-def _sides_of(equations: EquationsOfMotion, joint: Joint) -> dict[str, Any]:
+def _bushings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    return _filled(
+        BUSHING,
+        [
+            {**_sides_of(equations, bushing), "stiffness": bushing.stiffness, "damping": bushing.damping}
+            for bushing in equations.model.forces.bushings
+        ],
+    )
+
+
+def _sides_of(equations: EquationsOfMotion, joint: Joint | Bushing) -> dict[str, Any]:
     return {name: _side(_index(equations, end.link), end) for name, end in (("a", joint.a), ("b", joint.b))}
 
 

@@ -36,6 +36,31 @@ def from_quaternion(w: Any, x: Any, y: Any, z: Any) -> Array:
     )
 
 
+# least 1 + trace of a rotation: at half a revolution, where the rotation vector jumps, it is zero
+LEAST_TRACE = 1e-12
+# squared tangent of a half angle below which a series is exact to rounding
+SMALL = 1e-3
+
+
+def rotation_vector(rotation: Array) -> tuple[Array, Array]:
+    """Return rotation vectors v, (n, 3), and c, (n,), of J^-1 = 1 - [v]/2 + c [v]^2, with exp[v] = rotation.
+
+    With p = v tan(|v|/2)/|v| (Gibbs' vector) and h = (1 - atan|p|/|p|)/p^2, v = 2 (1 - h p^2) p,
+    |v| < pi. Complex steps are propagated.
+    """
+    total = 1.0 + np.trace(rotation, axis1=-2, axis2=-1)
+    total = np.where(np.real(total) > LEAST_TRACE, total, LEAST_TRACE)
+    axial = rotation[..., (2, 0, 1), (1, 2, 0)] - rotation[..., (1, 2, 0), (2, 0, 1)]
+    p = axial / total[..., None]
+    square = dot(p, p)
+    small = np.real(square) < SMALL
+    tangent = np.sqrt(np.where(small, 1.0, square))
+    series = sum((-square) ** k / (2 * k + 3) for k in range(6))
+    h = np.where(small, series, (1.0 - np.arctan(tangent) / tangent) / tangent**2)
+    k = 1.0 - h * square
+    return 2.0 * k[..., None] * p, 0.25 * h / k**2
+
+
 def turned_by(rotation: Array, vector: Array) -> Array:
     """Return exp(vector) @ rotation, (n, 3, 3), orthonormal to rounding."""
     angle = np.sqrt(dot(vector, vector))[:, None, None]

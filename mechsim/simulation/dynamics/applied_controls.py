@@ -81,7 +81,7 @@ class AppliedControls:
         self.crank = loops.crank_address if model.mechanism.has_crank else None
         over = {profile.over for profile in model.forces.load_profiles} - {None}
         self.by_angle = "angle" in over
-        self.reacts = bool(model.dry or model.forces.nonlinear_springs)
+        self.reacts = bool(model.dry or model.forces.nonlinear_springs or model.forces.bushings)
         other = self.reacts or self.controllers.used or self.drives.names
         self.constant = not (other or over or model.forces.actuators)
         #: time of the first stage of the steps ahead, and controls and inputs of actuators at each stage

@@ -25,6 +25,7 @@ from mechsim.simulation.dynamics.applied_forces import (
     soften,
     together,
 )
+from mechsim.simulation.dynamics.bushings import bushing_forces
 from mechsim.simulation.dynamics.load_friction import friction_of_state, rubbing_coordinates
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
@@ -196,7 +197,9 @@ def force_record(
         drive_accelerations=_drive_accelerations(loaded, qacc),
         straight=loaded.mechanism.straight,
         kinetic=_kinetic(loaded, rates, state.plain),
-        potential=state.plain["energy"][:, 0] + _wound(loaded, state.plain),
+        potential=state.plain["energy"][:, 0]
+        + _wound(loaded, state.plain)
+        + stored_and_lost(loaded, state.plain)[0],
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
         power_lost=lost,
@@ -286,6 +289,16 @@ def _wound(loaded: LoadedModel, fields: Fields) -> Array:
     return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
 
 
+def stored_and_lost(loaded: LoadedModel, fields: Fields) -> tuple[Array, Array]:
+    """Return the energy stored in bushings, (n,) in [J], and the power lost in them, (n,) in [W]."""
+    length, velocity = fields["actuator_length"], fields["actuator_velocity"]
+    energy, lost = np.zeros((2, len(length)))
+    for bushing, columns in loaded.bushings:
+        _, own_energy, own_lost = bushing_forces(bushing, length[:, columns], velocity[:, columns])
+        energy, lost = energy + own_energy, lost + own_lost
+    return energy, lost
+
+
 def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array]:
     """Return the power lost, the power of the loads and the power of the motor, (n,) each in [W]."""
     model, kinds, rates = loaded.model, loaded.actuators, state.states.qvel
@@ -293,6 +306,7 @@ def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array
     lost = -(state.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
     lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
     lost += (model.tendon_frictionloss * np.abs(state.plain["ten_velocity"])).sum(1) + state.rubbing
+    lost += stored_and_lost(loaded, state.plain)[1]
     loads = slice(kinds.crank_torque.start, kinds.nonlinear.stop)
     return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
 

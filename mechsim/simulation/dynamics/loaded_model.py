@@ -5,15 +5,17 @@ given magnitude, opposite to the joint's rate.
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count
 
 import mujoco
 import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from mechsim.model.bushings import Bushing
 from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import virtual_body
@@ -22,9 +24,11 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.dynamics.bushings import bushing_forces
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions, oppose
 from mechsim.simulation.equality_rows import RodPair
 from mechsim.simulation.mjcf.force_elements import (
+    BUSHING_AXES,
     Actuators,
     actuator_slices,
     motor_control,
@@ -113,13 +117,24 @@ class LoadedModel(ClosedModel):
     def react(self, length: Array, velocity: Array, controls: Array) -> None:
         """Set the controls (n, nu) that depend on lengths and velocities of actuators, (n, nu) each.
 
-        They are those of nonlinear springs and of dry friction.
+        They are those of nonlinear springs, bushings and dry friction.
         """
         oppose(self.dry, velocity, controls)
         first = self.actuators.nonlinear.start
         for i, spring in enumerate(self.forces.nonlinear_springs, first):
             offset = spring.law.reference if self.model.actuator_trntype[i] == SITE else 0.0
             controls[:, i] = spring.law.tension(length[:, i] + offset, velocity[:, i])
+        for bushing, columns in self.bushings:
+            controls[:, columns] = bushing_forces(bushing, length[:, columns], velocity[:, columns])[0]
+
+    @property
+    def bushings(self) -> Iterator[tuple[Bushing, slice]]:
+        """Each bushing and its actuators, three forces and three moments on each side."""
+        width = 2 * len(BUSHING_AXES)
+        for first, bushing in zip(
+            count(self.actuators.bushings.start, width), self.forces.bushings, strict=False
+        ):
+            yield bushing, slice(first, first + width)
 
     def nothing(self, n: int) -> AppliedForces:
         """Return applied forces of zero at n states."""

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.actuators import Actuator
+from mechsim.model.bushings import Bushing
 from mechsim.model.forces import Forces, Friction, JointSpring, Location, Spring, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
@@ -108,6 +109,7 @@ def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> No
 
 Bodies = Mapping[str, mujoco.MjsBody]
 AXES = "xyz"
+BUSHING_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,17 +147,18 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
 
     Actuators, in this order: "motor" (control 1 switches it on; for a DC motor it is the voltage),
     "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
-    1.x" ... (controls in [N m], ground axes); "nonlinear spring 1" ... (the control is the tension); "spring
-    in JOINT" for revolute joints; "friction in JOINT.z" or ".x", ".y" and ".z" of a cut joint; and, if MuJoCo
-    has no Coulomb friction for the joint, "friction in JOINT dry.z" and so on, whose controls [N m] must
-    oppose the actuators' velocities. The last are "actuator NAME".
+    1.x" ... (controls in [N m], ground axes); "nonlinear spring 1" ... (the control is the tension);
+    "bushing NAME.a.x" ... (three forces and three moments on each side, ground axes); "spring in JOINT" for
+    revolute joints; "friction in JOINT.z" or ".x", ".y" and ".z" of a cut joint; and, if MuJoCo has no
+    Coulomb friction for the joint, "friction in JOINT dry.z" and so on, whose controls [N m] must oppose the
+    actuators' velocities. The last are "actuator NAME".
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
     _add_crank_forces(spec, forces)
     acting = [(f"load {i}", load.location, 0) for i, load in enumerate(forces.loads, 1)]
     acting += [(f"couple {i}", (couple.link, ORIGIN), 3) for i, couple in enumerate(forces.couples, 1)]
-    if acting:
+    if acting or forces.bushings:
         spec.worldbody.add_site(name="ground axes")
     for name, location, first in acting:
         site = builder.point(name, location)
@@ -163,6 +166,7 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
             _between(spec, f"{name}.{axis}", site, "ground axes", gear)
     for number, spring in enumerate(forces.nonlinear_springs, 1):
         _add_nonlinear_spring(builder, f"nonlinear spring {number}", spring)
+    _add_bushings(builder, forces.bushings)
     for number, spring in enumerate(forces.springs, 1):
         _add_spring(builder, f"spring {number}", spring)
     for spring in forces.joint_springs:
@@ -184,6 +188,7 @@ class Actuators:
     loads: slice
     couples: slice
     nonlinear: slice
+    bushings: slice
     springs: slice
     friction: slice
     actuators: slice
@@ -200,6 +205,7 @@ def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuato
         len(AXES) * len(forces.loads),
         len(AXES) * len(forces.couples),
         len(forces.nonlinear_springs),
+        2 * len(BUSHING_AXES) * len(forces.bushings),
         len(turning),
     )
     ends = [0, *accumulate(counts), count - len(forces.actuators), count]
@@ -357,6 +363,15 @@ def _add_nonlinear_spring(builder: Builder, name: str, spring: NonlinearSpring) 
         a, b = builder.site(f"{name}.a", rotated), builder.site(f"{name}.b", joint.b)
         made = _between(builder.spec, name, b, a, np.eye(6)[5])
     made.gainprm[0] = -1.0
+
+
+def _add_bushings(builder: Builder, bushings: Sequence[Bushing]) -> None:
+    """Add actuators with the force and the moment of each side of a bushing, which are their controls."""
+    for bushing in bushings:
+        for side, end in (("a", bushing.a), ("b", bushing.b)):
+            site = builder.site(f"bushing {bushing.name}.{side}", end)
+            for axis, gear in zip(BUSHING_AXES, np.eye(6), strict=True):
+                _between(builder.spec, f"{site}.{axis}", site, "ground axes", gear)
 
 
 def _rotated_reference(end: End, angle: float) -> tuple[float, float, float]:

@@ -13,7 +13,8 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.joint_map import AXES, STEP, JointMap, map_over_grid, rotation_vector_rates
+from mechsim.simulation.joint_map import AXES, STEP, JointMap, map_over_grid
+from mechsim.simulation.state import rotation_vector_rates
 from mechsim.studies.robots.mujoco_models import ranges_in_si, started_model
 from mechsim.subjects.driver_positions import driver_path
 from mechsim.subjects.readers import load

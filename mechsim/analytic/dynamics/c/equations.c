@@ -75,6 +75,12 @@ typedef struct {
 } NonlinearSpring;
 enum { OPEN, PRESSED, RELAXED };
 
+/* elastic mount between two frames: symmetric 6 x 6 matrices in the frame of side a */
+typedef struct {
+    Side a, b;
+    double stiffness[36], damping[36];
+} Bushing;
+
 /* constant force on a point of a link, and constant moment on the link; expressions take their place */
 typedef struct {
     int link, varying;
@@ -103,7 +109,7 @@ typedef struct {
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
-    int controllers, actuators, states, rotating, nonlinear_springs, loaded, tabled, driven;
+    int controllers, actuators, states, rotating, nonlinear_springs, loaded, tabled, driven, bushings;
     const Branch *branches;
     const Coordinate *coordinates;
     const Cut *cut;
@@ -121,6 +127,7 @@ typedef struct {
     const double *gear, *rotors;
     const NonlinearSpring *nonlinear_spring;
     const double *tables;
+    const Bushing *bushing;
     double gravity[3], torque, torque_slope;
 } Model;
 
@@ -206,6 +213,8 @@ static void column_of(const Work *w, const Side *side, int column, double *out) 
 static const double STILL[6];
 
 #define REVOLUTION 6.283185307179586
+/* least 1 + trace of a rotation, zero at half a revolution */
+#define LEAST_TRACE 1e-12
 
 static const double *spin_of(const Work *w, int link) { return link < 0 ? STILL : w->twist + 6 * link + 3; }
 
@@ -467,6 +476,57 @@ static void add_spring(const Spring *spring, Work *w) {
     w->power_lost += spring->damping * rate * rate;
 }
 
+/* rotation vector of a rotation, and c of J^-1 = 1 - [v]/2 + c [v]^2, as analytic/vector_method/rotations.py */
+static double rotation_vector(const double *r, double *v) {
+    double total = 1.0 + r[0] + r[4] + r[8], square;
+    if (!(total > LEAST_TRACE)) total = LEAST_TRACE;
+    v[0] = (r[7] - r[5]) / total, v[1] = (r[2] - r[6]) / total, v[2] = (r[3] - r[1]) / total;
+    square = dot(v, v);
+    double size = sqrt(square), h = (1.0 - atan(size) / size) / square;
+    if (square < 1e-3) {
+        h = 0.0;
+        for (int k = 5; k >= 0; k--) h = 1.0 / (2 * k + 3) - square * h;
+    }
+    double k = 1.0 - h * square;
+    for (int i = 0; i < 3; i++) v[i] *= 2.0 * k;
+    return 0.25 * h / (k * k);
+}
+
+/* a bushing, as mechsim.model.bushings states it */
+static void add_bushing(const Bushing *bushing, Work *w) {
+    double a[3], b[3], va[3], vb[3], axes[9], turned[9], turn[9], x[6], y[6], elastic[6], across[3], twice[3];
+    locate(w, bushing->a.link, bushing->a.point, a, va);
+    locate(w, bushing->b.link, bushing->b.point, b, vb);
+    const double *wa = spin_of(w, bushing->a.link), *wb = spin_of(w, bushing->b.link);
+    double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, spin[3] = {wb[0] - wa[0], wb[1] - wa[1], wb[2] - wa[2]};
+    double rate[3] = {va[0] - vb[0], va[1] - vb[1], va[2] - vb[2]};
+    add_cross(wa, gap, rate);
+    /* rows of both frames */
+    for (int i = 0; i < 3; i++)
+        column_of(w, &bushing->a, i, axes + 3 * i), column_of(w, &bushing->b, i, turned + 3 * i);
+    multiply(axes, turned, 1, turn);
+    double factor = rotation_vector(turn, x + 3);
+    rotate(axes, gap, x), rotate(axes, rate, y), rotate(axes, spin, y + 3);
+    for (int i = 0; i < 3; i++) y[i] = -y[i];
+    for (int i = 0; i < 6; i++) {
+        elastic[i] = -inner(6, bushing->stiffness + 6 * i, x);
+        w->potential -= 0.5 * elastic[i] * x[i];
+    }
+    cross(x + 3, elastic + 3, across);
+    cross(x + 3, across, twice);
+    for (int i = 0; i < 3; i++) elastic[3 + i] += 0.5 * across[i] + factor * twice[i];
+    for (int i = 0; i < 6; i++) {
+        double damped = inner(6, bushing->damping + 6 * i, y);
+        w->power_lost += damped * y[i], elastic[i] -= damped;
+    }
+    for (int i = 0; i < 3; i++) {
+        const double *axis = axes + 3 * i;
+        add_force(w, bushing->b.link, b, elastic[i], axis), add_force(w, bushing->a.link, b, -elastic[i], axis);
+        if (bushing->b.link >= 0) add_scaled(3, elastic[3 + i], axis, w->force + 6 * bushing->b.link + 3);
+        if (bushing->a.link >= 0) add_scaled(3, -elastic[3 + i], axis, w->force + 6 * bushing->a.link + 3);
+    }
+}
+
 /* direction of the couple that does the work of one coordinate, and its rate */
 static double turning(const Work *w, const Resistance *r, double *direction) {
     const double *wa = spin_of(w, r->a.link), *wb = spin_of(w, r->b.link);
@@ -625,6 +685,7 @@ static void set_forces(const Model *m, Work *w, const double *rates, const doubl
     w->power_in = w->power_lost = 0.0;
     set_bodies(m, w);
     for (int i = 0; i < m->springs; i++) add_spring(m->spring + i, w);
+    for (int i = 0; i < m->bushings; i++) add_bushing(m->bushing + i, w);
     for (int i = 0; i < m->resistances; i++) add_resistance(m->resistance + i, sliding, w);
     for (int i = 0; i < m->loads; i++) add_load(m, m->load + i, rates, w);
     set_applied(m, w, rates);
