@@ -14,8 +14,8 @@ from mechsim.cli.output import in_colour, print_json, wrapped
 from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
+from mechsim.model.finding import HARMLESS, Finding
 from mechsim.simulation.findings.rule_table import RULES
-from mechsim.simulation.findings.rules import Violation
 from mechsim.studies.check import check_each, fixed_copy
 from mechsim.units import option
 
@@ -80,7 +80,7 @@ def check_files(
     return Result(data, text, errors == 0)
 
 
-def _print(violations: Sequence[Violation], output_format: str, data: dict[str, Any]) -> None:
+def _print(violations: Sequence[Finding], output_format: str, data: dict[str, Any]) -> None:
     if output_format == "json":
         print_json(data)
     elif output_format == "sarif":
@@ -97,8 +97,8 @@ def _print(violations: Sequence[Violation], output_format: str, data: dict[str, 
             lines = wrapped(head, "", "  ") if in_terminal else [head]
             colour = COLOURS[violation.severity]
             typer.echo("\n".join([in_colour(lines[0], colour), *lines[1:]]))
-            if violation.fix:
-                indented = f"    {violation.fix}"
+            if _remedy(violation):
+                indented = f"    {_remedy(violation)}"
                 typer.echo("\n".join(wrapped(indented, "", "    ")) if in_terminal else indented)
         counts = {
             severity: sum(violation.severity == severity for violation in violations) for severity in COLOURS
@@ -107,11 +107,16 @@ def _print(violations: Sequence[Violation], output_format: str, data: dict[str, 
         typer.echo(f"{data['files']} file{'s' * (data['files'] != 1)}: {total}")
 
 
-def _github(violation: Violation) -> str:
+def _remedy(violation: Finding) -> str:
+    """Return the remedy; empty for a harmless finding."""
+    return "" if violation.remedy == HARMLESS else violation.remedy
+
+
+def _github(violation: Finding) -> str:
     """Return a workflow command of GitHub Actions."""
     kind = {"error": "error", "warning": "warning", "note": "notice"}[violation.severity]
     line = "" if violation.line is None else f",line={violation.line}"
-    message = f"{violation.message}; {violation.fix}" if violation.fix else violation.message
+    message = f"{violation.message}; {_remedy(violation)}".removesuffix("; ")
     name = _escaped(violation.file).replace(":", "%3A").replace(",", "%2C")
     return f"::{kind} file={name}{line},title={violation.rule}::{_escaped(message)}"
 
@@ -124,7 +129,7 @@ def _escaped(text: str) -> str:
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
-def _sarif(violations: Sequence[Violation]) -> dict[str, Any]:
+def _sarif(violations: Sequence[Finding]) -> dict[str, Any]:
     """Return findings in the Static Analysis Results Interchange Format, version 2.1.0 (OASIS)."""
     rules = [
         {
@@ -141,7 +146,7 @@ def _sarif(violations: Sequence[Violation]) -> dict[str, Any]:
         {
             "ruleId": violation.rule,
             "level": violation.severity,
-            "message": {"text": f"{violation.message}; {violation.fix}".removesuffix("; ")},
+            "message": {"text": f"{violation.message}; {_remedy(violation)}".removesuffix("; ")},
             "locations": [
                 {
                     "physicalLocation": {

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, TypedDict
+from typing import ClassVar, Literal, TypedDict
 
 
 class FilePosition(TypedDict):
@@ -24,27 +24,45 @@ class Finding:
 
     Attributes:
         kind: its kind, one word.
-        what: the component, parameter or quantity it concerns.
-        by: its magnitude, in the unit that `message` states.
+        object: the component, parameter or quantity it concerns.
+        value: its magnitude, in the unit that `message` states; of a step or a time constant its ratio to the
+            longest stable or the shortest kept one.
+        target: value with which it is gone; None where no single value is right.
+        rule: code of the rule of `mechsim check`; of others their kind.
         explains: fraction of a difference that it explains, 0 to 1; 0 without a comparison.
         message: one sentence for people.
         remedy: how to repair it; empty if nothing needs repair.
         line: its line in the file; None if it has no single line.
-        file: the included file that contains the line; empty for the main file.
+        file: the included file that contains the line; empty for the main file, whose path `check` states.
         certain: whether its repair removes the difference.
         severity: "error" if a run becomes wrong, "warning" if it is distorted, "note" for information.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = (
+        *("rule", "kind", "object", "value", "target", "gap", "message", "remedy", "explains", "certain"),
+        *("severity", "file", "line"),
+    )
+
     kind: str
-    what: str
-    by: float
+    object: str
+    value: float
     message: str
+    target: float | None = 0.0
+    rule: str = ""
     explains: float = 0.0
     remedy: str = ""
     line: int | None = None
     file: str = ""
     certain: bool = False
     severity: Severity = "note"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rule", self.rule or self.kind)
+
+    @property
+    def gap(self) -> float | None:
+        """What is missing: value minus target."""
+        return None if self.target is None else self.value - self.target
 
     @property
     def advice(self) -> str:

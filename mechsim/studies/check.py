@@ -7,13 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from mechsim.errors import InputError, MechsimError
+from mechsim.model.finding import Finding
 from mechsim.simulation.findings.rule_table import RULES
-from mechsim.simulation.findings.rules import (
-    Violation,
-    fixed_text,
-    unreadable,
-    violations,
-)
+from mechsim.simulation.findings.rules import fixed_text, unreadable, violations
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
@@ -27,7 +23,7 @@ def check(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     loops: str | PathLike[str] | None = None,
-) -> list[Violation]:
+) -> list[Finding]:
     """Return the violations of the linter's rules by a closed-loop model, errors first.
 
     Args:
@@ -37,7 +33,7 @@ def check(
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Returns:
-        Violations with rule, severity, file, line, object, value, message and fix.
+        Findings with rule, severity, file, line, object, value, target, gap, message and remedy.
 
     Raises:
         InputError: for a file that MuJoCo rejects, or an unknown rule.
@@ -55,7 +51,7 @@ def check_each(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     loops: str | PathLike[str] | None = None,
-) -> list[Violation]:
+) -> list[Finding]:
     """Return the violations by several models, as `check`; one that cannot be read is a violation of MS100.
 
     Raises:
@@ -66,7 +62,7 @@ def check_each(
             raise InputError(
                 f"there is no rule {code!r}; choose from {', '.join(rule.code for rule in RULES)}"
             )
-    result: list[Violation] = []
+    result: list[Finding] = []
     for model in models:
         try:
             read = _read(model, loops)
@@ -87,7 +83,7 @@ def check_each(
     ]
 
 
-def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[str, list[str]]:
+def fixed_copy(path: str, target: Path, violated: Sequence[Finding]) -> tuple[str, list[str]]:
     """Return the text of a file with repairs, and the codes of the repaired rules.
 
     Args:

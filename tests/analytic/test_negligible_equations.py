@@ -145,7 +145,7 @@ def test_a_redundant_bearing_has_no_reaction(method, shaft):
 @pytest.mark.parametrize("exactly", [True, False])
 def test_three_redundant_equations_of_a_shaft_are_reported(exactly, shaft, tmp_path):
     (result,) = findings(read_model(written(shaft, tmp_path, exactly=exactly)))
-    assert (result.kind, result.by) == ("redundant", 3)
+    assert (result.kind, result.value) == ("redundant", 3)
     assert "3 constraint equations of the loops have rank 0" in result.message
 
 

@@ -301,7 +301,9 @@ def test_an_open_file_starts_in_the_assembly_of_every_command(tmp_path) -> None:
     rocker = solver.solve([0.3]).joints["rocker"].value[0]
     assert ms.closed_qpos(str(path), {"crank": 0.3})[0, 2] == pytest.approx(rocker, abs=1e-9)
     gap = next(finding for finding in ms.check(str(path)) if finding.rule == "MS102")
-    start = dict(entry.split(" = ") for entry in gap.fix.split(", at ")[1].removesuffix(" (SI)").split(", "))
+    start = dict(
+        entry.split(" = ") for entry in gap.remedy.split(", at ")[1].removesuffix(" (SI)").split(", ")
+    )
     assert float(start["rocker"]) == pytest.approx(solver.solve([0.0]).joints["rocker"].value[0], rel=1e-3)
     # the other assembly on request
     other = ms.sample(str(path), 20, start={"rocker": -float(start["rocker"])}).qpos[:, 2]

@@ -20,7 +20,7 @@ import mujoco
 
 import mechsim as ms
 from mechsim.errors import MechsimError
-from mechsim.simulation.findings.rules import Violation
+from mechsim.model.finding import Finding
 
 LISTED = Path(__file__).with_name("models.txt")
 SLOW = 1.0
@@ -31,7 +31,7 @@ def lines(path: Path) -> list[str]:
     return [line for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
 
 
-def checked(path: str) -> tuple[list[Violation], str, bool, float]:
+def checked(path: str) -> tuple[list[Finding], str, bool, float]:
     """Return the violations of a file, why it is rejected, whether that is a fault, and the seconds."""
     wall, cpu = time.perf_counter(), time.process_time()
     violations, rejected, fault = [], "", False

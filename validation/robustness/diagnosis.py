@@ -107,7 +107,7 @@ class Mistake:
         if finding.kind != self.kind:
             return False
         return not self.causes or any(
-            finding.what == item or finding.what.startswith(f"{item}.") for item in self.causes
+            finding.object == item or finding.object.startswith(f"{item}.") for item in self.causes
         )
 
 

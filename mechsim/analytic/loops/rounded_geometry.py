@@ -132,8 +132,8 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     )
     finding = Finding(
         kind="redundant",
-        what="loops",
-        by=1.0,
+        object="loops",
+        value=1.0,
         message=f"as written the loops lock, for {cause}{_least_gap(mechanism)}; mechsim moves them with the "
         "exact angle",
         # MuJoCo's soft constraints move loops with smaller errors

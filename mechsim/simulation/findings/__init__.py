@@ -66,4 +66,6 @@ def findings_in(scene: Inspected) -> tuple[Finding, ...]:
         with suppress(FloatingPointError, np.linalg.LinAlgError):
             result += check(scene)
     # virtual bodies and joints of pose drivers are not in the file
-    return tuple(with_severity(finding) for finding in result if not finding.what.startswith(VIRTUAL_PREFIX))
+    return tuple(
+        with_severity(finding) for finding in result if not finding.object.startswith(VIRTUAL_PREFIX)
+    )

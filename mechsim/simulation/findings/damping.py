@@ -20,11 +20,15 @@ from mechsim.simulation.state import SCALAR, data_at, is_disabled, mass_matrix
 GROWTH = 1e-6
 
 
+# attributes of joints, of which a tendon has the first two
+LOSSES = ("damping", "frictionloss", "armature")
+
+
 def negative_losses(scene: Inspected) -> Iterator[Finding]:
     """Yield joints and tendons with negative damping, Coulomb friction or armature."""
     groups: tuple[tuple[str, Sequence[Any], tuple[str, ...]], ...] = (
-        ("joint", scene.read.spec.joints, ("damping", "frictionloss", "armature")),
-        ("tendon", scene.read.spec.tendons, ("damping", "frictionloss")),
+        ("joint", scene.read.spec.joints, LOSSES),
+        ("tendon", scene.read.spec.tendons, LOSSES[:2]),
     )
     for label, elements, attributes in groups:
         for element in elements:

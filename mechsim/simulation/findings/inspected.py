@@ -142,12 +142,12 @@ class Inspected:
         return self.read.mechanism.unit(joints[0]) == "m" if joints else loop.kind == TENDON
 
     def finding(
-        self, kind: str, element: Element | None, by: float, message: str, remedy: str, what: str = ""
+        self, kind: str, element: Element | None, value: float, message: str, remedy: str, name: str = ""
     ) -> Finding:
         """Return a finding about an element of the file, by default called as there; None without a line."""
         position = NO_POSITION if element is None else self.location(element)
-        name = what or ("" if element is None else str(element.name))
-        return Finding(kind=kind, what=name, by=by, message=message, remedy=remedy, **position)
+        name = name or ("" if element is None else str(element.name))
+        return Finding(kind=kind, object=name, value=value, message=message, remedy=remedy, **position)
 
     def location(self, element: Element) -> FilePosition:
         """Return the position of an element in the file, or in a file that it includes."""

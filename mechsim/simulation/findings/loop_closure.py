@@ -93,7 +93,7 @@ def _anchor(scene: Inspected, loop: Loop) -> Array:
 def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     """Yield the number of redundant constraint rows of the loops; duplicate loops do not count."""
     jacobian, loop_of = scene.generic
-    duplicates = {finding.what for finding in duplicate_loops(scene)}
+    duplicates = {finding.object for finding in duplicate_loops(scene)}
     kept = [loop for loop in scene.loops if loop.name not in duplicates]
     constraining = np.isin(loop_of, [loop.number for loop in kept]) & _constrains(scene, loop_of)
     jacobian, loop_of = jacobian[constraining], loop_of[constraining]
@@ -126,8 +126,8 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     remedy = "harmless if the linkage is planar or spherical: repeated equations only share forces unevenly"
     yield Finding(
         kind="redundant",
-        what=names or "loops",
-        by=extra,
+        object=names or "loops",
+        value=extra,
         message=message,
         remedy="harmless" if across == extra and flat else remedy,
     )
@@ -177,8 +177,8 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
     floats = " or --fix-base" if free_bodies(model) else ""
     yield Finding(
         kind="open",
-        what=listed,
-        by=count,
+        object=listed,
+        value=count,
         message=f"{model.nv - loop_rank(jacobian)} degrees of freedom, {count} of them undetermined with "
         f"{', '.join(locked)} locked: {listed} can still move; springs, weight, friction and contacts "
         "decide how",

@@ -36,6 +36,7 @@ BY_KIND = {rule.kind: rule for rule in RULES}
 
 
 def with_severity(finding: Finding) -> Finding:
-    """Return a finding with the severity of its rule; a harmless one is a note."""
-    severity = "note" if finding.remedy == HARMLESS else BY_KIND[finding.kind].severity
-    return replace(finding, severity=severity)
+    """Return a finding with code, target and severity of its rule; a harmless one is a note."""
+    rule = BY_KIND[finding.kind]
+    severity = "note" if finding.remedy == HARMLESS else rule.severity
+    return replace(finding, severity=severity, rule=rule.code, target=rule.target)

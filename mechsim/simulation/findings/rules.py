@@ -1,20 +1,21 @@
 """Violations of the rules of `mechsim check` in a file, and repairs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import HARMLESS, Finding, Severity
+from mechsim.model.finding import HARMLESS, Finding, by_severity
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
+from mechsim.simulation.findings.damping import LOSSES
 from mechsim.simulation.findings.inspected import Inspected, loop_rank
-from mechsim.simulation.findings.rule_table import BY_KIND, with_severity
+from mechsim.simulation.findings.rule_table import with_severity
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf.edited_text import EditedText, equality_elements, set_options
+from mechsim.simulation.mjcf.edited_text import EditedText, Element, equality_elements, set_options
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
@@ -26,74 +27,28 @@ DRAWN, SEED = 200, 0
 REJECTED = 0.01
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Violation:
-    """A finding of a rule in a file.
-
-    Attributes:
-        rule: code of the rule.
-        severity: severity of the rule, or "note" if the finding is harmless.
-        file: the checked file, or the included file that contains the line.
-        line: line number, counted from 1; None if the finding has no single line.
-        object: name of the element.
-        value: size of the finding, in the unit that the message names; of a step or a time constant its ratio
-            to the longest stable or the shortest kept one.
-        target: value with which the finding is gone; None where no single value is right.
-        gap: value minus target.
-        message: one sentence.
-        fix, remedy: how to repair it; empty if the finding is harmless.
-    """
-
-    rule: str
-    severity: Severity
-    file: str
-    line: int | None
-    object: str
-    value: float
-    target: float | None
-    gap: float | None
-    message: str
-    fix: str
-    remedy: str
-
-
-def violations(read: MjcfModel) -> list[Violation]:
-    """Return the violations of all rules in a model, errors first."""
+def violations(read: MjcfModel) -> list[Finding]:
+    """Return the findings of all rules in a model, errors first, with the path of their file."""
     with quiet():
         scene = Inspected(read)
         path, reported = _closed_path(scene), list(findings_in(scene))
         if path is not None:
-            fighting = {finding.what for finding in reported if finding.kind == "actuator"}
-            passive = [finding for finding in _passive_actuators(scene, path) if finding.what not in fighting]
+            fighting = {finding.object for finding in reported if finding.kind == "actuator"}
+            passive = [
+                finding for finding in _passive_actuators(scene, path) if finding.object not in fighting
+            ]
             reported += [*passive, *_passive_limits(path), *_loop_joints(path)]
         reported += [*_unchecked(scene), *read.unread]
-    order = {"error": 0, "warning": 1, "note": 2}
-    result = [_violation(read.path, with_severity(finding)) for finding in reported]
-    return sorted(result, key=lambda violation: (order[violation.severity], violation.rule))
+    return [
+        replace(finding, file=finding.file or read.path)
+        for finding in by_severity(*sorted(map(with_severity, reported), key=lambda finding: finding.rule))
+    ]
 
 
-def unreadable(path: str, reason: str) -> Violation:
-    """Return the violation of a file that cannot be read, one of several."""
+def unreadable(path: str, reason: str) -> Finding:
+    """Return the finding on a file that cannot be read, one of several."""
     message = reason.removeprefix(f"{path}: ")
-    finding = Finding(kind="unreadable", what=path, by=1.0, message=message)
-    return _violation(path, with_severity(finding))
-
-
-def _violation(path: str, finding: Finding) -> Violation:
-    rule, remedy = BY_KIND[finding.kind], "" if finding.remedy == HARMLESS else finding.remedy
-    return Violation(
-        rule=rule.code,
-        severity=finding.severity,
-        file=finding.file or path,
-        line=finding.line,
-        object=finding.what,
-        value=float(finding.by),
-        target=rule.target,
-        gap=None if rule.target is None else float(finding.by) - rule.target,
-        message=finding.message,
-        fix=remedy,
-        remedy=remedy,
-    )
+    return with_severity(Finding(kind="unreadable", object=path, value=1.0, message=message, file=path))
 
 
 def _closed_path(scene: Inspected) -> StraightPath | None:
@@ -159,7 +114,7 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
             )
             remedy = "move the limit to the drivers, or keep it on purpose"
             by = float(rejected[joint])
-            yield Finding(kind="passive-limit", what=name, by=by, message=message, remedy=remedy)
+            yield Finding(kind="passive-limit", object=name, value=by, message=message, remedy=remedy)
 
 
 def _loop_joints(path: StraightPath) -> Iterator[Finding]:
@@ -182,7 +137,9 @@ def _loop_joints(path: StraightPath) -> Iterator[Finding]:
         listed = ", ".join(name for name, is_present in has.items() if is_present)
         names, remedy = ", ".join(closing), "add them to a joint next to the closure"
         message = f"loop closures have no {listed}, which other passive joints have: {names}"
-        yield Finding(kind="loop-joint", what=names, by=float(len(closing)), message=message, remedy=remedy)
+        yield Finding(
+            kind="loop-joint", object=names, value=float(len(closing)), message=message, remedy=remedy
+        )
 
 
 def _unchecked(scene: Inspected) -> Iterator[Finding]:
@@ -197,30 +154,61 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
             yield scene.finding("unchecked", equality, 1.0, message, HARMLESS)
 
 
-def fixed_text(text: str, read: MjcfModel, violated: Sequence[Violation]) -> tuple[str, list[str]]:
-    """Return the text of a file with repaired loops and time step, and the codes of the repaired rules.
+def fixed_text(text: str, read: MjcfModel, findings: Sequence[Finding]) -> tuple[str, list[str]]:
+    """Return the text of a file with the repairs of findings that have one remedy, and their rules.
 
-    Time constants become two time steps, and impedances MuJoCo's maximum. A time step that is too long
-    becomes the step in the finding.
+    A time step that is too long becomes the step in the finding, or the integrator implicit; time constants
+    become two of the file's steps, to which MuJoCo raises them, and impedances its maximum. Negative losses
+    become zero. Repeated loops go.
     """
-    edited, repaired = EditedText(text), list[str]()
-    codes = {violation.rule for violation in violated}
-    elements = equality_elements(edited.root)
-    names = [equality.name for equality in read.spec.equalities]
+    edited, repaired = EditedText(text), set[str]()
+    options: dict[str, str] = {}
     step = float(read.spec.option.timestep)
-    for violation in violated:
-        if violation.rule == "MS101":
-            step /= violation.value
-            set_options(edited, {"timestep": f"{step:.6g}"}, {})
-            repaired.append(violation.rule)
-    for violation in violated:
-        if violation.rule not in ("MS109", "MS110"):
+    for finding in findings:
+        if finding.remedy.startswith('take integrator="implicitfast"'):
+            options["integrator"] = "implicitfast"
+        elif finding.rule in ("MS101", "MS114"):
+            step = min(step, float(read.spec.option.timestep) / finding.value)
+            options["timestep"] = f"{step:.6g}"
+        else:
             continue
-        for name in violation.object.split(", "):
-            if name in names and len(elements) == len(names):
-                element = elements[names.index(name)]
-                edited.set(element, "solref", f"{MIN_STEPS * step:.6g} 1")
-                if "MS110" in codes:
-                    edited.set(element, "solimp", f"{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2")
-                repaired.append(violation.rule)
-    return edited.result, sorted(set(repaired))
+        repaired.add(finding.rule)
+    if options:
+        set_options(edited, options, {})
+    losses = {finding.object for finding in findings if finding.rule == "MS113"}
+    for element in edited.root.every("joint", "freejoint", "fixed", "spatial"):
+        if element.attributes.get("name") in losses:
+            edited.set_all(element, dict.fromkeys(_negative(read, element), "0"))
+            repaired.add("MS113")
+    repaired |= _repair_loops(edited, read, findings)
+    return edited.result, sorted(repaired)
+
+
+def _negative(read: MjcfModel, element: Element) -> list[str]:
+    """Return the attributes of a joint or tendon whose values are negative, also by a default."""
+    own = read.spec.joint if element.tag.endswith("joint") else read.spec.tendon
+    item = own(element.attributes["name"])
+    values = {name: float(np.ravel(getattr(item, name, 0.0))[0]) for name in LOSSES}
+    return [name for name, value in values.items() if value < 0.0]
+
+
+def _repair_loops(edited: EditedText, read: MjcfModel, findings: Sequence[Finding]) -> set[str]:
+    """Remove repeated loops, stiffen soft ones, and return the repaired rules."""
+    elements, names = equality_elements(edited.root), [equality.name for equality in read.spec.equalities]
+    # loop -> the rules that repair it; included files have further loops
+    rules: dict[str, set[str]] = {}
+    for finding in findings:
+        repeats = finding.remedy == f"leave out {finding.object}"
+        if repeats or finding.rule in ("MS109", "MS110"):
+            for name in finding.object.split(", "):
+                if name in names and len(elements) == len(names):
+                    rules.setdefault(name, set()).add(finding.rule)
+    for name, own in rules.items():
+        element = elements[names.index(name)]
+        if "MS107" in own:
+            edited.remove(element)
+            continue
+        edited.set(element, "solref", f"{MIN_STEPS * read.spec.option.timestep:.6g} 1")
+        if "MS110" in {rule for each in rules.values() for rule in each}:
+            edited.set(element, "solimp", f"{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2")
+    return {rule for each in rules.values() for rule in each}

@@ -198,8 +198,8 @@ def _warnings(texts: Iterable[str]) -> list[Finding]:
     return [
         Finding(
             kind="unread",
-            what="MuJoCo",
-            by=1.0,
+            object="MuJoCo",
+            value=1.0,
             message=f"MuJoCo warns: {cut(' '.join(text.split()), MAX_SHOWN)}",
             remedy="correct the file",
             line=None,

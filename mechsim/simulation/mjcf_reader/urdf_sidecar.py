@@ -132,8 +132,8 @@ def read_sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointCha
             unread = [
                 Finding(
                     kind="unread",
-                    what=cut(key, MAX_SHOWN),
-                    by=1.0,
+                    object=cut(key, MAX_SHOWN),
+                    value=1.0,
                     message=f"{cut(key, MAX_SHOWN)} is not read",
                     remedy=f"take it out, or write {', '.join([name, *more])}",
                     file=path,

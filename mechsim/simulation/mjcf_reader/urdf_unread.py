@@ -61,8 +61,8 @@ def _loop_joints(tree: UrdfTree) -> Iterator[Finding]:
             yield _finding(name, message, "give a joint next to the closure what it needs", tree.lines[joint])
 
 
-def _finding(what: str, message: str, remedy: str, line: int) -> Finding:
-    return Finding(kind="unread", what=what, by=1.0, message=message, remedy=remedy, line=line)
+def _finding(name: str, message: str, remedy: str, line: int) -> Finding:
+    return Finding(kind="unread", object=name, value=1.0, message=message, remedy=remedy, line=line)
 
 
 def _mimics(tree: UrdfTree) -> Iterator[Finding]:

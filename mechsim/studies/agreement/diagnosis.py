@@ -135,13 +135,14 @@ def _finding(cause: Fitted, alike: int, confirmed: bool) -> Finding:
     text = f"{hypothesis.text(cause.sizes)}: explains {share} of the difference{also}"
     return Finding(
         kind=hypothesis.kind,
-        what=hypothesis.what,
-        by=hypothesis.by(cause.sizes),
+        object=hypothesis.what,
+        value=hypothesis.by(cause.sizes),
         explains=float(cause.explains),
         message=text,
+        remedy="correct the one of the two that is wrong",
         certain=confirmed,
     )
 
 
 def _none(text: str) -> Finding:
-    return Finding(kind="none", what="", by=0.0, explains=0.0, message=text)
+    return Finding(kind="none", object="", value=0.0, target=None, message=text)

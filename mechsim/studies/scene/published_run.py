@@ -77,8 +77,9 @@ class PublishedRun:
             remedy = f"`mechsim tune {self.path} --tolerance {tolerance:.2g}m -o tuned.xml` finds settings"
         return Finding(
             kind="published",
-            what=self.path,
-            by=self.gap if self.run else 0.0,
+            object=self.path,
+            value=self.gap if self.run else 0.0,
+            target=tolerance,
             message=message,
             remedy=remedy,
             severity=severity,

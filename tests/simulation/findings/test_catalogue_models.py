@@ -14,7 +14,7 @@ MODELS = Path(__file__).parents[3] / "models"
 def test_catalogue_models_have_only_redundant_constraint_findings(name):
     result = findings(read_model(str(MODELS / f"{name}.xml")))
     # a planar linkage has a redundant constraint normal to its plane; Bennett's linkage is overconstrained
-    repeats = [(item.what, item.by) for item in result if item.kind == "redundant"]
+    repeats = [(item.object, item.value) for item in result if item.kind == "redundant"]
     assert len(result) == len(repeats)
     assert repeats == {
         "bennett": [("B, B+", 4)],

@@ -35,7 +35,7 @@ def findings_in(tmp_path, text):
         (
             "limit",
             ('range="-2 2"', 'range="0.2 2"'),
-            lambda text, item: text.replace('range="0.2 2"', f'range="{0.2 - 1.01 * item.by:g} 2"'),
+            lambda text, item: text.replace('range="0.2 2"', f'range="{0.2 - 1.01 * item.value:g} 2"'),
         ),
         (
             "refsafe",

@@ -113,6 +113,28 @@ def test_a_compliant_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
     assert Path(path).read_text() == SOFT
 
 
+AGAIN = '<connect name="again" site1="a" site2="b"/></equality>'
+ONE_REMEDY = {
+    "MS101": SOUND.replace('site2="b"', 'site2="b" solref="-4e6 -4000"'),
+    "MS107": SOUND.replace("</equality>", AGAIN),
+    "MS109": FAULTS["MS109"],
+    "MS101 MS109": SOFT.replace('solref="0.1 1"', 'solref="0.0005 1" solimp="0.1 0.1 0.001 0.5 2"'),
+    "MS113": SOUND.replace(
+        'name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" damping="-1" armature="-1"'
+    ),
+    "MS114": SOUND.replace('name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" stiffness="1e6"'),
+}
+
+
+@pytest.mark.parametrize("rules", ONE_REMEDY)
+def test_a_finding_with_one_remedy_is_repaired(rules, tmp_path, monkeypatch, capsys):
+    path, copy = written(tmp_path, ONE_REMEDY[rules]), tmp_path / "fixed.xml"
+    _, out = run(monkeypatch, capsys, path, "--fix", str(copy))
+    assert {*rules.split()} <= {*out.out.partition("repaired: ")[2].strip().split(", ")}
+    remaining = {finding.rule for finding in ms.check(str(copy)) if finding.severity != "note"}
+    assert not remaining & {*rules.split()}
+
+
 def test_a_repaired_copy_in_another_folder_finds_its_included_files(tmp_path, monkeypatch, capsys):
     path = written(tmp_path, SOFT.replace("<worldbody>", '<include file="parts/extra.xml"/><worldbody>', 1))
     (tmp_path / "parts").mkdir()

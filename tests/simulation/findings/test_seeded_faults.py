@@ -96,9 +96,9 @@ def test_a_seeded_fault_is_reported_with_element_line_and_remedy(fault, tmp_path
     change, (kind, what, element) = FAULTS[fault]
     result = seeded(tmp_path, change)
     assert kind in result, {kind: item.message for kind, item in result.items()}
-    assert result[kind].what == what
+    assert result[kind].object == what
     assert result[kind].remedy
-    assert result[kind].by > 0 or fault == "a link without mass"
+    assert result[kind].value > 0 or fault == "a link without mass"
     lines = changed(change).splitlines()
     assert (result[kind].line is None) == (element is None)
     assert element is None or element in lines[result[kind].line - 1]

@@ -110,7 +110,7 @@ def test_a_fault_is_reported_with_its_element(fault, tmp_path):
     violations = faults(tmp_path, text)
     assert rule in violations
     assert violations[rule].object == element
-    assert violations[rule].fix
+    assert violations[rule].remedy
 
 
 @pytest.mark.long
@@ -203,7 +203,7 @@ def test_implicit_damping_is_stable_at_any_size(tmp_path):
     text = four_bar(option='integrator="RK4"', a_joint='damping="50"')
     violation = faults(tmp_path, text)["MS114"]
     assert (violation.object, violation.severity) == ("A", "error")
-    assert "implicitfast" in violation.fix
+    assert "implicitfast" in violation.remedy
     assert "MS114" not in faults(tmp_path, text.replace("RK4", "implicitfast"))
 
 

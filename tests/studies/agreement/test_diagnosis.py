@@ -84,10 +84,10 @@ def test_the_cause_of_a_difference_is_reported_with_its_size(name):
     result = findings_of(function)
     first = result.findings[0]
     assert not result.passed
-    assert (first.kind, first.what) == (kind, what), result.why
+    assert (first.kind, first.object) == (kind, what), result.why
     assert first.certain
     assert first.explains > 0.999
-    assert by is None or first.by == pytest.approx(by, rel=1e-3)
+    assert by is None or first.value == pytest.approx(by, rel=1e-3)
 
 
 @pytest.mark.long
@@ -109,7 +109,7 @@ def test_equally_good_causes_are_all_reported():
     result = findings_of(
         lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position}
     )
-    assert {(item.kind, item.what) for item in result.findings} == {
+    assert {(item.kind, item.object) for item in result.findings} == {
         ("offset", "crank"),
         ("frame", "turn about z"),
     }
@@ -127,8 +127,8 @@ def test_a_phase_error_of_a_motion_law_is_reported():
         return lambda drivers, t: {"P": other.solve(t=t).points["P"].position}
 
     first = findings_of(values_of_function(late), solver).findings[0]
-    assert (first.kind, first.what, first.certain) == ("phase", "left", True)
-    assert first.by == pytest.approx(0.01, rel=1e-3)
+    assert (first.kind, first.object, first.certain) == ("phase", "left", True)
+    assert first.value == pytest.approx(0.01, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_a_wrong_gear_ratio_is_reported(model, slip):
 
     cause = findings_of(function, model).findings[0]
     assert (cause.kind, cause.explains) == ("gear", pytest.approx(1.0))
-    assert cause.by == pytest.approx((slip - ratio) / abs(ratio))
+    assert cause.value == pytest.approx((slip - ratio) / abs(ratio))
     assert f"is {slip:g} instead of {ratio:g}" in cause.message
 
 
@@ -162,7 +162,7 @@ def test_a_displaced_joint_is_reported_without_parameters():
     other = replace(mechanism, joints=(*mechanism.joints[:-1], moved))
     result = findings_of(lambda angle: {"B": ms.loops.solve(other, angle).points["B"].position}, mechanism)
     assert result.findings[0].kind == "dimension"
-    assert result.findings[0].what.startswith(f"{joint.name}.")
+    assert result.findings[0].object.startswith(f"{joint.name}.")
     assert result.findings[0].certain
 
 
@@ -200,8 +200,8 @@ def test_a_table_is_compared_within_its_tolerance(tmp_path):
         path.write_text("\n".join(["angle,B.x [mm],B.y [mm]", *rows]))
         result = ms.validate("four_bar", against=path, tolerance="15um", stepped=False)
         assert result.passed == passed, result.why
-    assert (result.findings[0].kind, result.findings[0].what) == ("dimension", "coupler")
-    assert result.findings[0].by == pytest.approx(0.05, abs=2e-3)
+    assert (result.findings[0].kind, result.findings[0].object) == ("dimension", "coupler")
+    assert result.findings[0].value == pytest.approx(0.05, abs=2e-3)
 
 
 def test_shifted_instants_keep_the_assembly_mode_of_the_first():

@@ -39,8 +39,8 @@ def test_a_tolerance_above_the_noise_passes_and_one_below_it_names_the_short_rod
     assert validated(path, tolerance=2.5e-4).passed
     result = validated(path, tolerance=8e-5)
     assert not result.passed
-    assert (result.findings[0].kind, result.findings[0].what) == ("dimension", "rod")
-    assert result.findings[0].by == pytest.approx(-5e-4, rel=0.05)
+    assert (result.findings[0].kind, result.findings[0].object) == ("dimension", "rod")
+    assert result.findings[0].value == pytest.approx(-5e-4, rel=0.05)
 
 
 def test_standard_deviations_belong_to_fit(tmp_path):
@@ -65,6 +65,6 @@ def test_fit_and_validate_read_a_table_equally(tmp_path):
     assert fitted.values["rod"] == pytest.approx(
         ms.fit("slider_crank", table, ["rod"]).values["rod"], abs=1e-12
     )
-    assert fitted.values["rod"] - 0.2 == pytest.approx(0.2 * cause.by, rel=0.02)
+    assert fitted.values["rod"] - 0.2 == pytest.approx(0.2 * cause.value, rel=0.02)
     with pytest.raises(InputError, match=r"'B\.x \[inchworm\]', whose unit is not known"):
         ms.fit("slider_crank", {"angle": [0.0, 1.0], "B.x [inchworm]": [1.0, 2.0]}, ["rod"])
