@@ -1,11 +1,9 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
 from scene_texts import FINGER
 
 from mechsim.errors import InputError
-from mechsim.studies.reduction import fit_parameters as refitting
 from mechsim.studies.reduction.candidates import bodies, stepping
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
@@ -14,13 +12,10 @@ from mechsim.studies.reduction.candidates.bodies import (
     with_candidate,
 )
 from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
-from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
 from mechsim.studies.reduction.reduced_scene import (
     ReducedSceneEvaluator,
-    motion_to_fit,
     normalised,
     observe,
-    second_motion,
 )
 from mechsim.studies.reduction.search import reduce_scene, with_comment
 from mechsim.studies.scene import run
@@ -65,7 +60,6 @@ def few_trials(patch):
     """Restrict a search to few step sizes and short timings."""
     patch.setattr(stepping, "STEP_RATIOS", (1, 2, 4))
     patch.setattr(run, "MIN_MEASURED_TIME", 1e-4)
-    patch.setattr(refitting, "SECONDS", 0.0)
 
 
 def observed(evaluator):
@@ -245,41 +239,6 @@ def test_a_scene_that_diverges_is_rejected(tmp_path):
     user, spec = scene(tmp_path, FINGER.replace('kv="0.02"', 'kv="50"'))
     with pytest.raises(InputError, match="diverges over its motion"):
         reduce_scene(user, spec, 1e-5)
-
-
-SPRING_AND_COUPLING = model_text("reduction_spring_and_coupling.xml")
-
-
-@pytest.mark.slow
-def test_fitted_longer_steps_satisfy_the_tolerance_in_a_third_motion(tmp_path):
-    user, spec = scene(tmp_path, SPRING_AND_COUPLING, ctrl="0.05*sin(2*pi*t)", duration=0.2)
-    evaluator, to_fit, validation_motion = (
-        ReducedSceneEvaluator.from_scene(scene_object, spec)
-        for scene_object in (user, motion_to_fit(user), second_motion(user))
-    )
-    rows = refit((evaluator, to_fit), observed(evaluator), 2, {})
-    plain = evaluator.spec.copy()
-    stepping.set_longer_steps(plain, 2, int(stepping.EULER))
-    fitted = with_candidate(evaluator.spec, rows.candidate)
-    errors = {
-        kind: validation_motion.errors(validation_motion.scene(scene_object)).trajectory
-        for kind, scene_object in (("fitted", fitted), ("plain", plain))
-    }
-    assert rows.error < refitting.GOAL * LIMIT
-    assert errors["fitted"] < 0.5 * LIMIT
-    assert errors["plain"] > 5.0 * LIMIT
-    # the fitted values are in the file
-    assert np.allclose(
-        mujoco.MjModel.from_xml_string(fitted.to_xml()).dof_armature, fitted.compile().dof_armature, rtol=1e-5
-    )
-
-
-def test_parameters_of_a_missing_element_do_not_apply():
-    spec = mujoco.MjSpec.from_string(FINGER)
-    parameter = Parameter("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
-    fitted = RemovalCandidate("stepping", "fitted", lambda spec: set_in_spec(spec, [parameter], np.ones(1)))
-    with pytest.raises(NotApplicable, match="elbow_of_knuckle"):
-        with_candidate(spec, fitted)
 
 
 def test_a_stationary_tracked_point_is_rejected(tmp_path):

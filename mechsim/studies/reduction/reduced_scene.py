@@ -202,18 +202,11 @@ def _close_between_sites(spec: mujoco.MjSpec) -> None:
 
 # range of the second motion relative to that of the user's motion, and relative variation of its speed
 RANGE_RATIO, SPEED_VARIATION = 0.9, 0.3
-# the same for the second motion used to fit longer steps
-FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION = 0.6, -0.3
 
 
 def second_motion(scene: UserScene) -> UserScene:
     """Return a scene over a second motion from the same start; only the final check uses it."""
     return other_motion(scene, RANGE_RATIO, SPEED_VARIATION)
-
-
-def motion_to_fit(scene: UserScene) -> UserScene:
-    """Return a scene over another motion from the same start, for fitting."""
-    return other_motion(scene, FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION)
 
 
 def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -> UserScene:

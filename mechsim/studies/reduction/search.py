@@ -12,12 +12,10 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet, to_xml
 from mechsim.studies.reduction.candidates import CATEGORIES
 from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate, with_candidate
-from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps
-from mechsim.studies.reduction.fit_parameters import Parameter, refit
+from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, longer_steps
 from mechsim.studies.reduction.reduced_scene import (
     Evidence,
     ReducedSceneEvaluator,
-    motion_to_fit,
     observe,
     second_motion,
     time_ratios,
@@ -30,9 +28,6 @@ By = Literal["trajectory", "torque"]
 SEARCH_FRACTION = 0.9
 # smallest such fraction in a search for longer steps after a failed verification
 MIN_SEARCH_FRACTION = 0.2
-# such a fraction for fitted parameters on the fitted motions; on other motions the error is up to half as
-# large again
-FITTED_FRACTION = 0.5
 # error relative to the tolerance below which a candidate costs no accuracy
 NEGLIGIBLE = 1e-3
 # largest ratio of times at which a candidate that costs accuracy is accepted
@@ -129,7 +124,6 @@ def reduce_scene(
 
 
 _Steps = tuple[float, RemovalCandidate, float]
-_Kept = tuple[RemovalCandidate, UserScene, float]
 _State = tuple[mujoco.MjSpec, float, tuple[RemovedElement, ...], tuple[_Steps, ...]]
 
 
@@ -164,8 +158,6 @@ class _Search:
             states.append(self.state)
         ratios = time_ratios(self.evaluator.full, [self.evaluator.scene(state[0]) for state in states])
         self.state = states[int(np.argmin(ratios))]
-        if self.by == "trajectory":
-            self.refitted(0.9)
 
     @property
     def state(self) -> "_State":
@@ -220,7 +212,7 @@ class _Search:
 
     def coarser(self, start: float) -> None:
         """Apply the fastest longer steps within the tolerance; keep others for a failed verification."""
-        kept: list[_Kept] = []
+        kept: list[tuple[RemovalCandidate, UserScene, float]] = []
         options = longer_steps(self.observe(self.spec))
         for number, candidate in enumerate(options):
             self.progress(candidate.what, start + 0.2 * number / len(options))
@@ -228,67 +220,13 @@ class _Search:
                 kept.append((candidate, *tried[1:]))
             if len(kept) == MAX_TIMED:
                 break
-        self.steps = self.timed(kept)
-        self.next_steps()
-
-    def timed(self, kept: "Sequence[_Kept]") -> "list[_Steps]":
-        """Return the steps that save time, the fastest first."""
         ratios = time_ratios(self.evaluator.scene(self.spec), [scene for _, scene, _ in kept]) if kept else []
-        pairs = zip(ratios, kept, strict=True)
-        options = [
+        steps = [
             (float(ratio), candidate, error)
-            for ratio, (candidate, _, error) in pairs
+            for ratio, (candidate, _, error) in zip(ratios, kept, strict=True)
             if ratio < MAX_TIME_RATIO
         ]
-        return sorted(options, key=lambda option: option[0])
-
-    def refitted(self, start: float) -> None:
-        """Fit parameters to longer and longer steps while the tolerance is satisfied."""
-        before, steps = (
-            self.state,
-            [item for item in self.left_out if item.candidate.category == LONGER_STEPS],
-        )
-        self.left_out = [item for item in self.left_out if item not in steps]
-        longest = float(self.spec.option.timestep)
-        self.rebuilt()
-        kept = self.fitted_steps(longest, start)
-        if not kept:
-            self.state = before
-            return
-        for item in steps:
-            if (tried := self.trial(item.candidate)) is not None:
-                kept.append((item.candidate, *tried[1:]))
-        self.steps = self.timed(kept)
-        self.next_steps()
-
-    def fitted_steps(self, longest: float, start: float) -> "list[_Kept]":
-        """Return steps of at least a length that satisfy the tolerance with fitted parameters.
-
-        Each fit starts from the previous values; otherwise fits of long steps rarely converge.
-        """
-        evaluator, kept = self.evaluator, list[_Kept]()
-        to_fit = replace(evaluator, motion=motion_to_fit(evaluator.motion))
-        observed, values = self.observe(self.spec), dict[Parameter, float]()
-        step = float(self.spec.option.timestep)
-        for times in (times for times in STEP_RATIOS if times > 1 and times * step >= longest):
-            self.progress(f"{step * times:g} s, parameters fitted", start)
-            fit = None if to_fit.run.broken else refit((evaluator, to_fit), observed, times, values)
-            tried = None if fit is None else self.trial(fit.candidate)
-            satisfied = fit is not None and fit.error <= FITTED_FRACTION * self.tolerance
-            if fit is None or not (satisfied or times * step <= longest):
-                break
-            if satisfied and tried is not None:
-                kept.append((fit.candidate, *tried[1:]))
-            values = fit.values
-        return kept
-
-    def rebuilt(self) -> None:
-        """Apply all candidates again and measure the error."""
-        self.spec = mujoco.MjSpec.from_string(self.rebuilt_text())
-        self.error = self.error_of(self.evaluator.scene(self.spec))
-
-    def next_steps(self) -> None:
-        """Apply the best remaining steps, if any."""
+        self.steps = sorted(steps, key=lambda step: step[0])
         if self.steps:
             _, candidate, error = self.steps.pop(0)
             self.take(candidate, with_candidate(self.spec, candidate), error)
@@ -310,7 +248,8 @@ class _Search:
             elif removed.candidate.category == LONGER_STEPS and self.fraction > MIN_SEARCH_FRACTION:
                 # the second motion failed: search shorter steps with a larger reserve
                 self.fraction *= 0.5
-                self.rebuilt()
+                self.spec = mujoco.MjSpec.from_string(self.rebuilt_text())
+                self.error = self.error_of(self.evaluator.scene(self.spec))
                 self.coarser(0.8)
             else:
                 undone.append(removed.candidate.what)

@@ -59,7 +59,7 @@ def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
 
 def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
     """Propose longer steps and other integrators; the least expensive is first."""
-    own = int(observed.spec.option.integrator)
+    own, step = int(observed.spec.option.integrator), float(observed.spec.option.timestep)
     candidates: list[tuple[float, RemovalCandidate]] = []
     for times in STEP_RATIOS:
         for integrator in (IMPLICITFAST, EULER, RK4):
@@ -68,25 +68,11 @@ def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
             for compensated in (True, False):
                 change = partial(set_stepping, times=times, integrator=integrator, compensated=compensated)
                 cost = (RK4_COST if integrator == RK4 else 1.0) / times
-                what = stepping_text(observed.spec, times, integrator)
+                before, after = (option_value("integrator", value) for value in (own, integrator))
+                what = f"steps of {step:g} s, {before}: {step * times:g} s, {after}"
                 what += ", its damping compensated by armature" if compensated else ""
                 candidates.append((cost, RemovalCandidate(LONGER_STEPS, what, change)))
     return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
-
-
-def set_longer_steps(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
-    """Multiply the step; compensate for dampers if there are any."""
-    try:
-        set_stepping(spec, times, integrator, compensated=True)
-    except NotApplicable:
-        set_stepping(spec, times, integrator, compensated=False)
-
-
-def stepping_text(spec: mujoco.MjSpec, times: int, integrator: int) -> str:
-    """Return the time steps and integrators before and after a change, as text."""
-    step = float(spec.option.timestep)
-    own, new = (option_value("integrator", value) for value in (spec.option.integrator, integrator))
-    return f"steps of {step:g} s, {own}: {step * times:g} s, {new}"
 
 
 def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: bool) -> None:
