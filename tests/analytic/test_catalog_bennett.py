@@ -4,7 +4,6 @@ from hypothesis import assume, given
 from strategies import bennetts
 
 from mechsim import catalog
-from mechsim.errors import InputError
 from mechsim.simulation import simulate
 from mechsim.theory.mobility_count import mobility
 
@@ -51,18 +50,3 @@ def test_every_passive_joint_can_be_the_cut_joint(cut):
         np.linalg.norm(run.motion.points["B"].position - exact, axis=1).max()
         <= 1e-8 * linkage.closed_form.length1
     )
-
-
-@pytest.mark.parametrize(
-    ("values", "output"),
-    [
-        ({"twist1": np.deg2rad(34.0)}, "two different twists"),
-        ({"twist1": -1.0}, "one sign"),
-        ({"twist0": 0.0}, "between 0 and pi"),
-        ({"twist1": 4.0}, "between 0 and pi"),
-        ({"length0": -1.0}, "above 0"),
-    ],
-)
-def test_invalid_dimensions_are_rejected_with_a_remedy(values, output):
-    with pytest.raises(InputError, match=output):
-        catalog.make("bennett", **values)

@@ -8,7 +8,7 @@ from strategies import CLOSED, random_knitter
 from mechsim import catalog
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import triad
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 
 REVOLUTION = 2 * np.pi
 # a longer crank 1 cannot turn fully
@@ -230,21 +230,6 @@ def test_the_transmission_angle_follows_from_the_instant_centre():
         force, arm = a + s * (b - a) - k, k - linkage.pivot_rocker
         cosine = abs(force @ arm) / np.linalg.norm(force) / np.linalg.norm(arm)
         assert value == pytest.approx(np.arccos(cosine), rel=1e-12)
-
-
-@pytest.mark.parametrize("assembly", [0, 3, -1])
-def test_an_invalid_assembly_number_is_rejected(assembly):
-    with pytest.raises(InputError, match=rf"assembly is {assembly}, but at crank angle 0 there are 2"):
-        catalog.make("warp_knitter", assembly=assembly)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("assembly", 1.5), ("gear_ratio", 0.0), ("gear_ratio", np.nan), ("rod3", -1.0), ("base_c", (1.0,))],
-)
-def test_invalid_parameters_are_rejected_by_name(name, value):
-    with pytest.raises(InputError, match=name):
-        catalog.make("warp_knitter", **{name: value})
 
 
 def test_dimensions_without_assembly_mode_are_rejected_when_solved():

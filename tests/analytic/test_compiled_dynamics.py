@@ -521,12 +521,3 @@ def test_many_designs_are_the_runs_one_by_one():
         ms.dynamics.run_many(design, parameters={"crank": cranks}, duration=0.1)
     with pytest.raises(ms.InputError, match="krank"):
         ms.dynamics.run_many("four_bar", parameters={"krank": cranks}, duration=0.1)
-
-
-def test_many_runs_reject_columns_that_do_not_fit():
-    with pytest.raises(ms.InputError, match="different numbers"):
-        ms.dynamics.run_many(
-            "four_bar", initial={"crank.q": [0.0, 0.5, 1.0], "crank.v": [1.0, 2.0]}, duration=0.1
-        )
-    with pytest.raises(ms.InputError, match="are missing"):
-        ms.dynamics.run_many("four_bar", initial={}, duration=0.1)

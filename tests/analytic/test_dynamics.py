@@ -330,24 +330,6 @@ def test_the_speed_fluctuation_agrees_with_a_free_run():
     assert np.ptp(run.speed) / 25.0 == pytest.approx(fluctuation.coefficient, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("call", "output"),
-    [
-        (lambda m: dynamics.prescribed(m, [0.0, 1.0], [1.0, 2.0, 3.0]), "crank speed must be"),
-        (lambda m: dynamics.prescribed(m, [0.0], np.nan), "crank speed must be"),
-        (lambda m: dynamics.fluctuation(m, 0.0), "mean crank speed is 0.0"),
-        (lambda m: dynamics.flywheel_for(m, 10.0, -0.1), "coefficient of speed fluctuation is -0.1"),
-        (lambda m: dynamics.free_run(m), "needs turns of the crank, or a duration"),
-        (lambda m: dynamics.free_run(m, times=[0.0, 2.0, 1.0]), "two or more that rise from 0"),
-        (lambda m: dynamics.free_run(m, duration=np.inf), "duration of a free run is inf"),
-    ],
-)
-def test_invalid_speeds_and_times_are_rejected(call, output):
-    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
-    with pytest.raises(InputError, match=output):
-        call(model)
-
-
 def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
     links = (Link("arm"), Link("hand"))
     joints = (

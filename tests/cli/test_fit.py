@@ -71,22 +71,6 @@ def test_the_zero_of_the_encoder_is_identified_by_its_name(fit, table):
     assert "coupler" in json.loads(out)["values"]
 
 
-@pytest.mark.parametrize(
-    ("options", "output"),
-    [
-        (["--vary", "coupler"], "the measured motion is missing; name its table"),
-        (["--to", "measured.csv"], "--vary is missing; name the dimensions"),
-        (["--to", "none.csv", "--vary", "coupler"], "there is no file none.csv"),
-        (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
-    ],
-)
-def test_invalid_input_gives_one_line(fit, table, options, output):
-    code, out, err = fit("four_bar", *options)
-    assert (code, out) == (2, "")
-    assert output in err
-    assert len(err.strip().splitlines()) == 1
-
-
 def test_masses_and_friction_are_identified_from_torques(fit, mechsim, tmp_path):
     code, out, err = mechsim("export", "slider_crank", "--format", "toml")
     assert code == 0, err
@@ -106,19 +90,3 @@ def test_masses_and_friction_are_identified_from_torques(fit, mechsim, tmp_path)
     # at constant speed the moment of inertia of the crank has no effect
     code, out, err = fit(*arguments, "crank.mass,crank.com.x,slide.viscous,slide.coulomb")
     assert (code, "only together: crank.mass*com.x" in out) == (1, True), err
-
-
-@pytest.mark.parametrize(
-    ("options", "output"),
-    [
-        (["coupler,coupler.mass"], "names dimensions (coupler) and coupler.mass; fit the dimensions"),
-        (["coupler.mass"], "measured.csv has no column torque:J or current:J"),
-        (["coupler.mass", "--speed", "3"], "--speed has no effect on parameters from torques"),
-        (["coupler.mass", "-o", "rows.csv"], "parameters from torques are written as .json"),
-    ],
-)
-def test_invalid_requests_of_parameters_give_one_line(fit, table, options, output):
-    code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", *options)
-    assert (code, out) == (2, "")
-    assert output in err
-    assert len(err.strip().splitlines()) == 1

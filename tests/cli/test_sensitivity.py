@@ -41,23 +41,6 @@ def test_tolerances_are_reported_and_their_bands_written(sensitivity, tmp_path):
     assert {"C.x/crank", "C.y/coupler", "C.y.rss", "C.y.deviation"} <= set(table)
 
 
-@pytest.mark.parametrize(
-    ("options", "output"),
-    [
-        (["four_bar"], "--of is missing; name the quantities"),
-        (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
-        (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
-        (["four_bar", "--of", "C", "--tolerances", "none.csv"], "which is not NAME=BOUND"),
-        (["five_bar", "--of", "P", "--speed", "5"], "--speed has no effect under motion laws"),
-    ],
-)
-def test_invalid_input_gives_one_line(sensitivity, options, output):
-    code, out, err = sensitivity(*options)
-    assert (code, out) == (2, "")
-    assert output in err
-    assert len(err.strip().splitlines()) == 1
-
-
 def test_rounding_sized_derivatives_are_printed_as_zero(sensitivity):
     """The distance of two points of the coupler depends on no other link."""
     code, out, _ = sensitivity("four_bar", "--of", "distance:B,C", "--angles", "0:300:60deg")

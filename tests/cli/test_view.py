@@ -1,4 +1,3 @@
-import os
 import re
 import webbrowser
 from pathlib import Path
@@ -7,7 +6,6 @@ import pytest
 from model_files import model_text
 
 from mechsim.cli import app, exit_codes
-from mechsim.errors import InputError
 
 
 @pytest.fixture(autouse=True)
@@ -47,13 +45,6 @@ def test_a_browser_opens_the_page_and_no_file_remains(folder, monkeypatch, capsy
     assert capsys.readouterr().out.startswith("opened ")
     assert "four_bar.view.html" in opened[0]
     assert list(folder.iterdir()) == []
-
-
-@pytest.mark.parametrize("arguments", [("four_bar", "-o", "view.png"), ("four_bars", "-o", "view.html")])
-def test_invalid_input_is_rejected_without_a_file(folder, arguments):
-    with pytest.raises(InputError):
-        run(*arguments)
-    assert os.listdir(folder) == []
 
 
 @pytest.mark.long

@@ -36,28 +36,6 @@ def test_harmonics_are_the_sum_of_cosines_and_sines():
     assert np.allclose(load.evaluate(x), 0.5 + 2.0 * np.cos(2.0 * x) + 1.5 * np.sin(x), atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("angles", "values", "output"),
-    [
-        ([0.0, 1.0, 0.5, REVOLUTION], [0.0] * 4, r"does not increase: angle 0.5 in row 3 follows 1"),
-        ([0.0, 1.0, 1.0, REVOLUTION], [0.0] * 4, "does not increase"),
-        ([0.0, 1.0, 6.0], [0.0] * 3, r"does not span one revolution: it goes from 0 to 6 rad"),
-        ([0.0, 1.0, 7.0], [0.0] * 3, "does not span one revolution"),
-        (
-            [0.0, 1.0, REVOLUTION],
-            [0.0, 1.0, 0.1],
-            "is not periodic: its last row differs from its first by 0.1",
-        ),
-        ([0.0, np.nan, REVOLUTION], [0.0] * 3, "not a finite number"),
-        ([0.0, REVOLUTION], [[0.0, 0.0]] * 2, "one value or three each"),
-        ([0.0], [0.0], "two rows or more"),
-    ],
-)
-def test_an_invalid_load_table_is_rejected(angles, values, output):
-    with pytest.raises(InputError, match=output):
-        load_profile.table(angles, values)
-
-
 def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
     x = np.linspace(0.0, REVOLUTION, 9)
     exact, written = (load_profile.table(angles, np.cos(x).round(12)) for angles in (x, x.round(5)))
@@ -74,14 +52,3 @@ def test_a_table_that_is_not_periodic_is_not_extrapolated():
             InputError, match=rf"covers .* 0 to 1, but the motion needs 1.5; make the table {remedy}"
         ):
             load.evaluate([1.5], [1.5])
-
-
-def test_loads_without_times_or_finite_values_are_rejected():
-    with pytest.raises(InputError, match="give the motion its time"):
-        load_profile.function(np.sin, over="time").evaluate([0.0])
-    broken = load_profile.function(lambda x: np.where(x < 0.5, x, np.nan))
-    with pytest.raises(InputError, match=r"load over angle is not a finite number at 0.5 rad"):
-        broken.evaluate([0.0, 0.5])
-    with pytest.raises(InputError, match="of shape"):
-        load_profile.function(lambda x: np.zeros(3)).evaluate([0.0, 1.0])
-    assert load_profile.constant((1.0, 2.0, 3.0)).evaluate([0.0, 1.0]).shape == (2, 3)

@@ -130,29 +130,6 @@ def test_a_contradictory_mechanism_is_rejected(changes, output):
         chain(**changes)
 
 
-def test_an_unknown_joint_is_rejected_with_the_known_names():
-    with pytest.raises(InputError, match="there are only crank, knee"):
-        chain().joint("elbow")
-
-
-@pytest.mark.parametrize(
-    ("make", "output"),
-    [
-        (lambda: End("arm", axis=(0.0, 0.0, 0.0)), "zero vector"),
-        (lambda: End("arm", axis=EZ, reference=(0.0, 0.0, -2.0)), "lies along its axis"),
-        (lambda: End("arm", point=(0.0, float("nan"), 0.0)), "not three finite numbers"),
-        (lambda: End("arm", point=(0.0, 1.0)), "not three finite numbers"),
-        (lambda: joint("bolted"), "choose from revolute, prismatic"),
-        (lambda: joint("revolute", a="arm"), "joins link 'arm' to itself"),
-        (lambda: joint("universal", cross_angle=float("nan")), "cross angle"),
-        (lambda: joint("universal", cross_angle=0.0), "cross angle"),
-    ],
-)
-def test_an_invalid_end_or_joint_is_rejected(make, output):
-    with pytest.raises(InputError, match=output):
-        make()
-
-
 @pytest.mark.parametrize("kind", ["prismatic", "fixed"])
 @given(turns, turns)
 def test_a_slide_without_references_has_the_smallest_rotation(kind, first, second):

@@ -72,22 +72,6 @@ def test_function_and_command_export_equally(mechsim_json, tmp_path):
     assert mujoco.MjModel.from_xml_string(exported.text).opt.timestep == 0.001
 
 
-def test_an_export_with_incompatible_options_is_rejected():
-    with pytest.raises(ms.InputError, match="no format 'stl'; choose from xml, toml"):
-        ms.export("four_bar", format="stl")
-    with pytest.raises(ms.InputError, match="settings are for MuJoCo models"):
-        ms.export("four_bar", format="toml", speed="600rpm")
-
-
 def test_closed_configurations_accept_units():
     by_text = ms.closed_qpos("four_bar", {"crank": "30deg"})
     assert by_text == pytest.approx(ms.closed_qpos("four_bar", {"crank": np.pi / 6}), abs=0)
-
-
-def test_invalid_tolerances_and_error_kinds_are_rejected():
-    with pytest.raises(ms.InputError, match="give a finite value above 0"):
-        ms.tune("four_bar", 0.0)
-    with pytest.raises(ms.InputError, match="no error by 'speed'"):
-        ms.tune("four_bar", "1mm", by="speed")
-    with pytest.raises(ms.InputError, match="choose from trajectory, torque"):
-        ms.reduce("four_bar", "1mm", by="closure")

@@ -65,11 +65,6 @@ def test_invalid_driver_positions_are_rejected(
         ms.closed_qpos(model, values)
 
 
-def test_a_sample_size_of_zero_is_rejected(model: mujoco.MjModel) -> None:
-    with pytest.raises(ms.InputError, match="give 1 or more"):
-        ms.sample(model, 0)
-
-
 def test_the_command_writes_and_reports_samples(tmp_path, mechsim) -> None:
     file, states = tmp_path / "model.xml", tmp_path / "states.npz"
     file.write_text(FOUR_BAR)

@@ -54,26 +54,6 @@ def test_records_lie_on_whole_steps(swung):
         ms.simulate(swung, timestep=0.002, samples=71)
 
 
-REJECTED = {
-    "too long for the laws": (
-        {"timestep": 0.3},
-        r"a cycle of the motion laws takes 1 s; take 0\.25 s at the most",
-    ),
-    "too short": ({"timestep": 1e-300}, "at the least"),
-    "not above zero": ({"timestep": 0.0}, "give a finite time above 0"),
-    "text that is no time": ({"timestep": "2mm"}, "the time step"),
-    "with a tolerance": ({"timestep": 0.002, "tolerance": 1e-6}, "leave one out"),
-    "without steps": ({"timestep": 0.002, "method": "pose"}, "method 'pose' takes no steps"),
-}
-
-
-@pytest.mark.parametrize("case", REJECTED)
-def test_an_invalid_time_step_is_rejected(swung, case):
-    options, reason = REJECTED[case]
-    with pytest.raises(InputError, match=reason):
-        ms.simulate(swung, **options)
-
-
 def test_a_step_too_long_for_a_swing_is_rejected_with_the_limit():
     time = np.linspace(0.0, 0.05, 20)
     profile = ms.simulation.CrankProfile(0.05, 6.0, tabled("crank", time, 1.0 + 0.1 * np.sin(60.0 * time)))

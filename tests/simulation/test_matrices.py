@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.errors import InputError
 from mechsim.simulation import Settings, settings, simulate
 
 FOLDER = Path(__file__).parents[2] / "validation" / "choices"
@@ -79,8 +78,3 @@ def test_models_with_wrong_sparse_results_use_dense_matrices(study, monkeypatch)
     assert (True, "dense") in selected
     assert (False, "sparse") in selected
     assert (True, "sparse") not in selected
-
-
-def test_an_unknown_matrix_kind_is_rejected() -> None:
-    with pytest.raises(InputError, match="choose from auto, dense, sparse"):
-        Settings(jacobian="banded")

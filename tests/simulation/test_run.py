@@ -8,7 +8,7 @@ import pytest
 from model_files import model_text
 
 from mechsim import catalog, loops, simulation
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import swing, tabled
 from mechsim.model.scene import Scene
@@ -255,47 +255,6 @@ def test_a_users_spec_is_unchanged_by_a_run() -> None:
     before = spec.to_xml()
     simulate(spec, speed=1.0, method="step", turns=0.01)
     assert spec.to_xml() == before
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"speed": 0.0}, "crank speed is 0.0 rad/s"),
-        ({"speed": np.nan}, "crank speed is nan rad/s"),
-        ({"turns": 0.0}, "0.0 turns requested"),
-        ({"tolerance": -1.0}, "tolerance is -1.0 m"),
-        ({"tolerance": np.nan}, "tolerance is nan m"),
-        ({"samples": 0}, "0 samples requested"),
-        ({"method": "guess"}, "there is no method 'guess'"),
-        ({"speed": None}, "neither a crank speed nor a profile"),
-    ],
-)
-def test_invalid_arguments_are_rejected(change: dict, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence) as reported:
-        simulate(catalog.make("four_bar").mechanism, **({"speed": 1.0} | change))
-    assert "\n" not in str(reported.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"integrator": "euler"}, "there is no integrator 'euler'"),
-        ({"steps_per_turn": 3}, "give at least 4"),
-        ({"compliance": 0.0}, "compliance is 0.0"),
-        ({"constant_steps": np.nan}, "constant_steps is nan"),
-        ({"solref": (np.nan, 1.0)}, "solref is"),
-    ],
-)
-def test_invalid_settings_are_rejected(change: dict, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
-        Settings(**change)
-
-
-def test_a_missing_file_and_an_invalid_model_are_rejected() -> None:
-    with pytest.raises(InputError, match=r"there is no file nowhere\.xml"):
-        simulate("nowhere.xml", speed=1.0)
-    with pytest.raises(InputError, match="MuJoCo cannot read the model"):
-        simulate("<mujoco><worldbody><bod/></worldbody></mujoco>", speed=1.0)
 
 
 def test_the_origins_of_bodies_are_points_of_a_model_without_sites() -> None:

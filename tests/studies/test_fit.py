@@ -151,11 +151,6 @@ def test_the_force_of_a_sliding_driver_has_its_reference_name():
         single({"force:s1": np.zeros(1)}, mechanism)
 
 
-def test_an_offset_without_a_crank_is_rejected():
-    with pytest.raises(InputError, match="no single crank without a motion law"):
-        ms.fit("five_bar", {"t": [0.0, 0.1], "P.x": [0.0, 0.0]}, ["arm"], offset=True)
-
-
 @pytest.mark.parametrize(
     ("change", "vary", "output"),
     [

@@ -31,19 +31,6 @@ def test_servos_hold_the_closed_keyframe_and_follow_their_control(ankle):
     assert np.abs(data.qvel).max() < 1e-2
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"style": "fancy"}, "no style 'fancy'"),
-        ({"style": "menagerie", "format": "toml"}, "leave out"),
-        ({"style": "menagerie", "speed": "60rpm"}, "leave out"),
-    ],
-)
-def test_invalid_options_are_rejected(options, message):
-    with pytest.raises(ms.InputError, match=message):
-        ms.export("four_bar", **options)
-
-
 WITH_SPRING = model_text("menagerie_with_spring.xml")
 
 

@@ -7,7 +7,6 @@ import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 RSSR = "rssr"
-LINKAGE = ms.catalog.make(RSSR)
 # one turn per second, in rad/s
 ONE_TURN = ms.units.parse_speed("60rpm")
 
@@ -74,33 +73,3 @@ def test_studies_accept_speeds_as_text():
         ms.sweep("four_bar", {"crank": [0.03]}, "max:C.vx", speed=speed) for speed in ("60rpm", ONE_TURN)
     ]
     np.testing.assert_array_equal(swept[0]["max:C.vx"], swept[1]["max:C.vx"])
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (
-            lambda: ms.catalog.make(RSSR, crank="14rpm"),
-            "crank of rssr '14rpm' has unit 'rpm'",
-        ),
-        (lambda: ms.simulate(LINKAGE, speed="10mm"), "the crank speed '10mm' has unit 'mm'"),
-        (
-            lambda: ms.simulate(LINKAGE, speed=1.0, tolerance="fine"),
-            "the tolerance 'fine' is not",
-        ),
-        (
-            lambda: ms.simulate(LINKAGE, speed=1.0, tolerance="-1um"),
-            "give a finite length above 0",
-        ),
-        (lambda: LINKAGE.solve([0.0], speed="fast"), "the crank's speed 'fast' is not"),
-        (lambda: ms.testing.assert_agrees(RSSR, dict, tolerance="10 V"), "the tolerance '10 V' has unit 'V'"),
-        (
-            lambda: ms.testing.assert_agrees(RSSR, dict, tolerance=[1]),
-            "tolerance is \\[1\\]; give a finite",
-        ),
-        (lambda: ms.validate(RSSR, dict, speed=None), "the speed is None; give a finite one"),
-    ],
-)
-def test_text_of_another_quantity_is_rejected(call, sentence):
-    with pytest.raises(ms.InputError, match=sentence):
-        call()

@@ -106,24 +106,6 @@ def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     assert b"<svg" in plot.read_bytes()
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("no_such",),
-        ("no_such.xml",),
-        ("rssr", "--budget", "0s"),
-        ("rssr", "--by", "luck"),
-        ("rssr", "-o", "out.txt"),
-        ("rssr", "--set", "coupler=1um"),
-    ],
-)
-def test_invalid_input_gives_one_line(words, capsys):
-    assert run("tradeoff", *words) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert len(captured.err.strip().splitlines()) == 1
-
-
 SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
 
 

@@ -54,11 +54,6 @@ def test_a_new_file_format_needs_one_reader(toy):
     assert list(model.mechanism.points) == ["C"]
 
 
-def test_an_object_without_a_reader_is_rejected():
-    with pytest.raises(InputError, match=r"^a model is of type list; give a name or a file"):
-        load([0.1, 0.2])  # pyright: ignore[reportArgumentType]
-
-
 def test_mujoco_specs_and_models_have_the_motion_of_their_file():
     exact = load(str(FOUR_BAR)).solve(ANGLES)
     spec = mujoco.MjSpec.from_file(str(FOUR_BAR))

@@ -14,12 +14,6 @@ def test_a_name_gives_the_run_of_its_mechanism(name):
         np.testing.assert_array_equal(named.motion.points[point].position, track.position)
 
 
-@pytest.mark.parametrize("function", [ms.load, lambda name: ms.simulate(name, speed=1.0)])
-def test_an_unknown_name_is_rejected_with_the_list_command(function):
-    with pytest.raises(ms.InputError, match=r"there is no mechanism 'nope'.* choose from .*`mechsim list`"):
-        function("nope")
-
-
 def test_catalogue_names_are_suggested_first():
     with pytest.raises(ms.InputError, match="did you mean 'rssr'"):
         ms.load("rsr")

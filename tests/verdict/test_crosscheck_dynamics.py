@@ -8,7 +8,6 @@ import pytest
 from grids import grid
 
 from mechsim import catalog, dynamics, load_profile
-from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
@@ -172,13 +171,6 @@ def test_forces_of_a_slow_crank_under_gravity_are_correct():
     run = driven(model.mechanism, model.forces, speed=1e-4, method="pose", samples=12)
     assert crosscheck_driven(run, model).passed
     assert run.forces.residual.max() < 1e-12
-
-
-def test_a_free_run_without_an_end_is_rejected():
-    with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
-        dynamics.free_run(model_of("four_bar", Forces()))
-    with pytest.raises(InputError, match="or a duration above 0"):
-        dynamics.free_run(model_of("four_bar", Forces()), duration=0.0)
 
 
 @pytest.mark.parametrize("name", grid(catalog.MECHANISMS))

@@ -103,12 +103,6 @@ def test_tolerances_that_reach_a_singularity_are_not_certified():
     assert proof.reason
 
 
-@pytest.mark.parametrize("ends", ["10deg", "20:10deg", "1:2:3"])
-def test_an_invalid_range_is_rejected(ends):
-    with pytest.raises(ms.InputError, match="range"):
-        ms.certify("four_bar", ends)
-
-
 def test_an_overconstrained_mechanism_is_not_certified():
     proof = ms.certify("bennett")
     assert not proof.certified
@@ -386,11 +380,6 @@ def test_powers_of_time_and_sums_with_units_are_enclosed(law):
     assert not ms.certify(
         "four_bar", set={"crank": "90mm"}, drive={"crank": f"1 + {law}"}, duration=1.0
     ).certified
-
-
-def test_a_tolerance_without_a_unit_is_rejected():
-    with pytest.raises(ms.InputError, match=r"tolerance of m: 0\.1 has no unit; the file is in mm"):
-        ms.certify("jansen", within={"m": "±0.1"})
 
 
 def test_a_spent_work_budget_is_named(monkeypatch):

@@ -67,21 +67,6 @@ def test_derivatives_under_motion_laws_are_tabulated_over_time():
     assert not table.derivatives("left.q")["arm"].any()
 
 
-@pytest.mark.parametrize(
-    ("quantities", "to", "output"),
-    [
-        (["Q"], "all", "has no quantity 'Q'; choose from points and joints"),
-        (["rockr"], "all", "did you mean 'rocker'"),
-        (["B.fx"], ["crankk"], "has no dimension 'crankk'; did you mean 'crank'"),
-        (["B.fz"], "all", r"rigid links leave B\.fz undetermined"),
-        ([], "all", "no quantity is requested"),
-    ],
-)
-def test_an_unknown_quantity_or_dimension_is_rejected_with_a_hint(quantities, to, output):
-    with pytest.raises(InputError, match=output):
-        derivative_table(moved("four_bar"), quantities, to)
-
-
 def test_instants_of_a_swinging_crank_lie_between_its_dead_centres():
     solver = catalog.make("four_bar", rocker=0.035)
     instants = spread_instants(solver)

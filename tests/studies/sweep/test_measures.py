@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.errors import InputError
-from mechsim.studies.sweep.measures import Turns, measure, measures, table_of
+from mechsim.studies.sweep.measures import Turns, measure, table_of
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
 
@@ -65,8 +64,3 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
     path.write_text("def top(motion):\n    return motion.points['P3'].position[:, 2].max()\n")
     _, values = value(f"{path}:top", turns)
     np.testing.assert_array_equal(values, value("max:P3.z", turns)[1])
-
-
-def test_an_empty_list_of_measures_is_rejected():
-    with pytest.raises(InputError, match="no measure"):
-        measures([], catalog.make("rssr").mechanism)
