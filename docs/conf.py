@@ -11,6 +11,7 @@ DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 
 import command_line_page  # noqa: E402
+import element_pages  # noqa: E402
 import gallery_page  # noqa: E402
 
 import mechsim  # noqa: E402
@@ -87,6 +88,7 @@ def _prepare():
     (start / "00-shell.py").write_text(SHELL, encoding="utf-8")
     gallery_page.write(DOCS / "_generated")
     command_line_page.write(DOCS / "_generated")
+    element_pages.write(DOCS / "_generated")
 
 
 def _keep_numbers_in_one_line(_app, doctree, _page):

@@ -124,7 +124,7 @@ def render(
     picture = output.endswith(".png")
     path = Path(output)
     _check(stated, output, animation, look)
-    if release.requested:
+    if release.requested or _moved_by_forces(source):
         exclude_without_effect(stated, release)
         free = "on drivers that are free"
         stated.exclude(DRIVEN, free)
@@ -170,6 +170,13 @@ def render(
     return _written(
         solver.name, output, _write_animation(path, solver, motion, periodic, look, extra), masses
     )
+
+
+def _moved_by_forces(source: ModelOptions) -> bool:
+    """Return whether only its own forces move a file: it is drawn in a run from its start."""
+    solver = source.load(still=True)
+    undriven = solver.motion_laws.crank and not solver.mechanism.has_crank
+    return undriven and solver.forces is not None
 
 
 def _released(

@@ -48,6 +48,17 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
 
 
+@pytest.mark.long
+@draws
+@pytest.mark.parametrize("name", ["landing_gear", "spring_gripper"])
+def test_a_machine_that_nothing_drives_is_drawn_under_its_forces(mechsim, tmp_path, name):
+    code, out, err = mechsim("render", name, "-o", "a.png", *SMALL)
+    assert (code, out.splitlines()[0]) == (0, "wrote a.png"), err
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    # a law of the crank has no meaning there
+    assert mechsim("render", name, "--speed", "60rpm", "-o", "b.png", *SMALL)[0] == 2
+
+
 def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)

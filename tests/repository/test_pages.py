@@ -16,7 +16,7 @@ PAGES = [path for path in sorted(DOCS.rglob("*.md")) if not {"_build", "_generat
 PYTHON = "".join(path.read_text() for path in sorted((DOCS / "reference" / "python").glob("*.md")))
 MODULES = {"catalog", "closure", "course", "dynamics", "motors", "plots", "render", "rods", "simulation"}
 MODULES |= {"formulas", "testing", "units"}
-GENERATED = {"_generated/gallery", "_generated/command_line"}
+GENERATED = {"_generated/gallery", "_generated/command_line", "_generated/elements"}
 # tutorials, how-to and Python pages run their code; reference tables and measurements need not
 WITH_CODE = [path for path in PAGES if path.parent.name in ("tutorials", "howto", "python")]
 

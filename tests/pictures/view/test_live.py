@@ -200,7 +200,8 @@ def test_a_dragged_point_follows_the_pointer_within_its_reach(window, pages):
     open_live(window, pages("stewart_gough"))
     before, after, target = window.run(
         "(() => { const at = () => pixel(pointMarks[0].getWorldPosition(new THREE.Vector3())); "
-        "const a = at(), goal = [a[0] + 25, a[1] - 15]; dragTo(0, goal); return [a, at(), goal]; })()"
+        "const a = at(), goal = [a[0] + 25, a[1] - 15]; dragTo({ point: DATA.points[0].name }, goal); "
+        "return [a, at(), goal]; })()"
     )
     # half a pixel
     assert np.linalg.norm(np.subtract(after, target)) < 0.5 < np.linalg.norm(np.subtract(before, target))
@@ -208,11 +209,50 @@ def test_a_dragged_point_follows_the_pointer_within_its_reach(window, pages):
     # point A moves on a circle of 40 mm: the crank ends in the direction of the pointer
     angle, reached = window.run(
         "(() => { const o = pixel(new THREE.Vector3()); "
-        "for (let i = 0; i < 40; i++) dragTo(0, [o[0] - 300, o[1] - 300]); "
+        "for (let i = 0; i < 40; i++) dragTo({ point: DATA.points[0].name }, [o[0] - 300, o[1] - 300]); "
         "return [state.values[0], DATA.points[0].name]; })()"
     )
     assert reached == "A"
     assert angle == pytest.approx(0.75 * np.pi, abs=1e-3)
+
+
+@in_browser
+def test_a_dragged_pivot_changes_the_dimension_that_places_it(window, pages):
+    open_live(window, pages("four_bar"))
+    pivots = (
+        "Object.fromEntries(DATA.joints.filter(joint => joint.pivot).map(joint => [joint.name, "
+        "pixel(new THREE.Vector3(...joint.at).applyMatrix4(bodies[joint.link].matrixWorld))]))"
+    )
+    crank, rocker = (window.run(pivots)[name] for name in ("crank", "rocker"))
+    corner = window.run("(b => [b.left, b.top])(stage.getBoundingClientRect())")
+    start = rocker[0] + corner[0], rocker[1] + corner[1]
+    window.drag(start, (start[0] + 20, start[1]), (start[0] + 40, start[1] - 30))
+    ground = window.run("state.values[state.grid.sliders.findIndex(one => one.name === 'dimension.ground')]")
+    # the frame of 100 mm is drawn from pivot to pivot; it lies along x, and the pointer's height is ignored
+    assert ground == pytest.approx(0.1 * (rocker[0] - crank[0] + 40) / (rocker[0] - crank[0]), rel=1e-3)
+    assert window.run(pivots)["rocker"] == pytest.approx([rocker[0] + 40, rocker[1]], abs=0.5)
+    # no dimension places the crank's pivot: the mouse turns the view there
+    assert window.run(f"grabbed({crank}, 16)") is None
+    assert not window.complaints
+
+
+@in_browser
+def test_curves_keep_the_former_design_and_stay_over_the_crank(window, pages):
+    open_live(window, pages("four_bar"))
+    legend = "document.querySelectorAll('.curve')[0].textContent"
+    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
+    shown = "state.chosen[0].{}.rows"
+    before = window.run(shown.format("shown"))
+    window.run(f"setSlider({i}, 0.033)")
+    assert "crank [°]" in window.run(legend)
+    assert window.run("document.querySelectorAll('.curve .former').length") > 0
+    np.testing.assert_allclose(window.run(shown.format("former")), before)
+    # a kept design remains that of comparison, whatever is changed later
+    window.run("document.querySelector('[data-tool=kept]').click()")
+    fixed = window.run(shown.format("former"))
+    window.run(f"changedAt = -Infinity; setSlider({i}, 0.035); changedAt = -Infinity; setSlider({i}, 0.036)")
+    np.testing.assert_allclose(window.run(shown.format("former")), fixed)
+    assert np.abs(np.array(fixed) - before).max() > 1e-3
 
 
 @in_browser

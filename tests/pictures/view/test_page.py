@@ -199,6 +199,16 @@ def test_the_message_without_webgl_persists(window, tmp_path):
     window.run("choose(0)")
     assert "no WebGL" in window.run(message)
     assert len(window.run(NAMES)) >= 5
+    # the crank is drawn from its pivot to A, as in three dimensions
+    window.run("setSlider(0, 0.0)")
+    colour, a, pivot = window.run(
+        "[`#${materialOf('crank').color.getHexString()}`, "
+        "pixel(pointMarks[0].getWorldPosition(new THREE.Vector3())), pixel(new THREE.Vector3())]"
+    )
+    widths = window.run(
+        f"[...document.querySelectorAll('#flat path[fill=\"{colour}\"]')].map(path => path.getBBox().width)"
+    )
+    assert max(widths) == pytest.approx(a[0] - pivot[0], rel=0.2)
 
 
 @in_browser

@@ -4,6 +4,7 @@ const DIMENSION_STEP = 0.02;  // of a dimension between two solutions, relative 
 const SMALLEST_WAY = 1e-5;    // of a request, below which the limit counts as reached
 const CURVE_NODES = 60;       // solutions of a curve in each direction
 const HOLD = 1e-3;            // relative damping of the drivers when a point is dragged
+const DIFFERENCE = 1e-5;      // change of a dimension for a rate, relative to its slider's scale
 const DRAG_STEPS = 6;         // Newton steps of a drag for each event of the pointer
 const DRAG_STEP = 0.15;       // largest change of a driver in each, in [rad] or sizes
 const DRAG_HALVINGS = 8;      // halvings of a step that does not decrease the distance
@@ -252,6 +253,29 @@ class LiveMechanism {
     });
   }
 
+  /* how the end of a joint on the frame moves with each dimension (central differences); empty if none moves it */
+  frameRates(name, values) {
+    const joint = this.joints.find((candidate) => candidate.name === name), end = [joint.a, joint.b].find((side) => side.link === "ground");
+    if (!end || end.pointIndex < 0) return [];
+    const dimensions = Array.from(values.slice(this.count)), at = (i, by) => {
+      this.setDimensions(dimensions.map((value, k) => (k === i ? value + by * this.scales[i] : value)));
+      return this.point(end);
+    };
+    return dimensions.map((_, i) => times(minus(at(i, DIFFERENCE), at(i, -DIFFERENCE)), 0.5 / DIFFERENCE));
+  }
+
+  /* values whose dimensions bring a joint's end on the frame closest to a position in the plane of two directions */
+  placing(values, name, right, over, wanted) {
+    const joint = this.joints.find((candidate) => candidate.name === name), end = [joint.a, joint.b].find((side) => side.link === "ground"), moved = values.slice();
+    for (let step = 0; step < DRAG_STEPS; step++) {
+      const columns = this.frameRates(name, moved).map((rate) => [dot(right, rate), dot(over, rate)]);
+      this.setDimensions(moved.slice(this.count));
+      const at = this.point(end), change = dampedStep(columns, [wanted[0] - dot(right, at), wanted[1] - dot(over, at)]);
+      change.forEach((by, i) => { moved[this.count + i] += by * this.scales[i]; });
+    }
+    return moved;
+  }
+
   /* the mechanism with its present dimensions as a TOML file */
   toml(values) {
     const solution = this.first.grid.solutionAt(values), shape = this.shapeAt(solution), joint = (name) => this.joints.find((candidate) => candidate.name === name);
@@ -295,7 +319,7 @@ function liveGrid(data) {
     first: live.first, towards: (from, values) => live.towards(from, values), valuesOf: (solution) => solution.values, posesOf: (solution) => solution.poses,
     nodes: () => CURVE_NODES,
   }, {
-    name: "live", note: "Solved in this page; dimensions vary, points can be dragged.", sliders, links: data.links, ghost: null, live,
+    name: "live", note: "Solved in this page; dimensions vary, points and pivots can be dragged.", sliders, links: data.links, ghost: null, live,
     readouts: [
       ...data.points.filter((point) => live.code.points.includes(point.name)).flatMap((point) => [
         { name: point.name, unit: "m", parts: ["x", "y", "z"], of: (solution) => solution.points[point.name].position },

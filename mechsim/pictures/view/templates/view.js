@@ -1,10 +1,9 @@
-"use strict";
 /* Shows solved poses: cubic interpolation between nodes, a picture, read-outs and curves. */
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 const DEGREE = Math.PI / 180;
-const GRAB = 16;              // distance in pixels within which a point is selected
+const GRAB = 16, TOUCHED = 28;  // distance in pixels within which a point is selected, by a mouse and by a finger
 const MOST_OPEN = 6;          // dimensions that a page shows at once; more are collapsed
 const CHANGE_PAUSE = 1000;    // in ms: a dimension that moves after it begins another change
 const CLOSURE = 0xd81b9a;     // colour of a mark at a loop closure
@@ -90,7 +89,7 @@ function readAt(grid, readout, values) {
 /* ---- settings ---- */
 
 const state = { grid: DATA.grids[0], values: [], active: 0, driver: 0, playing: new Set(), direction: [], speed: 1, camera: 0,
-  show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.own_bodies }, magnified: true, poses: null, chosen: [] };
+  show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.own_bodies }, magnified: true, kept: false, poses: null, chosen: [] };
 
 const shownUnit = (unit) => ({ rad: ["°", 1 / DEGREE], m: LENGTH, s: ["s", 1], "m/s": SPEED }[unit] || [unit, 1]);
 let LENGTH = ["mm", 1e3], SPEED = ["m/s", 1];
@@ -374,6 +373,7 @@ function draw() {
   lamp.position.copy(camera.position).addScaledVector(over, 0.3 * camera.far).addScaledVector(right, -0.2 * camera.far);
   lamp.target.position.copy(controls.target);
   if (renderer) renderer.render(scene, camera);
+  else drawFlat();
   write();
 }
 
@@ -527,12 +527,13 @@ function showReach(grid, reached) {
 
 function reachRow(slider, i) {
   const row = sliderRows[i], band = row.querySelector(".reach"), label = row.querySelector(".reachable");
-  if (!slider.reach) { band.hidden = true; label.textContent = "reachable: …"; return; }
+  if (!slider.reach) { band.hidden = true; label.textContent = "reaches …"; return; }
   const [low, high] = slider.nodes, [from, to] = slider.reach.map((value) => (value - low) / (high - low));
   band.hidden = false;
   band.style.left = `calc(8px + ${from} * (100% - 16px))`;
   band.style.width = `calc(${to - from} * (100% - 16px))`;
-  label.textContent = `reachable: ${text(slider.reach[0], slider.unit)} to ${text(slider.reach[1], slider.unit)}`;
+  const [unit, by] = shownUnit(slider.unit);
+  label.textContent = `reaches ${slider.reach.map((value) => +(value * by).toPrecision(5)).join(" to ")} ${unit}`;
 }
 
 function unreachable(grid) {
@@ -542,24 +543,33 @@ function unreachable(grid) {
 
 function trouble(label) { $("trouble").hidden = !label; $("trouble").textContent = label; }
 
+/* the slider over which curves are drawn: of a changed dimension the driver that moved last */
+const curveSlider = () => (state.grid.sliders[state.active].dimension ? state.driver : state.active);
+
+/* the present curves become those of the former design */
+function keepDesign() {
+  former = drawn;
+  formerLines.forEach((line, i) => { line.geometry = pathLines[i].geometry; });
+  for (const box of state.chosen) box.former = box.shown;
+}
+
+const showsFormer = () => former.rest === drawn.rest && former.dimensions !== drawn.dimensions;
+
 /* paths of the points over the driver that moved last, and faded those before the last change of dimensions */
 let pathsOf = "", drawn = { rest: "", dimensions: "" }, former = drawn, changedAt = -Infinity;
 function paths() {
-  const grid = state.grid, k = grid.sliders[state.active].dimension ? state.driver : state.active;
+  const grid = state.grid, k = curveSlider();
   const others = (dimension) => state.values.filter((_, i) => i !== k && !!grid.sliders[i].dimension === dimension).join();
   const now = { rest: [DATA.grids.indexOf(grid), k, others(false)].join(), dimensions: others(true) };
   const key = [now.rest, now.dimensions, state.show.paths].join();
   if (key === pathsOf) return;
   pathsOf = key;
   if (drawn.rest && now.dimensions !== drawn.dimensions) {
-    if (performance.now() - changedAt > CHANGE_PAUSE) {
-      former = drawn;
-      formerLines.forEach((line, i) => { line.geometry = pathLines[i].geometry; });
-    }
+    if (!state.kept && performance.now() - changedAt > CHANGE_PAUSE) keepDesign();
     changedAt = performance.now();
   }
   drawn = now;
-  const behind = state.show.paths && former.rest === now.rest && former.dimensions !== now.dimensions;
+  const behind = state.show.paths && showsFormer();
   const along = sampled(grid, k), fine = along.map((value) => posesAt(grid, state.values.map((v, i) => (i === k ? value : v))));
   DATA.points.forEach((point, i) => {
     const l = grid.links.indexOf(point.link), positions = [], at = new THREE.Vector3(), turn = new THREE.Quaternion();
@@ -604,7 +614,7 @@ function placeSlider(i, value) {
   row.querySelector("input[type=range]").value = state.values[i] * by;
   row.querySelector("input[type=range]").setAttribute("aria-valuetext", text(state.values[i], slider.unit));
   const box = row.querySelector("input[type=number]");
-  if (document.activeElement !== box) box.value = +(state.values[i] * by).toFixed(slider.unit === "rad" ? 2 : 4);
+  if (document.activeElement !== box) box.value = slider.unit === "rad" ? +(state.values[i] * by).toFixed(2) : +(state.values[i] * by).toPrecision(6);
 }
 
 function setSlider(i, value) {
@@ -648,7 +658,9 @@ let sliderRows = [];
 function sliderRow(slider, i) {
   const row = node("div", { class: "slider" }), head = node("div", { class: "row" }), [unit, by] = shownUnit(slider.unit);
   const low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
-  head.append(node("label", { for: `slider${i}` }, `${slider.label || slider.name}${unit && ` [${unit}]`}`));
+  const title = node("div", { class: "title" });
+  title.append(node("label", { for: `slider${i}` }, `${slider.label || slider.name}${unit && ` [${unit}]`}`));
+  head.append(title);
   const box = node("input", { type: "number", step: "any", "aria-label": `${slider.name} in ${unit}` });
   box.addEventListener("change", () => { if (box.value !== "") setSlider(i, box.valueAsNumber / by); });
   const button = node("button", { class: "play", type: "button", "aria-pressed": false }, "▶ play");
@@ -676,7 +688,7 @@ function sliderRow(slider, i) {
   row.append(head, track, marks);
   if ("reach" in slider) {
     track.append(node("span", { class: "reach", hidden: "" }));
-    row.append(node("p", { class: "reachable soft" }));
+    title.append(node("p", { class: "reachable soft" }));
   }
   return row;
 }
@@ -763,6 +775,7 @@ function tools() {
   row.append(speed);
   add("theme", "light / dark", null, flipTheme);
   if (renderer) add("png", "save PNG", null, () => picture().toBlob((blob) => save(`${DATA.name}.png`, blob)));
+  if (state.grid.live) add("kept", "keep design", state.kept, () => { state.kept = !state.kept; if (state.kept) keepDesign(); tools(); update(); });
   if (state.grid.live) add("toml", "save TOML", null, () => save(`${DATA.name}.toml`, new Blob([state.grid.live.toml(state.values)], { type: "application/toml" })));
   add("csv", "save CSV", null, () => save(`${DATA.name}.csv`, new Blob([table()], { type: "text/csv" })));
 }
@@ -822,14 +835,16 @@ class CurveBox {
   get readout() { return allReadouts()[+this.pick.value]; }
   go(event) {
     const fraction = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
-    const along = sampled(state.grid, state.active), [low, high] = [along[0], along[along.length - 1]];
-    setSlider(state.active, low + Math.min(1, Math.max(0, fraction)) * (high - low));
+    const k = curveSlider(), along = sampled(state.grid, k), [low, high] = [along[0], along[along.length - 1]];
+    setSlider(k, low + Math.min(1, Math.max(0, fraction)) * (high - low));
   }
   draw() {
-    const grid = state.grid, k = state.active, slider = grid.sliders[k], [name, by] = shownUnit(slider.unit), [unit, up] = shownUnit(this.readout.unit);
+    const grid = state.grid, k = curveSlider(), slider = grid.sliders[k], [name, by] = shownUnit(slider.unit), [unit, up] = shownUnit(this.readout.unit);
     const along = sampled(grid, k), W = this.svg.clientWidth || 320, H = this.svg.clientHeight || 160;
     const rows = along.map((value) => readAt(grid, this.readout, state.values.map((v, i) => (i === k ? value : v))).map((v) => v * up));
-    const all = rows.flat().filter(Number.isFinite);
+    const behind = showsFormer() && this.former && this.former.which === this.pick.value ? this.former : null;
+    const all = [...rows, ...(behind ? behind.rows : [])].flat().filter(Number.isFinite);
+    this.shown = { which: this.pick.value, along, rows };
     let low = Math.min(...all), high = Math.max(...all);
     const pad = Math.max(0.06 * (high - low), 1e-6 * Math.max(Math.abs(low), Math.abs(high)), 1e-9);
     low -= pad; high += pad;
@@ -845,10 +860,10 @@ class CurveBox {
     write(this.left - 5, 9, unit, "end");
     write(this.left + this.width, H - 1, `${slider.label || slider.name}${name && ` [${name}]`}`, "end");
     for (const mark of slider.marks) pieces.push(make("line", { class: `mark ${mark.kind}`, x1: this.x(mark.value), x2: this.x(mark.value), y1: top, y2: bottom }));
-    this.readout.parts.forEach((_, p) => {
+    for (const [curve, kind] of [[behind, "line former"], [this.shown, "line"]]) if (curve) this.readout.parts.forEach((_, p) => {
       let path = "";
-      rows.forEach((row, i) => { if (Number.isFinite(row[p])) path += `${path && Number.isFinite(rows[i - 1][p]) ? "L" : "M"}${this.x(along[i]).toFixed(1)} ${this.y(row[p]).toFixed(1)}`; });
-      pieces.push(make("path", { class: "line", d: path, stroke: PALETTE[p % PALETTE.length] }));
+      curve.rows.forEach((row, i) => { if (Number.isFinite(row[p])) path += `${path && Number.isFinite(curve.rows[i - 1][p]) ? "L" : "M"}${this.x(curve.along[i]).toFixed(1)} ${this.y(row[p]).toFixed(1)}`; });
+      pieces.push(make("path", { class: kind, d: path, stroke: PALETTE[p % PALETTE.length] }));
     });
     this.cursor = make("line", { class: "cursor", y1: top, y2: bottom });
     this.dots = this.readout.parts.map((_, p) => make("circle", { r: 3.5, fill: PALETTE[p % PALETTE.length] }));
@@ -856,9 +871,9 @@ class CurveBox {
     this.svg.setAttribute("aria-label", `${this.readout.name} over ${slider.name}: from ${+Math.min(...all).toPrecision(4)} to ${+Math.max(...all).toPrecision(4)} ${unit}`);
   }
   point() {
-    const key = [DATA.grids.indexOf(state.grid), this.pick.value, state.active, this.svg.clientWidth, ...state.values.filter((_, i) => i !== state.active)].join();
+    const k = curveSlider(), key = [DATA.grids.indexOf(state.grid), this.pick.value, k, this.svg.clientWidth, showsFormer(), ...state.values.filter((_, i) => i !== k)].join();
     if (key !== this.key) { this.key = key; this.draw(); }
-    const up = shownUnit(this.readout.unit)[1], values = readAt(state.grid, this.readout, state.values), x = this.x(state.values[state.active]);
+    const up = shownUnit(this.readout.unit)[1], values = readAt(state.grid, this.readout, state.values), x = this.x(state.values[k]);
     this.cursor.setAttribute("x1", x);
     this.cursor.setAttribute("x2", x);
     const words = [];
@@ -933,7 +948,7 @@ function picture() {
 
 /* all read-outs along the last moved slider */
 function table() {
-  const k = state.active, slider = state.grid.sliders[k], [unit, by] = shownUnit(slider.unit);
+  const k = curveSlider(), slider = state.grid.sliders[k], [unit, by] = shownUnit(slider.unit);
   const head = [`${slider.name} [${unit}]`], along = sampled(state.grid, k), rows = along.map((value) => [value * by]);
   for (const readout of allReadouts()) {
     const [name, up] = shownUnit(readout.unit);
@@ -951,35 +966,45 @@ function zoom(by) {
   remember();
 }
 
-/* points are dragged by hand: the drivers follow by inverse kinematics */
+/* points and pivots are dragged by hand: the drivers follow by inverse kinematics, or the dimensions that place the pivot */
 let dragged = null;
+const onStage = ({ clientX, clientY }) => { const box = stage.getBoundingClientRect(); return [clientX - box.left, clientY - box.top]; };
+
+function grabbed(at, reach) {
+  const live = state.grid.live;
+  if (!live) return null;
+  const pivots = DATA.joints.filter((joint) => joint.pivot && live.frameRates(joint.name, state.values).length);
+  return [
+    ...DATA.points.map((point, i) => ({ point: point.name, at: pixel(pointMarks[i].getWorldPosition(new THREE.Vector3())) })),
+    ...pivots.map((joint) => ({ pivot: joint.name, at: pixel(new THREE.Vector3(...joint.at).applyMatrix4(bodies[joint.link].matrixWorld)) })),
+  ].map((mark) => ({ ...mark, gap: Math.hypot(mark.at[0] - at[0], mark.at[1] - at[1]) })).filter((mark) => mark.gap < reach).sort((a, b) => a.gap - b.gap)[0] || null;
+}
+
 stage.addEventListener("pointerdown", (event) => {
-  if (!state.grid.live) return;
-  const box = stage.getBoundingClientRect(), at = [event.clientX - box.left, event.clientY - box.top];
-  const near = pointMarks.map((mark, i) => ({ i, gap: Math.hypot(...pixel(mark.getWorldPosition(new THREE.Vector3())).map((value, k) => value - at[k])) }))
-    .filter((found) => found.gap < GRAB).sort((a, b) => a.gap - b.gap)[0];
-  if (!near) return;
+  dragged = grabbed(onStage(event), event.pointerType === "mouse" ? GRAB : TOUCHED);
+  if (!dragged) return;
   event.stopImmediatePropagation();
   event.preventDefault();
-  dragged = near.i;
   stage.setPointerCapture(event.pointerId);
 }, true);
+// a finger on a point drags it and does not scroll the page
+stage.addEventListener("touchstart", (event) => { if (grabbed(onStage(event.touches[0]), TOUCHED)) event.preventDefault(); }, { passive: false });
 stage.addEventListener("pointermove", (event) => {
-  if (dragged === null) return;
+  if (!dragged) { if (!event.buttons) stage.style.cursor = grabbed(onStage(event), GRAB) ? "move" : ""; return; }
   event.stopImmediatePropagation();
-  const box = stage.getBoundingClientRect();
-  dragTo(dragged, [event.clientX - box.left, event.clientY - box.top]);
+  dragTo(dragged, onStage(event));
 }, true);
 for (const kind of ["pointerup", "pointercancel"]) stage.addEventListener(kind, () => { dragged = null; }, true);
 
-/* Moves the drivers so that a point comes closest to a position on the screen. */
-function dragTo(i, target) {
+/* Moves the drivers so that a point comes closest to a position on the screen, or the dimensions so that a pivot does. */
+function dragTo({ point, pivot }, target) {
   const right = new THREE.Vector3(1, 0, 0).applyQuaternion(camera.quaternion).toArray(), over = new THREE.Vector3(0, 1, 0).applyQuaternion(camera.quaternion).toArray();
-  const origin = pixel(new THREE.Vector3()), scale = +stage.dataset.scale;
+  const origin = pixel(new THREE.Vector3()), scale = +stage.dataset.scale, live = state.grid.live;
   const wanted = [(target[0] - origin[0]) / scale, (origin[1] - target[1]) / scale];
-  const values = state.grid.live.reaching(state.values, DATA.points[i].name, right, over, wanted, state.grid);
-  state.grid.sliders.forEach((slider, k) => { if (!slider.dimension) placeSlider(k, values[k]); });
-  if (state.grid.sliders[state.active].dimension) state.active = 0;
+  const values = pivot ? live.placing(state.values, pivot, right, over, wanted) : live.reaching(state.values, point, right, over, wanted, state.grid);
+  state.grid.sliders.forEach((slider, k) => { if (!!slider.dimension === !!pivot) placeSlider(k, values[k]); });
+  if (pivot) state.active = Math.max(state.active, live.count);
+  else if (state.grid.sliders[state.active].dimension) state.active = 0;
   update();
 }
 
