@@ -7,7 +7,10 @@ Coulomb friction T opposes the rate of a coordinate, with T at most
 - cylindrical: mu (F_radial + M_bending / l) along, and r_p times it about the axis, each for itself;
 - spherical: mu r_p F;
 - screw, as a torque about its axis: mu (r_p / cos a) N + mu r_b F_axial + T_0, with the force N normal to the
-  thread and tan a = lead / (2 pi r_p). It holds any axial load at rest if mu >= tan a.
+  thread and tan a = lead / (2 pi r_p). It holds any axial load at rest if mu >= tan a;
+- of a coupling, on its driver: mu |lambda|, with the force lambda on its driven side. For the ratio p' and
+  mu = |p'| (1/eta - 1) the driven side gets eta of the power of the driver. Driven backwards, the driver gets
+  2 - 1/eta of that of the driven side; none for eta <= 1/2, where the coupling is self-locking.
 
 F and M are magnitudes of the force and moment that the joint transmits, about its point on link b; the
 coefficient of friction mu, pin radius r_p, collar radius r_b and bearing length l are those of the joint, T_0
@@ -18,7 +21,8 @@ falls from there at a rate v: T(v) = T_c + (T_s - T_c) exp(-(v / v_s)^2), with T
 
 Source: J. Fraczek and M. Wojtyra, On the unique solvability of a direct dynamics problem for mechanisms with
 redundant constraints and Coulomb friction in joints, Mechanism and Machine Theory 46 (2011) 312-334; R.
-Budynas and J. Nisbett, Shigley's Mechanical Engineering Design (2015), section 8-2; B. Armstrong-Helouvry, P.
+Budynas and J. Nisbett, Shigley's Mechanical Engineering Design (2015), sections 8-2 and 13-17 (worm gears:
+the friction that loses 1 - eta in one direction reverses in the other); B. Armstrong-Helouvry, P.
 Dupont and C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of
 machines with friction, Automatica 30 (1994) 1083-1138, section 2.1.
 """
@@ -32,8 +36,9 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.joints import Joint
+from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import at_least_zero
+from mechsim.numerics.inputs import at_least_zero, number
 
 # number of magnitudes whose sum is the load of a coordinate
 TERMS = 3
@@ -64,6 +69,8 @@ class Friction:
         stribeck: rate v_s in [rad/s] or [m/s] by which friction falls to that in motion; 0 for at once.
         bristle_stiffness: k in [N m/rad] or [N/m], 0 for rigid contact; see `bristle_friction`.
         bristle_damping: d in [N m s/rad] or [N s/m].
+        coupling: key of `Mechanism.named_laws` of a coupling whose force is the load, with the joint as its
+            driver; empty for the joint's own reaction. See `of_efficiency`.
     """
 
     joint: str
@@ -79,6 +86,7 @@ class Friction:
     stribeck: float = 0.0
     bristle_stiffness: float = 0.0
     bristle_damping: float = 0.0
+    coupling: str = ""
 
     def __post_init__(self) -> None:
         for name in ("viscous", "viscous_turn"):
@@ -107,6 +115,33 @@ class Friction:
                 f"stribeck in joint {self.joint!r} has no effect without static friction; give static, or "
                 "leave it out"
             )
+
+    @staticmethod
+    def of_efficiency(mechanism: Mechanism, name: str, efficiency: float) -> Friction:
+        """Return the friction of a coupling whose driven side gets `efficiency` of the power of the driver.
+
+        Args:
+            mechanism: with the coupling.
+            name: key of the coupling in `Mechanism.named_laws`, DRIVER-DRIVEN, as "pinion-wheel".
+            efficiency: above 0, 1 at most.
+
+        Raises:
+            InputError: for another efficiency, or a coupling that is not linear between two hinges or slides.
+        """
+        if not 0.0 < number(efficiency) <= 1.0:
+            raise InputError(
+                f"efficiency of coupling {name} is {efficiency}; give a number above 0, 1 at most"
+            )
+        law = mechanism.named_laws[name]
+        sides = [*law.left_terms.items(), *law.right_terms.items()]
+        single = all(weight == 1.0 and KINDS[mechanism.joint_with(c)[0].kind].single for c, weight in sides)
+        if len(sides) != 2 or not single or len(law.coefficients) != 2 or law.backlash:
+            raise InputError(
+                f"coupling {name} has an efficiency, but is not linear between two hinges or slides without "
+                "backlash; give friction in its joints instead"
+            )
+        loss = abs(law.ratio) * (1.0 / efficiency - 1.0)
+        return Friction(law.coordinates[1], coefficient=loss, coupling=name)
 
     @property
     def dry(self) -> bool:
@@ -166,7 +201,7 @@ class Friction:
                 f"bristle stiffness is given in {where}; give it with `coulomb` and without a coefficient, "
                 f"in a {kinds_that(lambda kind: kind.single)} joint"
             )
-        if not self.varies:
+        if not self.varies or self.coupling:
             return
         if not _loaded(kind):
             raise InputError(
@@ -201,6 +236,9 @@ class Friction:
         kind, mu, r = KINDS[joint.kind], self.coefficient, self.pin_radius
         if not mu:
             return [(0, np.zeros((len(axis), TERMS, 3, 6)))] if self.static else []
+        if self.coupling:
+            # the load has the force of the coupling in place of the first component of a wrench
+            return [(0, _terms(mu * np.broadcast_to(np.diag([1.0, 0.0, 0.0]), (len(axis), 3, 3))))]
         along = axis[:, :, None] * axis[:, None, :]
         across = np.eye(3) - along
         arm = 1.0 / self.bearing_length if self.bearing_length else 0.0

@@ -313,12 +313,12 @@ Side = str | dict[str, float]
 
 # key that determines the kind of a coupling -> further keys of this kind
 _KEYS_OF_KIND = {
-    "ratio": ("phase", "pressure_angle", "backlash"),
-    "radius": ("phase", "pressure_angle", "backlash"),
-    "travel": ("phase", "pressure_angle", "backlash"),
-    "coefficients": ("zeros", "turns", "pressure_angle", "backlash"),
+    "ratio": ("phase", "pressure_angle", "backlash", "efficiency"),
+    "radius": ("phase", "pressure_angle", "backlash", "efficiency"),
+    "travel": ("phase", "pressure_angle", "backlash", "efficiency"),
+    "coefficients": ("zeros", "turns", "pressure_angle", "backlash", "efficiency"),
     "function": ("zeros", "turns", "periodic", "backlash"),
-    "radii": ("crossed", "phase", "length", "tensioner", "backlash"),
+    "radii": ("crossed", "phase", "length", "tensioner", "backlash", "efficiency"),
     "rope": ("length", "path"),
 }
 

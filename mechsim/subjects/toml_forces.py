@@ -54,7 +54,8 @@ def forces_of(
     rubbing = {
         name: joint["friction"] for name, joint in read.get("joints", {}).items() if "friction" in joint
     }
-    if "forces" not in read and not rubbing and not stops:
+    losses = tuple(_losses(values, mechanism, read))
+    if "forces" not in read and not rubbing and not stops and not losses:
         return None
     table: dict[str, Any] = read.get("forces", {})
     for joint in rubbing.keys() & table.get("friction", {}).keys():
@@ -66,6 +67,7 @@ def forces_of(
             friction=(
                 *_frictions(values, mechanism, table.get("friction", {}), ("forces", "friction")),
                 *_frictions(values, mechanism, rubbing, ("joints",), ("friction",)),
+                *losses,
             ),
             springs=tuple(springs_of(values, mechanism, table)),
             joint_springs=tuple(_joint_springs(values, mechanism, table)),
@@ -87,6 +89,17 @@ def forces_of(
         )
         forces.check(mechanism)
     return forces
+
+
+def _losses(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> Iterator[Friction]:
+    """Yield the frictions of couplings with an efficiency."""
+    for name, table in read.get("couplings", {}).items():
+        if "efficiency" in table:
+            sides = table["driven"], table.get("driver", {})
+            laws = mechanism.named_laws.items()
+            label = next(label for label, law in laws if (law.left, law.right) == sides)
+            with values.source.error_context(("couplings", name, "efficiency")):
+                yield Friction.of_efficiency(mechanism, label, table["efficiency"])
 
 
 def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping[str, Any]) -> None:

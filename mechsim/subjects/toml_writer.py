@@ -86,12 +86,15 @@ def to_toml(source: Mechanism | KinematicSolver) -> str:
     for joint in mechanism.joints:
         lines += _table(_joint(joint) | _limits(joint, solver), "joints", joint.name)
     names = [coupling.name for coupling in mechanism.couplings]
+    losses = _efficiencies(mechanism, solver)
     for i, gear in enumerate(mechanism.gears):
-        lines += _table(_gear(gear), "couplings", _gear_name(mechanism, i, names))
+        table = _gear(gear) | losses.get((gear.driven, gear.driver), {})
+        lines += _table(table, "couplings", _gear_name(mechanism, i, names))
     bouncing = {} if solver is None else solver.restitution
     for coupling in mechanism.couplings:
         restitution = bouncing.get(f"{coupling.name}.gap")
         table = _coupling(coupling) | ({} if restitution is None else {"restitution": restitution})
+        table |= losses.get((str(coupling.left), str(coupling.right)), {})
         lines += _table(table, "couplings", coupling.name)
     points = {name: {"link": link, "at": position} for name, (link, position) in mechanism.points.items()}
     guess = {
@@ -137,7 +140,7 @@ def _forces(forces: Forces) -> dict[Any, Any]:
         table["motor"] = _motor(forces.motor)
     table |= {("armature", *name.split(".")): inertia for name, inertia in forces.armature.items()}
     table |= {("motors", actuator.name): _actuator(actuator) for actuator in forces.actuators}
-    for friction in forces.friction:
+    for friction in (friction for friction in forces.friction if not friction.coupling):
         values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *BRISTLES, *FRICTION_NUMBERS)
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
     named = {spring.name for spring in forces.nonlinear_springs}
@@ -283,6 +286,23 @@ def _end(end: End) -> dict[str, Any]:
 def _gear(gear: Gear) -> dict[str, Any]:
     table = _fields(gear, "driver", "driven", "ratio", "phase", "pressure_angle")
     return _stated(table, pressure_angle=0.0)
+
+
+def _efficiencies(
+    mechanism: Mechanism, solver: KinematicSolver | None
+) -> dict[tuple[str, str], dict[str, float]]:
+    """Return the efficiency of couplings by driven and driving coordinate."""
+    if solver is None or solver.forces is None:
+        return {}
+    laws = {
+        friction: mechanism.named_laws[friction.coupling]
+        for friction in solver.forces.friction
+        if friction.coupling
+    }
+    return {
+        (str(law.left), str(law.right)): {"efficiency": 1.0 / (1.0 + friction.coefficient / abs(law.ratio))}
+        for friction, law in laws.items()
+    }
 
 
 def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:

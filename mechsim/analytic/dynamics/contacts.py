@@ -23,7 +23,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 )
 from mechsim.analytic.dynamics.gaps import gap_limits, gaps_of
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
-from mechsim.errors import MechsimError
+from mechsim.errors import FrictionError, MechsimError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.nonlinear_springs import NonlinearSpring, Phases, SpringLaw, phases_of
 from mechsim.numerics.arrays import Array
@@ -418,7 +418,13 @@ class Contacts:
         resting = np.isin(np.arange(len(rates)), mode.stuck)
         moving = resting & (np.abs(rates) > REST * np.abs(rates[resting]).max())
         sliding = replace(mode, sliding=np.where(moving, np.sign(rates), mode.sliding), stuck=[])
-        acceleration = self.accelerate(after, times, sliding).acceleration
+        try:
+            acceleration = self.accelerate(after, times, sliding).acceleration
+        except FrictionError as error:
+            if error.outcome != "jammed":
+                raise
+            # no friction permits this motion, as in a self-locking drive
+            return None
         growth = np.sign(rates) * equations.friction_accelerations(after, acceleration)[:, 0]
         # a friction that balances the forces to rounding holds
         growth -= 0.5 * BALANCED * np.abs(equations.friction_accelerations(after, tendency)[:, 0])

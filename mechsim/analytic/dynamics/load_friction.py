@@ -135,7 +135,7 @@ def friction_by_load(
         directions: sign of the rate of each, (n,).
         ratios: friction at this rate relative to that in fast motion, (n,).
     """
-    wrenches = linear_reactions(unit, needed, [item.joint for item in coordinates])
+    wrenches = linear_reactions(unit, needed, [item.friction.coupling or item.joint for item in coordinates])
     terms: list[Array] = []
     stresses: list[Array] = []
     # largest change of a load by a self-stress, if nothing cancelled

@@ -134,14 +134,14 @@ def linear_drives(unit: UnitMotion, needed: Array) -> Array:
 
 
 def linear_reactions(
-    unit: UnitMotion, needed: Array, joints: Sequence[Joint]
+    unit: UnitMotion, needed: Array, joints: Sequence[Joint | str]
 ) -> list[tuple[Array, Array, NDArray[np.bool_]]]:
     """Return the wrenches of joints that exert several sets of wrenches on the links.
 
     Args:
         unit: the motion.
         needed: as for `balance`, in columns, (n, L, 6, k): a state, and changes of it.
-        joints: k joints.
+        joints: k joints, or names of couplings, whose force takes the place of the first component.
 
     Returns:
         For each joint the wrenches on link b about its point, (n, 6, k), those of self-stresses, (n, 6, s),
@@ -152,6 +152,13 @@ def linear_reactions(
     spans = dict(zip([joint.name for joint in mechanism.joints], _spans(mechanism), strict=True))
     result: list[tuple[Array, Array, NDArray[np.bool_]]] = []
     for joint in joints:
+        if isinstance(joint, str):
+            row = _row(mechanism, joint, multipliers)
+            wrench, alone = (
+                np.pad(values[:, row, None], ((0, 0), (0, 5), (0, 0))) for values in (multipliers, slack)
+            )
+            result.append((wrench, alone, sound))
+            continue
         wrench, _ = _wrench(unit, joint, spans[joint.name], multipliers)
         alone, _ = _wrench(unit, joint, spans[joint.name], slack)
         for share in shares(unit, joint):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.model.force_record import ForceRecord, Reaction
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
@@ -61,14 +61,14 @@ class LoadedState:
 def loaded_state(
     loaded: LoadedModel,
     states: States,
-    reactions_of: Callable[[LoadedState], Mapping[str, Reaction]] | None = None,
+    forces_of: Callable[[LoadedState], ForceRecord] | None = None,
 ) -> LoadedState:
     """Return states under loads, springs, friction and motor, with open loops and without a drive.
 
     Args:
         loaded: the mechanism and its forces.
         states: the n states.
-        reactions_of: the reactions of a state, on which friction by the load depends; None leaves it out.
+        forces_of: the forces of a state, on which friction by the load depends; None leaves it out.
     """
     angle = states.qpos[:, loaded.loops.crank_address]
     model = loaded.looking()
@@ -78,7 +78,7 @@ def loaded_state(
     loaded.react(rates["actuator_length"], rates["actuator_velocity"], applied.controls)
     jacobian = loaded.loops.linearise(states.qpos)[1]
     constant = together(applied, dry_friction(loaded, rates, states.qvel))
-    coordinates = rubbing_coordinates(loaded, rates) if reactions_of else []
+    coordinates = rubbing_coordinates(loaded, rates) if forces_of else []
 
     def under(frictions: Array) -> LoadedState:
         outer, power = replace(constant, wrenches=constant.wrenches.copy()), np.zeros(len(angle))
@@ -87,10 +87,10 @@ def loaded_state(
             power += friction * item.speed
         return LoadedState(states, jacobian, outer, loaded.look(model, states, outer), power)
 
-    if reactions_of is None or not coordinates:
+    if forces_of is None or not coordinates:
         return under(np.zeros((len(angle), 0)))
     name = loaded.mechanism.name
-    return under(friction_of_state(coordinates, lambda frictions: reactions_of(under(frictions)), name))
+    return under(friction_of_state(coordinates, lambda frictions: forces_of(under(frictions)), name))
 
 
 def crank_tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
@@ -190,7 +190,7 @@ def force_record(
         reactions={
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         },
-        gears=_coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0),
+        gears=forces_of_couplings(loaded, multipliers),
         meshes=mesh_forces(loaded, state.plain, multipliers),
         drives=_drives(loaded, multipliers),
         locked=_holds(loaded, multipliers) if driven is None else {},
@@ -260,6 +260,11 @@ def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
     w = (np.swapaxes(axes, -1, -2) @ w[..., None])[..., 0]
     bodies = masses * (v**2).sum(-1) + (moments * w**2).sum(-1)
     return 0.5 * (bodies.sum(-1) + (model.dof_armature * rates**2).sum(-1))
+
+
+def forces_of_couplings(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
+    """Return the force of each coupling on its driven side, (n,), from multipliers (n, m)."""
+    return _coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0)
 
 
 def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], after: int) -> dict[str, Array]:
@@ -380,7 +385,7 @@ def _prescribed_forces(loaded: LoadedModel, states: States, acceleration: Array)
     def record_of(state: LoadedState) -> ForceRecord:
         return force_record(loaded, state, *drive_and_constraint_forces(loaded, state, acceleration))
 
-    return record_of(loaded_state(loaded, states, lambda state: record_of(state).reactions))
+    return record_of(loaded_state(loaded, states, record_of))
 
 
 def _interpolated_forces(
@@ -460,7 +465,7 @@ def forces_of_states(
             multipliers, torque = constraint_forces(loaded, state, fields)
             return force_record(loaded, state, fields["qacc"], multipliers, torque)
 
-        state = loaded_state(loaded, chunk, lambda state, record_of=record_of: record_of(state).reactions)
+        state = loaded_state(loaded, chunk, record_of)
         records.append(record_of(state))
     return join(records)
 

@@ -1,16 +1,16 @@
 """Friction by the load of joints, iterated with MuJoCo's own reactions.
 
-The reactions of a state give the friction of each joint, which changes the reactions. The iteration stops
-when the frictions no longer change; their changes shrink by a constant ratio.
+The reactions of a state, or the forces of couplings, give the friction of each joint, which changes them. The
+iteration stops when the frictions no longer change; their changes shrink by a constant ratio.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mechsim.errors import FrictionError
-from mechsim.model.force_record import Reaction
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
@@ -51,8 +51,11 @@ class RubbingCoordinate:
     turns: bool
     point: Array = field(repr=False)
 
-    def magnitude(self, reaction: Reaction, present: Array) -> Array:
-        """Return the friction by a reaction, (n,); the present friction loads the thread of a screw."""
+    def magnitude(self, forces: ForceRecord, present: Array) -> Array:
+        """Return the friction by reactions, (n,); the present friction loads the thread of a screw."""
+        if self.friction.coupling:
+            return self.friction.coefficient * np.abs(forces.gears[self.friction.coupling])
+        reaction = forces.reactions[self.joint.name]
         moment = reaction.moment
         if KINDS[self.joint.kind].helical and not self.number:
             moment = moment + present[:, None] * self.along
@@ -121,14 +124,14 @@ def _coordinate(
 
 def friction_of_state(
     coordinates: Sequence[RubbingCoordinate],
-    reactions_under: Callable[[Array], Mapping[str, Reaction]],
+    forces_under: Callable[[Array], ForceRecord],
     name: str,
 ) -> Array:
     """Return the frictions, (n, k), that the reactions under them cause.
 
     Args:
         coordinates: the k coordinates.
-        reactions_under: frictions (n, k) -> joint to its reaction.
+        forces_under: frictions (n, k) -> the forces that joints and couplings transmit.
         name: of the mechanism.
 
     Raises:
@@ -136,11 +139,9 @@ def friction_of_state(
     """
     magnitudes = np.zeros((len(coordinates[0].speed), len(coordinates)))
     for _ in range(MAX_ITERATIONS):
-        reactions = reactions_under(magnitudes)
+        forces = forces_under(magnitudes)
         columns = zip(coordinates, magnitudes.T, strict=True)
-        after = np.stack(
-            [item.magnitude(reactions[item.joint.name], magnitude) for item, magnitude in columns], 1
-        )
+        after = np.stack([item.magnitude(forces, magnitude) for item, magnitude in columns], 1)
         change = np.abs(after - magnitudes).max(1, initial=0.0)
         magnitudes = after
         if (change <= CONVERGED * np.abs(magnitudes).max(1, initial=0.0)).all():

@@ -20,7 +20,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import pseudo_inverse
 from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, native, together
 from mechsim.simulation.dynamics.friction import DryJoint
-from mechsim.simulation.dynamics.inverse_dynamics import row_scale
+from mechsim.simulation.dynamics.inverse_dynamics import forces_of_couplings, row_scale
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.mjcf.joints import model_names
@@ -96,7 +96,8 @@ class UpdatedFriction:
         for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
             if not (friction.static or maps.any()):
                 continue
-            constant = friction.sizes(kind)[index][1]
+            own = [other for other in self.model.forces.friction if other.joint == joint.name]
+            constant = sum(other.sizes(kind)[index][1] for other in own)
             name = "" if kind.ball else names.get(joint.coordinates[index], joint.coordinates[index])
             crank = mechanism.has_crank and joint.name == mechanism.crank.name
             number_of_joint = mujoco.mj_name2id(
@@ -146,9 +147,12 @@ class UpdatedFriction:
     def _loads(self, data: mujoco.MjData) -> Array:
         """Return the frictions by the load that the constraint forces of a state cause."""
         mujoco.mj_forward(self.loops.model, data)
-        reactions = self._reactions(data)
+        reactions, couplings = self._reactions(data)
         rubbing, loads = self._on_dofs(data, FRICTION), np.zeros(len(self.stored))
         for k, item in enumerate(self.stored):
+            if item.friction.coupling:
+                loads[k] = item.friction.coefficient * abs(float(couplings[item.friction.coupling][0]))
+                continue
             joint = self.model.mechanism.joint(item.friction.joint)
             axis = self._axis(data, joint)
             moment = reactions[joint.name].moment[0]
@@ -186,8 +190,8 @@ class UpdatedFriction:
         mujoco.mj_mulJacTVec(self.loops.model, data, result, forces)
         return result
 
-    def _reactions(self, data: mujoco.MjData) -> dict[str, Reaction]:
-        """Return the reactions of the joints with friction by the load."""
+    def _reactions(self, data: mujoco.MjData) -> tuple[dict[str, Reaction], dict[str, Array]]:
+        """Return the reactions of the joints with friction by the load, and the forces of couplings."""
         model, loops = self.model, self.loops
         fields = {name: np.array(getattr(data, name))[None] for name in FIELDS}
         # batches accept no Python callback
@@ -214,4 +218,5 @@ class UpdatedFriction:
         mujoco.mj_rnePostConstraint(self.evaluated, scratch)
         fields["cfrc_int"] = np.array(scratch.cfrc_int)[None]
         joints = {item.friction.joint: model.mechanism.joint(item.friction.joint) for item in self.stored}
-        return {name: transmitted(model, joint, fields, multipliers) for name, joint in joints.items()}
+        reactions = {name: transmitted(model, joint, fields, multipliers) for name, joint in joints.items()}
+        return reactions, forces_of_couplings(model, multipliers)
