@@ -9,7 +9,20 @@ import numpy as np
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import COLUMN, FIXED, KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint, joint_coordinate
-from mechsim.model.links import EX, EY, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Inertia, Link, Pose
+from mechsim.model.links import (
+    EX,
+    EY,
+    EZ,
+    GROUND,
+    IDENTITY,
+    ORIGIN,
+    VIRTUAL_PREFIX,
+    Inertia,
+    Link,
+    Pose,
+    Vector,
+    vector,
+)
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
@@ -255,6 +268,26 @@ def with_rods(
             placed[name] = Pose(np.broadcast_to(first, (second - first).shape), _along_x(second - first))
     del placed[GROUND]
     return replace(mechanism, links=tuple(links), joints=tuple(joints)), placed
+
+
+def spin_rod(ball: Joint, spin: Vector, poses: Mapping[str, Pose]) -> Joint:
+    """Return a massless rod next to a ball, which locks one of its three rotations.
+
+    It joins a point of link b, at right angles to the axis of the rotation, to one of link a at right angles
+    to both, so that only a rotation about the axis changes their distance.
+
+    Args:
+        ball: the ball.
+        spin: axis of the rotation in the frame of link b; its length is that of both arms, in [m].
+        poses: poses of both links, the ground included.
+    """
+    a, b, arm = poses[ball.a.link], poses[ball.b.link], float(np.linalg.norm(spin))
+    across, above, _ = arm * End(ball.b.link, axis=spin).frame.T
+    ends = (
+        End(ball.a.link, vector(np.array(ball.a.point) + a.rotation.T @ b.rotation @ above)),
+        End(ball.b.link, vector(np.array(ball.b.point) + across)),
+    )
+    return Joint(f"{VIRTUAL_PREFIX}{ball.name}", "distance", *ends, length=float(np.sqrt(2.0) * arm))
 
 
 def _along_x(gap: Array) -> Array:

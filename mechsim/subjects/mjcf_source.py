@@ -22,6 +22,7 @@ from mechsim.units import Unit
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
     from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
+    from mechsim.subjects.model_source import LockedAt
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def read_mjcf(
     source: "MujocoInput",
     *,
     drivers: Sequence[str] = (),
-    lock: Mapping[str, str | float | None] | None = None,
+    lock: Mapping[str, "LockedAt"] | None = None,
     fix_base: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
@@ -67,7 +68,8 @@ def read_mjcf(
     Args:
         source: path of an MJCF or URDF file, or an object.
         drivers: driven joints; empty selects those with actuators, else a hinge called crank.
-        lock: joint -> value at which it is locked, as text or in SI; None is its initial value.
+        lock: joint -> value at which it is locked, as text or in SI; None is its initial value,
+            and a vector the axis of one rotation of a ball, as in `spin_rod`.
         fix_base: whether bodies with free joints are fixed.
         key: keyframe to start from; the default is the reference configuration.
         track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty selects the named sites, or the

@@ -11,8 +11,11 @@ from mechsim.errors import InputError
 if TYPE_CHECKING:
     from mechsim.analytic.designs import Dimension
     from mechsim.analytic.solvers import KinematicSolver
+    from mechsim.model.links import Vector
     from mechsim.model.motion_laws import State
     from mechsim.subjects.toml_coordinates import FileMotionLaw
+
+    LockedAt = str | float | Vector | None
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,8 @@ class Prescription:
 
     Attributes:
         drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
-        lock: joint or coordinate -> its constant value, as text or in SI; None is the initial value, the only
-            choice for a spherical joint.
+        lock: joint or coordinate -> its constant value, as text or in SI; None is the initial value, and a
+            vector the axis of one rotation of a spherical joint, as in `spin_rod`.
         start: joint -> value as text or in SI; the nearest assembly is the initial one.
         fix_base: whether floating bases are fixed at their initial pose.
         lock_others: whether coordinates that the drivers do not determine are locked at their initial values.
@@ -66,7 +69,7 @@ class Prescription:
     """
 
     drive: Mapping[str, "str | State"] = field(default_factory=dict[str, "str | State"])
-    lock: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
+    lock: Mapping[str, "LockedAt"] = field(default_factory=dict[str, "LockedAt"])
     start: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
     fix_base: bool = False
     lock_others: bool = False

@@ -14,6 +14,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.joint_kinds import FIXED, KINDS, REVOLUTE
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import spin_rod
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws, steady
@@ -26,6 +27,7 @@ from mechsim.units import Unit, WrittenUnits
 
 if TYPE_CHECKING:
     from mechsim.subjects.law_text import Start
+    from mechsim.subjects.model_source import LockedAt
 
 # duration of motion laws in [s] if no table ends and no file states one
 DEFAULT_DURATION = 1.0
@@ -57,10 +59,11 @@ def prescribed_solver(
         at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
         solver = prescribed_solver(source, changed, at_start, assembled=assembled, guess=guess)
         others = undetermined_joints(solver.mechanism)
-        lock = {**prescription.lock, **dict.fromkeys(others)}
+        lock = {**prescription.lock, **others}
         locking = replace(prescription, lock_others=False, lock=lock)
         solver = prescribed_solver(source, changed, locking, assembled=assembled, guess=guess)
-        fact = f"joints locked at their initial values: {', '.join(others) or 'none'}"
+        named = [f"{name} (one rotation)" if spin else name for name, spin in others.items()]
+        fact = f"joints locked at their initial values: {', '.join(named) or 'none'}"
         return solver.with_mechanism(solver.mechanism, facts=(*solver.facts, fact))
     description = source.describe(changed, prescription)
     if prescription.loops is not None and not description.prescribed:
@@ -166,11 +169,13 @@ def _with_prescription(
             points=dict(_tracked_point(mechanism, text, solver.written) for text in prescription.track),
         )
     fixed = _joints_to_fix(mechanism, prescription)
+    spins = {name: spin for name, spin in prescription.lock.items() if isinstance(spin, tuple)}
+    if spins:
+        mechanism = _with_locked_spins(mechanism, spins)
     if fixed:
         mechanism = _with_fixed_joints(mechanism, fixed)
-        prescription = replace(
-            prescription, lock={name: law for name, law in prescription.lock.items() if name not in fixed}
-        )
+    locks = {name: law for name, law in prescription.lock.items() if name not in (*fixed, *spins)}
+    prescription = replace(prescription, lock=locks)
     mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, solver.written)
     if (
         mechanism is solver.mechanism
@@ -327,7 +332,7 @@ def _with_drivers_and_locks(
 
 def _locked_coordinates(
     mechanism: Mechanism,
-    lock: Mapping[str, str | float | None],
+    lock: Mapping[str, "LockedAt"],
     starts: Mapping[str, float],
     written: WrittenUnits,
 ) -> dict[str, float]:
@@ -425,6 +430,16 @@ def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
             name: value for name, value in mechanism.guess_coordinates.items() if name in coordinates
         },
     )
+
+
+def _with_locked_spins(mechanism: Mechanism, spins: Mapping[str, Vector]) -> Mechanism:
+    """Return the mechanism with balls that do not rotate about one axis each, as in `spin_rod`."""
+    poses, _ = start_poses(mechanism)
+    link_frames = {GROUND: IDENTITY, **poses}
+    rods = [
+        spin_rod(joint, spins[joint.name], link_frames) for joint in mechanism.joints if joint.name in spins
+    ]
+    return replace(mechanism, joints=(*mechanism.joints, *rods), guess=poses)
 
 
 def _turning_balls(mechanism: Mechanism) -> Mechanism | None:

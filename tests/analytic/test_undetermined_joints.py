@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, loops
-from mechsim.analytic.loops.mobility import driver_determinacy, with_coordinate_locked
+from mechsim.analytic.loops.mobility import driver_determinacy, with_component_locked
 from mechsim.errors import MobilityError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
@@ -86,7 +86,7 @@ def test_a_start_at_a_dead_centre_is_not_underdetermined():
 
 def test_locking_a_coordinate_removes_one_dof():
     basis = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
-    locked = with_coordinate_locked(basis, 4)
+    locked = with_component_locked(basis, basis[:, 4])
     assert locked.shape == (4, 9)
     np.testing.assert_allclose(locked[:, 4], 0.0, atol=1e-15)
     np.testing.assert_allclose(locked @ locked.T, np.eye(4), atol=1e-14)

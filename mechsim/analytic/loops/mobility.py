@@ -11,8 +11,9 @@ from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.start import all_closed, assembled, closed, disturbed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import NEARBY, loop_solver
@@ -85,11 +86,13 @@ def nearest_consistent(
     return newton(system, q, CONSISTENT, lambda matrix, right: least_norm(matrix, right, tolerance, floor)).q
 
 
-def with_coordinate_locked(null_space: Array, coordinate: int) -> Array:
-    """Return the null space with a coordinate locked, which has one dimension less."""
-    component = null_space[:, coordinate]
+def with_component_locked(null_space: Array, component: Array) -> Array:
+    """Return the null space, (dofs, count), without the motion of a component, (dofs,): one dimension less.
+
+    The component of each null direction is that of a coordinate, or of a rotation about some axis.
+    """
     rows = np.flatnonzero(component)
-    # a reflection moves the component of the coordinate into the first vector
+    # a reflection moves the component into the first vector
     mirror = component[rows]
     mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
     reflected = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ null_space[rows])
@@ -188,7 +191,7 @@ def independent_coordinates(
     for name in names:
         index = loops.tree.index_of[name]
         if len(null_space) and float(np.linalg.norm(null_space[:, index])) > MIN_DRIVER_PARTICIPATION:
-            null_space = with_coordinate_locked(null_space, index)
+            null_space = with_component_locked(null_space, null_space[:, index])
             independent.append(name)
         else:
             dependent.append(name)
@@ -240,35 +243,64 @@ def require_determined(solver: TreeSolver) -> None:
 def undetermined_names(solver: TreeSolver) -> list[str]:
     """Return what can move at fixed driver positions, one name for each undetermined degree of freedom."""
     names: list[str] = []
-    for name, _ in _undetermined(solver) if solver.nullity else ():
+    for name, _, _ in _undetermined(solver) if solver.nullity else ():
         if len(names) == LISTED:
             return [*names, "others"]
         names += [name] if name not in names else []
     return names
 
 
-def joints_to_lock(solver: TreeSolver) -> tuple[str, ...]:
+def joints_to_lock(solver: TreeSolver) -> dict[str, Vector | None]:
     """Return coordinates, balls and floating joints whose locks make the motion determined.
 
-    Those outside loops come first; in a loop there are as many as it has undetermined degrees of freedom.
+    Those outside loops come first; in a loop there are as many as it has undetermined degrees of freedom. A
+    ball of which one rotation alone is undetermined, as of a rod between two balls, has this spin for
+    `spin_rod`; the others have None.
     """
-    names = [name for _, name in _undetermined(solver, loops_last=True)] if solver.nullity else []
-    loops = solver.loops
+    undetermined = [*_undetermined(solver, loops_last=True)] if solver.nullity else []
+    names, loops = [name for _, name, _ in undetermined], solver.loops
     null_space = np.zeros((solver.nullity, loops.tree.count))
     null_space[:, loops.unknown] = solver.null_space
-    # a locked ball loses three degrees of freedom, of which other locks can have counted one
-    balls = {ball.joint.name: ball.first_angle for ball in loops.tree.balls if ball.joint.name in names}
-    for column in np.ravel([range(first, first + 3) for first in balls.values()]).astype(int):
-        if float(np.linalg.norm(null_space[:, column])) > MIN_PARTICIPATION:
-            null_space = with_coordinate_locked(null_space, column)
-    others = [name for name in names if name not in balls]
-    return (*balls, *independent_coordinates(loops, others, null_space)[0])
+    locks: dict[str, Vector | None] = {}
+    for ball in loops.tree.balls:
+        name = ball.joint.name
+        if name not in names:
+            continue
+        axes = [axis for _, other, axis in undetermined if other == name and axis is not None]
+        single = len(axes) == 1 and names.count(name) == 1 and _joins_written_links(ball.joint)
+        locks[name] = _spin(solver, ball.joint, axes[0]) if single else None
+        # a locked ball loses three degrees of freedom, of which other locks can have counted one
+        for axis in axes if single else np.eye(3):
+            component = null_space[:, ball.first_angle : ball.first_angle + 3] @ axis
+            if float(np.linalg.norm(component)) > MIN_PARTICIPATION:
+                null_space = with_component_locked(null_space, component)
+    others = [name for name in names if name not in locks]
+    return locks | dict.fromkeys(independent_coordinates(loops, others, null_space)[0])
 
 
-def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
+def _joins_written_links(joint: Joint) -> bool:
+    """Whether a joint is a ball without slides between links of the file."""
+    return KINDS[joint.kind].pivot and not any(
+        end.link.startswith(VIRTUAL_PREFIX) for end in (joint.a, joint.b)
+    )
+
+
+def _spin(solver: TreeSolver, ball: Joint, axis: Array) -> Vector:
+    """Return an axis in the frame of a ball's side a as one of link b, as long as the mechanism."""
+    tree = solver.loops.tree
+    poses = link_poses(tree, solver.reference)
+    from_a, to_b = (
+        np.eye(3) if end.link == GROUND else poses.rotation[tree.index[end.link]][..., 0]
+        for end in (ball.a, ball.b)
+    )
+    return vector(to_b.T @ from_a @ ball.a.frame @ axis * tree.mechanism.characteristic_length)
+
+
+def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str, Array | None]]:
     """Yield one name for each undetermined degree of freedom, with all names before it locked.
 
-    Each has what locks it: its coordinate, or the ball or floating joint.
+    Each has what locks it: its coordinate, or the ball or floating joint, whose rotation about an axis in the
+    frame of side a, (3,), is undetermined.
     """
     loops, null_space = solver.loops, solver.null_space
     tree = loops.tree
@@ -282,30 +314,30 @@ def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[t
         )
     named: set[str] = set()
     for name in free:
-        displaced = _displaced_by(solver, null_space, columns[name])
+        displaced = _displaced_by(solver, null_space, null_space[:, columns[name]])
         if displaced and name in displaced:
             label = joints[name].name if KINDS[joints[name].kind].floating else name
             named.add(name)
-            yield label, label
-            null_space = with_coordinate_locked(null_space, columns[name])
-    # rotations of balls, which have no coordinate
+            yield label, label, None
+            null_space = with_component_locked(null_space, null_space[:, columns[name]])
+    # rotations of balls, which have no coordinate, about the axes of their largest rotations
     for ball in tree.balls:
-        for rotation in range(ball.first_angle, ball.first_angle + 3):
-            column = int(np.searchsorted(loops.unknown, rotation))
-            displaced = _displaced_by(solver, null_space, column)
+        first = int(np.searchsorted(loops.unknown, ball.first_angle))
+        for axis in np.linalg.svd(null_space[:, first : first + 3])[2]:
+            component = null_space[:, first : first + 3] @ axis
+            displaced = _displaced_by(solver, null_space, component)
             if displaced:
                 moved = next((name for name in displaced if name not in named), displaced[0])
-                yield ball.joint.name if ball.kind.floating else moved, ball.joint.name
-                null_space = with_coordinate_locked(null_space, column)
+                yield ball.joint.name if ball.kind.floating else moved, ball.joint.name, axis
+                null_space = with_component_locked(null_space, component)
 
 
-def _displaced_by(solver: TreeSolver, null_space: Array, column: int) -> list[str]:
-    """Return what moves along the null directions of a coordinate; empty for a passive one."""
-    components = null_space[:, column]
-    length = float(np.linalg.norm(components))
+def _displaced_by(solver: TreeSolver, null_space: Array, component: Array) -> list[str]:
+    """Return what moves along the null directions with a component, (dofs,); empty for a passive one."""
+    length = float(np.linalg.norm(component))
     if length < MIN_PARTICIPATION:
         return []
-    direction = (components / length) @ null_space
+    direction = (component / length) @ null_space
     moved = (_moved_by(solver, direction, displacement) for displacement in NULL_DISPLACEMENTS)
     return next(filter(None, moved), [])
 
@@ -440,7 +472,7 @@ def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
     )
 
 
-def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
+def undetermined_joints(mechanism: Mechanism) -> dict[str, Vector | None]:
     """Return what must be locked so that the drivers determine the rest, as in `joints_to_lock`.
 
     Raises:

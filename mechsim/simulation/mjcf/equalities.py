@@ -1,9 +1,12 @@
-"""Equality constraints of a MuJoCo model: their stiffness, and locked joints."""
+"""Equality constraints of a MuJoCo model: their stiffness, rods and locked joints."""
 
 from collections.abc import Mapping, Sequence
 
 import mujoco
+import numpy as np
 
+from mechsim.model.joints import Joint
+from mechsim.model.links import Pose
 from mechsim.simulation.mjcf.compiling import compiled
 
 # time constant of the loops in steps
@@ -23,6 +26,21 @@ def add_equality(
         solref=(TIME_CONSTANT_STEPS * spec.option.timestep, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
     )
+
+
+def add_rod(
+    spec: mujoco.MjSpec, rod: Joint, bodies: Mapping[str, mujoco.MjsBody], frames: Mapping[str, Pose]
+) -> None:
+    """Keep the distance of the points of a rod by a tendon, whose length counts from the reference."""
+    tendon, ends = spec.add_tendon(name=rod.name), (rod.a, rod.b)
+    for end in ends:
+        name = f"{rod.name}@{end.link}"
+        bodies[end.link].add_site(name=name, pos=end.point)
+        tendon.wrap_site(name)
+    gap = np.subtract(*(frames[end.link].point(end.point) for end in ends))
+    kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+    made = add_equality(spec, rod.name, kind, object_kind, (rod.name, ""))
+    made.data[:5] = [rod.length - float(np.linalg.norm(gap)), 0.0, 0.0, 0.0, 0.0]
 
 
 def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:

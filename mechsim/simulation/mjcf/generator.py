@@ -14,7 +14,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.simulation.mjcf.equalities import add_equality, lock_joint
+from mechsim.simulation.mjcf.equalities import add_equality, add_rod, lock_joint
 from mechsim.simulation.mjcf.force_elements import (
     PLACEHOLDER,
     add_forces,
@@ -95,7 +95,9 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         for name, (link, point) in mechanism.points.items():
             bodies[link].add_site(name=name, pos=point)
         _close(spec, mechanism, tree, bodies)
-        _add_rods(spec, tree, bodies, frames)
+        for joint in tree.cuts:
+            if KINDS[joint.kind].rod:
+                add_rod(spec, joint, bodies, frames)
         _couple(spec, mechanism)
         if forces is not None:
             add_forces(spec, mechanism, tree, bodies, forces)
@@ -181,26 +183,6 @@ def _close(
             add_equality(
                 spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
             )
-
-
-def _add_rods(
-    spec: mujoco.MjSpec, tree: Tree, bodies: Mapping[str, mujoco.MjsBody], frames: Mapping[str, Pose]
-) -> None:
-    """Keep the distance of the points of each rod by a tendon, whose length counts from the reference."""
-    for joint in tree.cuts:
-        if not KINDS[joint.kind].rod:
-            continue
-        tendon = spec.add_tendon(name=joint.name)
-        ends = (joint.a, joint.b)
-        for end in ends:
-            name = f"{joint.name}@{end.link}"
-            bodies[end.link].add_site(name=name, pos=end.point)
-            tendon.wrap_site(name)
-        gap = np.subtract(*(frames[end.link].point(end.point) for end in ends))
-        made = add_equality(
-            spec, joint.name, mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON, (joint.name, "")
-        )
-        made.data[:5] = [joint.length - float(np.linalg.norm(gap)), 0.0, 0.0, 0.0, 0.0]
 
 
 def _weld(spec: mujoco.MjSpec, joint: Joint, bodies: Mapping[str, mujoco.MjsBody]) -> None:

@@ -9,11 +9,13 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
+from mechsim.model.link_poses import spin_rod
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf.compiling import compiled, quiet
+from mechsim.simulation.mjcf.equalities import add_rod
 from mechsim.simulation.mjcf_reader.coordinates import (
     BodyPoint,
     actuated_joints,
@@ -110,7 +112,7 @@ def read_model(
     source: MujocoInput,
     *,
     drivers: Sequence[str] = (),
-    lock: Mapping[str, LockedAt] | None = None,
+    lock: Mapping[str, LockedAt | Vector] | None = None,
     fix_base: bool = False,
     key: str | None = None,
     track: Sequence[str] = (),
@@ -123,7 +125,8 @@ def read_model(
         source: path of a file that MuJoCo loads, or an object, which remains unchanged.
         drivers: driven joints; if empty, the joints with actuators, or a hinge named crank.
         lock: joint -> locked value in [m] or [rad], or a function from the unit to this value. None locks a
-            joint at its initial value, the only choice for a ball or a free joint.
+            joint at its initial value, the only choice for a free joint; a vector is the axis of one rotation
+            of a ball, as in `spin_rod`.
         fix_base: whether bodies with free joints are fixed at their initial poses.
         key: keyframe of the initial state; None for the reference configuration.
         track: points, as `tracked` reads them.
@@ -148,17 +151,21 @@ def read_model(
         spec.delete(key_)
     if fix_base and not free_bodies(model):
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
-    fixed, lock = _fixed_joints(model, lock or {}, fix_base=fix_base)
+    spins = {name: value for name, value in (lock or {}).items() if isinstance(value, tuple)}
+    locks = {name: value for name, value in (lock or {}).items() if not isinstance(value, tuple)}
+    fixed, locks = _fixed_joints(model, locks, fix_base=fix_base)
     if fixed:
         remarks += _fixed_remarks(model, fixed)
         start = fix_bodies(spec, model, fixed, start)
         model, _ = compile_repaired(path, spec)
+    if spins:
+        model = _with_locked_spins(spec, model, start, spins)
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)
     loops = equalities(model, tree.carriers, skip_others=lint)
     points = tracked(model, tree.carriers, track)
-    locked = _locked(model, start, lock)
+    locked = _locked(model, start, locks)
     names = driven(model, drivers, list(locked), describe_only or lint)
     mechanism = _mechanism(spec, model, start, tree, loops, points, locked, names)
     links = with_inertias(model, mechanism.links, tree.carriers, minimum_mass(remarks))
@@ -270,6 +277,19 @@ def _fixed_joints(
     named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
     fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
     return fixed, {name: value for name, value in lock.items() if rotational.get(name) not in fixed}
+
+
+def _with_locked_spins(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array, spins: Mapping[str, Vector]
+) -> mujoco.MjModel:
+    """Add the rods that lock one rotation of balls each, and return the model with them."""
+    tree = kinematic_tree(model)
+    at_start, reference = ({GROUND: IDENTITY, **poses(model, tree, q)} for q in (start, model.qpos0))
+    bodies = {link_name(model, body.id): body for body in spec.bodies} | {GROUND: spec.worldbody}
+    for joint in tree.joints:
+        if joint.name in spins:
+            add_rod(spec, spin_rod(joint, spins[joint.name], at_start), bodies, reference)
+    return compiled(spec)
 
 
 def states_of(
