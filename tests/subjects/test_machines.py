@@ -179,3 +179,32 @@ def test_machines_are_shown_balanced_and_drawn(name, mechsim, tmp_path):
 def test_findings_name_the_file_that_is_checked():
     path = str(gallery.machines()["cam_press"])
     assert {violation.file for violation in ms.check(path)} == {path}
+
+
+def test_the_rods_of_peaucellier_guide_a_mass_on_a_straight_line():
+    model = ms.load("peaucellier_rods", still=True)
+    motion = model.solve(np.linspace(-0.5, 0.5, 11))
+    assert motion.points["P"].position[:, 0] == pytest.approx(0.0055 / 0.06, abs=1e-14)
+
+    def masses(q):
+        """Positions of A, B and P, (6,)."""
+        reach, along = 0.06 * np.cos(q / 2), q / 2
+        apart = np.arccos((reach**2 + 0.0055) / (0.16 * reach))
+        distances = (0.08, along + apart), (0.08, along - apart), (0.0055 / reach, along)
+        return np.ravel([[r * np.cos(angle), r * np.sin(angle)] for r, angle in distances])
+
+    weights = np.repeat([0.05, 0.05, 0.1], 2)
+
+    def falls(_, state):
+        """Rates of q and q' by (m x'^2)' = - m g y', with x'' by a difference of complex steps."""
+        q, v = state
+        first, second = (masses(q + k * 1e-4 + 1e-30j).imag / 1e-30 for k in (0.0, 1.0))
+        bend = (second - masses(q - 1e-4 + 1e-30j).imag / 1e-30) / 2e-4
+        inertia = 2e-4 + weights @ first**2
+        return v, -(weights * first) @ (bend * v**2 + np.tile([0.0, G], 3)) / inertia
+
+    run = ms.dynamics.run(model, initial={"crank.q": 0.2, "crank.v": -1.5}, duration=0.08, samples=16)
+    assert run.outcome == "done"
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-11}
+    exact = solve_ivp(falls, (0, 0.08), [0.2, -1.5], t_eval=run.time, **options)
+    assert run.motion.joints["crank"].value == pytest.approx(exact.y[0], abs=1e-7)
