@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -182,18 +183,7 @@ def test_invalid_bushings_are_rejected():
         replace(MOUNT, b=MOUNT.a)
 
 
-TEXT = """name = "mounted"
-[links.block]
-inertia = { mass = 2.0, centre = [0, 0, 0], moments = [0.01, 0.02, 0.015] }
-[joints.free]
-kind = "floating"
-a = { link = "ground" }
-b = { link = "block" }
-[forces.bushings.mount]
-a = { link = "ground", at = ["10 mm", 0, 0], axis = [0, 1, 0] }
-b = { link = "block" }
-stiffness = ["4 N/mm", 3000, 5000, "8 N m/rad", 12, 5]
-"""
+TEXT = model_text("bushings_text.toml")
 
 
 def test_a_bushing_in_a_file_is_written_and_read_back(tmp_path):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -36,10 +37,7 @@ GALLERY = sorted(
     if path.stem not in CAMS
 )
 MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
-FREE_BODY = """<mujoco><worldbody><body name="plate" pos="0 0 1"><freejoint name="free"/>
-<inertial pos="0.1 -0.05 0.02" mass="2" diaginertia="0.02 0.03 0.04"/>
-<body name="arm" pos="0.2 0 0"><joint name="elbow" axis="0 1 0"/>
-<inertial pos="0.1 0 0" mass="0.5" diaginertia="0.001 0.002 0.003"/></body></body></worldbody></mujoco>"""
+FREE_BODY = model_text("compiled_dynamics_free_body.xml")
 
 
 def every_force(mechanism):
@@ -300,6 +298,7 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
     assert "a load over time given by a function" in run.note
 
 
+@pytest.mark.long
 def test_a_run_under_a_load_table_is_the_same_in_c_and_in_numpy(monkeypatch):
     """The third derivatives of the spline jump at the rows of the table, which steps do not know."""
     times = np.linspace(0.0, 0.3, 16)
@@ -380,6 +379,7 @@ STIFF = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", STIFF)
 def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(name, monkeypatch):
     model, forces, duration = STIFF[name]

@@ -116,6 +116,7 @@ def test_each_motion_without_restoring_force_is_one_mode():
     assert elastic.frequency > 0.1
 
 
+@pytest.mark.long
 def test_each_dwell_of_a_cam_is_one_family_of_equilibria():
     cam = ms.load("cam_follower")
     dwells = ms.dynamics.equilibria(cam, WEIGHT)

@@ -182,14 +182,7 @@ def test_a_joint_at_which_a_loop_is_cut_is_not_left_beyond_its_range():
         assert run.outcome == "failed" or max(low - values.min(), values.max() - high) <= 1e-9
 
 
-COUPLED_FINGERS = """<mujoco><worldbody>
-<body name="p"><joint name="p" range="{range}" axis="1 2 3" frictionloss="1"/>
-<geom type="capsule" size=".01" fromto="0 0 0 .02 .05 .1"/>
-<body name="r" pos=".1 0 0"><joint name="r" range="{range}" axis="3 1 2" frictionloss="1"/>
-<geom type="capsule" size=".01" fromto="0 0 0 .1 .02 .03"/></body></body>
-<body name="q" pos=".2 0 0"><joint name="q" range="{range}" axis="2 3 1" frictionloss="1"/>
-<geom type="capsule" size=".01" fromto="0 0 0 .03 .01 .1"/></body></worldbody>
-<equality><joint joint1="p" joint2="q"/><joint joint1="r" joint2="q"/></equality></mujoco>"""
+COUPLED_FINGERS = model_text("joint_stops_coupled_fingers.xml")
 
 
 @pytest.mark.parametrize("limits", ["0 40", "-40 0"])

@@ -10,7 +10,7 @@ from scipy.optimize import root
 
 import mechsim as ms
 from mechsim import dynamics
-from mechsim.errors import FrictionError, InputError
+from mechsim.errors import FrictionError
 from mechsim.model.joint_friction import Friction
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
@@ -172,24 +172,6 @@ def test_an_exported_mujoco_model_states_the_friction_it_lacks(tmp_path):
     model = loaded(SLIDER_CRANK, tmp_path)
     assert "crank, A, B, slide" in ms.export(model, scene="dynamics").left_out
     assert not ms.export(model).left_out
-
-
-@pytest.mark.parametrize(
-    ("friction", "message"),
-    [
-        ({"coefficient": -0.1, "pin_radius": 0.01}, "coefficient of friction .* -0.1"),
-        ({"coefficient": 0.1}, "give pin_radius"),
-        ({"coefficient": float("nan"), "pin_radius": 0.01}, "is nan"),
-        ({"coefficient": 0.1, "pin_radius": 0.01, "bearing_length": -1.0}, "bearing length"),
-        ({"coefficient": 0.2, "pin_radius": 0.01, "static": 0.1}, "static .* 0.1, below that in motion, 0.2"),
-        ({"static": 0.1}, "or without any"),
-        ({"coulomb": 0.1, "stribeck": 0.1}, "no effect without static"),
-    ],
-)
-def test_invalid_friction_is_rejected(friction, message, tmp_path):
-    mechanism = loaded(SLIDER_CRANK, tmp_path).mechanism
-    with pytest.raises(InputError, match=message):
-        Friction("A", **friction).check(mechanism.joint("A"))
 
 
 def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods(tmp_path):

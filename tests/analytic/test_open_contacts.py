@@ -154,6 +154,7 @@ def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
     assert frame_poses(mechanism, run.motion).instant(2) == "0.050 s"
 
 
+@pytest.mark.long
 def test_each_contact_has_its_own_restitution(tmp_path):
     ball = written(tmp_path, BALL.replace("rope = {", "restitution = 0.5\nrope = {"))
     for path in (ball, written(tmp_path, to_toml(ms.load(ball, still=True)))):

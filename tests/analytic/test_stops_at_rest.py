@@ -22,6 +22,7 @@ def model_of(folder, text):
     return dynamic_model(load(str(folder / "model.toml"), still=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("lower", "upper", "expected"),
     [
@@ -42,6 +43,7 @@ def test_an_arm_rests_at_its_stop(tmp_path, lower, upper, expected):
         assert crosscheck_equilibrium(each, model).passed
 
 
+@pytest.mark.long
 def test_a_stop_in_a_loop_carries_the_virtual_work_of_the_weight(tmp_path):
     model = model_of(tmp_path, SLIDER)
     at_rest = [each for each in ms.dynamics.equilibria(model) if each.stops]

@@ -46,6 +46,7 @@ def equation(_, state):
     return v, -(LEVER * first * second * v**2 + load * first) / (MOMENT + LEVER * first**2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("initial", [{"cam.q": "25deg"}, {"cam.v": 6.0}])
 def test_a_released_cam_against_lagrange(initial, tmp_path):
     model = model_of(tmp_path, MOMENT)
@@ -65,6 +66,7 @@ def test_a_preloaded_follower_on_a_dwell_stays_at_rest(angle, tmp_path):
     assert not run.motion.joints["cam"].rate.any()
 
 
+@pytest.mark.long
 def test_a_light_cam_does_not_make_its_contact_compliant_in_mujoco(tmp_path):
     model = model_of(tmp_path, LIGHT)
     stepped = stepped_run(model.mechanism, model.forces, {}, {}, np.linspace(0.0, 1.0, 101), 10)

@@ -7,7 +7,7 @@ from strategies import EPS, offsets, turns
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import crossed_at_zero
-from mechsim.model.joints import End, Gear, Joint, joint_coordinate
+from mechsim.model.joints import End, Joint, joint_coordinate
 from mechsim.model.links import EX, EY, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 
@@ -109,25 +109,6 @@ def test_rounding_does_not_set_the_characteristic_length():
 def test_the_characteristic_length_is_the_longest_distance_within_a_link():
     assert chain().characteristic_length == pytest.approx(0.5)
     assert [end.link for end in chain().ends("arm")] == ["arm", "arm"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "output"),
-    [
-        ({"links": (Link("arm"), Link("arm"))}, "more than one link called 'arm'"),
-        ({"links": (Link("ground"), Link("tip"))}, "more than one link called 'ground'"),
-        ({"links": (Link("arm"),)}, r"joint 'knee' names link 'tip', but there are only ground, arm"),
-        ({"driver": "motor"}, "names coordinate 'motor', but there are only crank, knee"),
-        ({"points": {"P": ("leg", EX)}}, "point 'P' names link 'leg'"),
-        ({"guess": {"leg": IDENTITY}}, "guess names link 'leg'"),
-        ({"gears": (Gear("crank", "wheel", 2.0),)}, "gear names revolute joint 'wheel'"),
-        ({"gears": (Gear("crank", "knee", 0.0),)}, "ratio of gear 'crank'-'knee' is 0"),
-        ({"gears": (Gear("crank", "knee", float("nan")),)}, "ratio of gear 'crank'-'knee' is nan"),
-    ],
-)
-def test_a_contradictory_mechanism_is_rejected(changes, output):
-    with pytest.raises(InputError, match=output):
-        chain(**changes)
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "fixed"])

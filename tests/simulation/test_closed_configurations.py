@@ -81,10 +81,7 @@ def test_a_model_without_loops_is_rejected() -> None:
         ms.sample(mujoco.MjModel.from_xml_string(pendulum), 3)
 
 
-PARALLELOGRAM = """<body pos="0 0 {z}"><joint name="crank{n}" axis="0 0 1"/><geom size=".01" pos="0 .1 0"/>
- <body pos="0 .1 0"><joint axis="0 0 1"/><geom size=".01"/><site name="a{n}" pos=".2 0 0"/></body></body>
-<body pos=".2 0 {z}"><joint name="rocker{n}" axis="0 0 1"/><geom size=".01"/><site name="b{n}" pos="0 .1 0"/>
-</body>"""
+PARALLELOGRAM = model_text("closed_configurations_parallelogram.xml")
 
 
 def parallelograms(count: int) -> mujoco.MjModel:

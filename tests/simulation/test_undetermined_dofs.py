@@ -14,12 +14,7 @@ SECOND = '<joint joint1="D" joint2="crank" polycoef="0 1 0 0 0"/></equality>'
 TREE = """<mujoco model="tree"><worldbody><body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
 <site name="P" pos=".03 0 0"/><body name="b" pos=".03 0 0"><joint name="loose" axis="0 0 1"/>
 <geom size=".01" pos=".02 0 0"/></body></body>EXTRA</worldbody></mujoco>"""
-FINGER = """<body name="NAME_driver" pos="Y 0 0"><joint name="NAME" axis="0 0 1"/><geom size=".005"/>
- <body name="NAME_coupler" pos="0 .03 0"><joint name="NAME coupler" axis="0 0 1"/><geom size=".005"/>
- </body></body>
-<body name="NAME_spring" pos="Y .01 0"><joint name="NAME spring" axis="0 0 1"/><geom size=".005"/>
- <body name="NAME_follower" pos=".03 .04 0"><joint name="NAME follower" axis="0 0 1"/><geom size=".005"/>
-  <site name="NAME tip" pos="0 .03 0"/></body></body>"""
+FINGER = model_text("undetermined_dofs_finger.xml")
 
 
 def gripper():

@@ -78,21 +78,6 @@ def test_controllers_round_trip_through_a_file(tmp_path):
     assert CONTROLLED.controllers[0].text in to_toml(loaded)
 
 
-@pytest.mark.parametrize(
-    ("coordinate", "text", "message"),
-    [
-        ("crank", "-20*crank.a", "crank"),
-        ("crank", "-20*angle", "names 'angle', which is not defined"),
-        ("crank", "-20*", "write an expression of J.q, J.v and t"),
-        ("crank", "wheel.q", "names 'wheel', which is no coordinate of four_bar"),
-        ("wheel", "1", "names 'wheel', which is no coordinate of four_bar"),
-    ],
-)
-def test_an_invalid_controller_is_rejected(coordinate, text, message):
-    with pytest.raises(ms.InputError, match=message):
-        released(ms.Forces(controllers=(ms.Controller(coordinate, text),)))
-
-
 def test_controllers_in_a_prescribed_motion_are_rejected():
     model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), CONTROLLED)
     with pytest.raises(ms.InputError, match="controllers act in runs from an initial state"):

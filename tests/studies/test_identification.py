@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.stats import chi2
 
 from mechsim import dynamics
@@ -17,35 +18,8 @@ LINK = ("mass", "com.x", "com.y", "inertia.zz")
 TIMES = np.linspace(0.0, 4.0, 240)
 GRAVITY = 9.81
 
-PENDULUM = """
-name = "pendulum"
-drivers = ["pivot"]
-[links.bob]
-inertia = { mass = 1.0, centre = [0.2, 0, 0], moments = [0.001, 0.001, 0.001] }
-[joints.pivot]
-kind = "revolute"
-a = { link = "ground", at = [0, 0, 0], axis = [0, 0, 1] }
-b = { link = "bob", at = [0, 0, 0], axis = [0, 0, 1] }
-[forces]
-gravity = [0, -9.81, 0]
-"""
-ARM = """
-name = "arm"
-[links.upper]
-inertia = { mass = 1.0, centre = [0.1, 0, 0], moments = [0.01, 0.01, 0.01] }
-[links.fore]
-inertia = { mass = 1.0, centre = [0.1, 0, 0], moments = [0.01, 0.01, 0.01] }
-[joints.shoulder]
-kind = "revolute"
-a = { link = "ground", at = [0, 0, 0], axis = [0, 0, 1] }
-b = { link = "upper", at = [0, 0, 0], axis = [0, 0, 1] }
-[joints.elbow]
-kind = "revolute"
-a = { link = "upper", at = [0.3, 0, 0], axis = [0, 0, 1] }
-b = { link = "fore", at = [0, 0, 0], axis = [0, 0, 1] }
-[forces]
-gravity = [0, -9.81, 0]
-"""
+PENDULUM = model_text("identification_pendulum.toml")
+ARM = model_text("identification_arm.toml")
 
 
 def waves(*terms, offset=0.0):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
+from model_files import FOLDER
 
 from mechsim.errors import InputError
 from mechsim.studies.identification import identify
 from mechsim.studies.joint_log import read_log
 from mechsim.studies.measured_table import measured_of
 from mechsim.subjects.readers import load
-from tests.studies.test_identification import PENDULUM
 
 JOINT_STATE = """std_msgs/Header header
 string[] name
@@ -95,9 +95,8 @@ def test_a_json_log_may_lack_rates_torques_and_header(tmp_path):
 
 def test_the_mass_is_identified_from_a_log(tmp_path):
     ros_log(tmp_path / "run.mcap")
-    (tmp_path / "pendulum.toml").write_text(PENDULUM)
     table = read_log(tmp_path / "run.mcap")
-    result = identify(load(tmp_path / "pendulum.toml", still=True), table, ["bob.mass"])
+    result = identify(load(FOLDER / "identification_pendulum.toml", still=True), table, ["bob.mass"])
     # the spline through rates of 50 Hz is the only error
     assert result.values["bob.mass"] == pytest.approx(1.4, rel=1e-5)
 

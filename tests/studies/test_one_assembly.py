@@ -107,16 +107,7 @@ def test_a_requested_start_selects_the_assembly(tmp_path):
 
 
 # crank 0.1 m at (0, 1), rod 0.3 m, rocker 0.2 m at (0.4, 0.8) in the plane x, z
-FOUR_BAR_XML = """<mujoco><worldbody>
-<body name="c" pos="0 0 1"><joint name="crank" axis="0 1 0" damping="1"/>
-<geom type="capsule" fromto="0 0 0 .1 0 0" size=".01"/>
-<body name="k" pos=".1 0 0"><joint name="rod" axis="0 1 0"/>
-<geom type="capsule" fromto="0 0 0 .3 0 0" size=".01"/>
-</body></body><body name="r" pos=".4 0 .8"><joint name="rocker" axis="0 1 0"/>
-<geom type="capsule" fromto="0 0 0 0 0 .2" size=".01"/></body></worldbody>
-<equality><connect body1="k" body2="r" anchor=".3 0 0"/></equality>
-<contact><exclude body1="k" body2="r"/></contact>
-<actuator><position name="m" joint="crank" kp="100"/></actuator></mujoco>"""
+FOUR_BAR_XML = model_text("one_assembly_four_bar.xml")
 
 
 @pytest.mark.parametrize("requested", [2.0, 2.5, 4.0, -2.0, -3.7])

@@ -95,13 +95,7 @@ def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(tmp_path):
 
 
 # the same bar as MJCF: its ropes are rods with small inertias about their lines
-BAR_XML = """<mujoco><worldbody>
-<body name="a"><joint name="A" type="ball"/><geom type="capsule" fromto="0 0 0 0 0 -1" size=".01"/>
-<body name="b" pos="0 0 -1"><joint name="B" type="ball"/>
-<geom type="capsule" fromto="0 0 0 1 0 0" size=".02"/>
-<site name="P" pos=".5 0 0"/><body name="c" pos="1 0 0"><joint name="C" type="ball"/>
-<geom type="capsule" fromto="0 0 0 0 0 1" size=".01"/></body></body></body></worldbody>
-<equality><connect body1="c" body2="world" anchor="0 0 1"/></equality></mujoco>"""
+BAR_XML = model_text("balls_alone_bar.xml")
 
 
 @pytest.mark.long

@@ -64,10 +64,7 @@ def test_undriven_joints_of_a_toml_file_are_locked(file):
     assert set(load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
 
 
-TWO_RODS = """<mujoco model="two_rods"><compiler angle="radian"/><worldbody>
-<body><joint name="j1" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size=".01"/>
-<body pos=".3 0 0"><joint name="j2" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size=".01"/>
-</body></body></worldbody></mujoco>"""
+TWO_RODS = model_text("lock_others_two_rods.xml")
 
 
 def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path, mechsim):

@@ -2,27 +2,11 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 
-PISTON = """
-name = "piston"
-units = { length = "mm", angle = "deg" }
-drivers = ["DRIVER"]
-joints.crank = { kind = "revolute", a.link = "ground", b.link = "shaft" }
-joints.big_end = { kind = "revolute", a = { link = "shaft", at = [43, 0, 0] }, b.link = "rod" }
-joints.pin = { kind = "revolute", a = { link = "rod", at = [145, 0, 0] }, b.link = "piston" }
-[joints.bore]
-kind = "prismatic"
-a = { link = "ground", axis = [0, 1, 0] }
-b = { link = "piston", axis = [0, 1, 0] }
-[points]
-P.link = "piston"
-[guess]
-shaft = { at = [0, 0, 0], turn = { axis = [0, 0, 1], angle = 60 } }
-rod = { at = [21.5, 37.239, 0], turn = { axis = [0, 0, 1], angle = 98.53 } }
-piston = { at = [0, 180.64, 0] }
-"""
+PISTON = model_text("start_of_guess_piston.toml")
 
 
 @pytest.mark.parametrize(("driver", "start"), [("crank", np.pi / 3), ("bore", 0.18064)])

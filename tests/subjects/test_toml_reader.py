@@ -1,7 +1,5 @@
 """Mechanisms in TOML files: contents are read in their units, and invalid ones are rejected."""
 
-import re
-
 import numpy as np
 import pytest
 from model_files import model_text
@@ -62,31 +60,10 @@ def test_contents_too_long_to_list_are_rejected_in_one_line(file, old, new, word
     assert [word for word in ("model.toml", *words) if word not in output] == []
 
 
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        ("nowhere.toml", "there is no file nowhere.toml"),
-        (".toml", "there is no file"),
-        ("four_barr", "did you mean 'four_bar'"),
-        ("scene.xml", "no file"),
-        ("a.py", "FILE.py:OBJECT"),
-        ("nowhere.py:thing", "there is no file nowhere.py"),
-    ],
-)
-def test_an_unknown_model_is_rejected_by_name(model, words):
-    with pytest.raises(InputError, match=re.escape(words)):
-        load(model)
-
-
 def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, monkeypatch):
     (tmp_path / "rssr").write_text(FOUR_BAR)
     monkeypatch.chdir(tmp_path)
     assert load("rssr") == catalog.make("rssr")
-
-
-def test_an_unknown_parameter_is_rejected_with_the_closest_name(file):
-    with pytest.raises(InputError, match="did you mean 'crank'"):
-        load(file(FOUR_BAR), {"crnk": "3"})
 
 
 def test_a_file_that_is_too_large_is_rejected(file):

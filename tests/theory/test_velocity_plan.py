@@ -40,31 +40,6 @@ def test_each_plan_agrees_with_one_crank_stopped():
         assert fastest(differences) <= AGREEMENT * fastest(single.velocities)
 
 
-def test_vectors_of_the_plan_are_perpendicular_to_their_links():
-    linkage = catalog.make("warp_knitter")
-    for f in np.linspace(0.0, 6.0, 13):
-        points = {name: position[0, :2] for name, position in linkage.positions([f]).items()}
-        points |= {"1": np.zeros(2), "2": np.array(linkage.pivot2), "E": np.array(linkage.pivot_rocker)}
-        # each vector or line of the plans, and the link it is perpendicular to
-        rules = ("0C DC, CK CK, 0K EK, BA AB, 0A 1A", "0B AB, BK BK, 0K EK, CD CD, 0D 2D")
-        for single, lines in zip(velocity_plans(linkage, f, 3.0)[:2], rules, strict=True):
-            ends = {"0": np.zeros(2), **single.vectors}
-            for (start, end), link in (pair.split() for pair in lines.split(", ")):
-                line, bar = ends[end] - ends[start], points[link[1]] - points[link[0]]
-                assert abs(line @ bar) <= 1e-12 * np.linalg.norm(line) * np.linalg.norm(bar)
-
-
-def test_the_velocity_image_is_similar_to_the_base_link():
-    linkage = catalog.make("warp_knitter")
-    points = linkage.positions([0.9])
-    for single in velocity_plans(linkage, 0.9, 3.0)[:2]:
-        sides = [
-            np.linalg.norm(single.vectors[p] - single.vectors[q]) / np.linalg.norm(points[p] - points[q])
-            for p, q in ("BC", "CK", "KB")
-        ]
-        assert np.ptp(sides) <= 1e-12 * max(sides)
-
-
 @pytest.mark.parametrize(
     "wrong",
     [

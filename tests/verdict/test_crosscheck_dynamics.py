@@ -9,7 +9,6 @@ from grids import grid
 
 from mechsim import catalog, dynamics, load_profile
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
-from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, swing
@@ -78,20 +77,9 @@ def test_the_torque_of_a_stepped_run_converges_with_fourth_order():
 
 
 def with_heavier_link(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    last = model.mechanism.links[-1]
-    more = replace(last.inertia, mass=1.001 * last.inertia.mass)
-    return _with_link(model, replace(last, inertia=more))
-
-
-def with_rotated_inertia(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    last = model.mechanism.links[-1]
-    moments = last.inertia.matrix[[1, 2, 0]][:, [1, 2, 0]]
-    return _with_link(model, replace(last, inertia=Inertia(last.inertia.mass, last.inertia.centre, moments)))
-
-
-def _with_link(model: dynamics.DynamicModel, link) -> dynamics.DynamicModel:
-    links = (*model.mechanism.links[:-1], link)
-    return replace(model, mechanism=replace(model.mechanism, links=links))
+    *others, last = model.mechanism.links
+    heavier = replace(last, inertia=replace(last.inertia, mass=1.001 * last.inertia.mass))
+    return replace(model, mechanism=replace(model.mechanism, links=(*others, heavier)))
 
 
 def with_reversed_gravity(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
@@ -99,42 +87,8 @@ def with_reversed_gravity(model: dynamics.DynamicModel) -> dynamics.DynamicModel
     return model.with_forces(replace(model.forces, gravity=(-x, -y, -z)))
 
 
-def with_moved_load(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    other = list(model.mechanism.points)[-2]
-    loads = tuple(replace(load, location=other) for load in model.forces.loads)
-    return model.with_forces(replace(model.forces, loads=loads))
-
-
 def without_friction(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
     return model.with_forces(replace(model.forces, friction=()))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("method", ["pose", "step"])
-@pytest.mark.parametrize("name", ["four_bar", "rssr"])
-def test_every_wrong_model_fails(name, method):
-    model = model_of(name, every_force(name))
-    run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=24)
-    for wrong in (
-        with_heavier_link,
-        with_rotated_inertia,
-        with_reversed_gravity,
-        with_moved_load,
-        without_friction,
-    ):
-        assert crosscheck_driven(run, wrong(model)).outcome == "failed", wrong
-
-
-@pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
-    model = model_of("four_bar", Forces(gravity=GRAVITY))
-    run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=24)
-    backwards = replace(run, forces=replace(run.forces, torque=-run.forces.torque))
-    assert crosscheck_driven(backwards, model).outcome == "failed"
-    lost = run.forces.torque.copy()
-    lost[3] = np.nan
-    broken = replace(run, forces=replace(run.forces, torque=lost))
-    assert crosscheck_driven(broken, model).outcome == "diverged"
 
 
 def test_every_wrong_model_fails_in_a_free_run():

@@ -104,17 +104,6 @@ def test_a_reaction_on_the_wrong_link_is_detected():
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
-@pytest.mark.long
-def test_catalogue_mechanisms_satisfy_the_reduced_equation():
-    for name in catalog.MECHANISMS:
-        linkage = catalog.make(name)
-        if linkage.crank_range().full:
-            model = dynamics.dynamic_model(linkage, Forces(gravity=(0.3, -9.81, 2.1)))
-            result = driven(model.mechanism, model.forces, speed=SPEED, method="pose", samples=12)
-            verdict = crosscheck_driven(result, model)
-            assert verdict.passed, verdict
-
-
 def test_a_free_run_with_another_motor_fails():
     linkage = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)

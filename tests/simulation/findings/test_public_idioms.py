@@ -51,10 +51,7 @@ def test_a_ball_joint_locked_by_its_range_is_a_fault_only_in_a_loop():
     assert [violation.object for violation in violations_of(inside, "MS105")] == ["ball"]
 
 
-WELDED = """<mujoco><option gravity="0 0 0"/><worldbody>
-<body name="a"><freejoint/><geom size=".1"/></body><body name="b" pos="1 0 0"><geom size=".1"/></body>
-<body name="c" pos="2 0 0"><geom size=".1"/></body></worldbody>
-<equality>{}</equality></mujoco>"""
+WELDED = model_text("public_idioms_welded.xml")
 
 
 def test_constraints_without_effect_are_not_redundant():
@@ -85,10 +82,7 @@ def test_an_unsupported_equality_gives_a_note():
     assert not violations_of(IN_LINE, "MS112")
 
 
-MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 .2 0 0 0 .3 0 0 0 .4"/></asset><worldbody>
-<body name="a" pos="0 0 1"><freejoint/><geom type="mesh" mesh="m" euler="10 20 30"/></body>
-<body name="b" pos="{} 0 1"><freejoint/><geom type="mesh" mesh="m" mass="2"/></body>
-</worldbody><equality><connect body1="a" body2="b" anchor=".1 0 0"/></equality></mujoco>"""
+MESHED = model_text("public_idioms_meshed.xml")
 
 
 def test_meshes_are_checked_for_collisions():

@@ -140,11 +140,7 @@ RK4_LIMIT = float(
     -min(root.real for root in np.roots([1 / 24, 1 / 6, 1 / 2, 1, 0]) if abs(root.imag) < 1e-12)
 )
 INERTIA, STEP = 0.02, 0.004
-PENDULUM = """<mujoco><option timestep="{step}" gravity="0 0 0" {option}/><worldbody><body name="arm">
-<inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/><joint name="hinge"
- {joint}/></body>
-<body name="other" pos="1 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><joint name="free"/></body>
-</worldbody>{rest}</mujoco>"""
+PENDULUM = model_text("units_and_damping_pendulum.xml")
 EXPLICIT = 'integrator="Euler"><flag eulerdamp="disable"/></option'
 TENDON = '<tendon><fixed name="cable" damping="{}"><joint joint="hinge" coef="1"/></fixed></tendon>'
 SERVO = '<actuator><{} name="servo" joint="hinge" {}="{}"/></actuator>'
