@@ -17,21 +17,27 @@ from mechsim.codegen.kinematics import VaryingNumbers
 from mechsim.codegen.printing import javascript
 from mechsim.codegen.solver_code import solver_code
 from mechsim.files import read_text
+from mechsim.model.forces import Forces, Location, forces_of, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
+from mechsim.model.load_profile import LoadProfile
 from mechsim.model.masses import PIN_LENGTH, RELATIVE_DIAMETER, STEEL
 from mechsim.model.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
-from mechsim.subjects.toml_reader import TomlModel
-from mechsim.subjects.toml_values import values_of
+from mechsim.subjects.toml_reader import TomlModel, parsed_source
+from mechsim.subjects.toml_values import TomlSource, values_of
 from mechsim.subjects.toml_writer import to_toml
 
 # range of a slider: of a length or a number relative to its value; of an angle about its value, in
 # [rad]; of a zero length relative to the mechanism's size
 LOW, HIGH, ANGLE, AROUND_ZERO = 0.5, 1.5, np.deg2rad(45.0), 0.25
+# a number of a TOML file, or a text
+VALUE = r"""("[^"]*"|'[^']*'|[^,\]{}#\s]+)"""
+# what precedes the value in a table of a parameter with its source
+STATED = r"(?:\{[^}]*?\bvalue\s*=\s*)?"
 
 
 def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed: float) -> LivePage:
@@ -64,6 +70,8 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
             "}",
         ]
     )
+    loads = [*_loads(solver.mechanism, forces_of(solver))] if code.inertias is not None else []
+    toml, kept = _toml(model, solver, geometry, loads)
     data = {
         "links": [link.name for link in solver.mechanism.links],
         "drivers": [*_drivers(solved, solver, full)],
@@ -82,9 +90,12 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
             "one_place": COINCIDENT,
         },
         "transmission": [*_transmissions(solver.mechanism)],
+        "loads": [load for load in loads if load["name"] in kept],
+        "fixed": [load for load in loads if load["name"] not in kept and load["kind"] != "mass"],
+        "uncounted": _uncounted(forces_of(solver)),
         "speed": speed,
         "size": solver.mechanism.characteristic_length,
-        "toml": _toml(model, solver, geometry),
+        "toml": toml,
     }
     return LivePage(text, data)
 
@@ -241,38 +252,134 @@ def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
                 yield {"link": driven, "guide": guides[driven].name, "pin": pin.name, "other": other.name}
 
 
-def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> dict[str, Any]:
-    """Return a TOML file in pieces: fixed lines, and values that the page inserts."""
-    if isinstance(model, TomlModel) and geometry.statements:
-        return {"pieces": _file_pieces(model, geometry)}
+def _loads(mechanism: Mechanism, forces: Forces) -> Iterator[dict[str, Any]]:
+    """Yield the constant forces, moments, springs and masses that load the drivers.
+
+    Each has a name, unit, value, kind, place, and the key in a TOML file that states it, with its `entry` in
+    a list; an index in the key stands for the name of a load, which a file chooses.
+    """
+    for i, load in enumerate(forces.loads):
+        where = _position(mechanism, load.location)
+        name = load.location if isinstance(load.location, str) else where["link"]
+        more = {"kind": "force", "unit": "N", "key": ["forces", "loads", i, "force"], **where}
+        yield from _components(load.force, f"force on {name}", more)
+    for couple in forces.couples:
+        key = ["forces", "couples", couple.link]
+        more = {"kind": "couple", "unit": "N m", "link": couple.link, "key": key}
+        yield from _components(couple.moment, f"moment on {couple.link}", more)
+    if forces.crank_torque is not None and forces.crank_torque.over is None:
+        value = float(forces.crank_torque.evaluate([0.0])[0])
+        load = {"kind": "crank", "name": "load on the crank", "unit": "N m", "value": value}
+        yield {**load, "key": ["forces", "crank_torque"]}
+    for i, spring in enumerate(forces.springs):
+        numbers = {"value": spring.stiffness, "rest": spring.rest, "damping": spring.damping}
+        ends = {"a": _position(mechanism, spring.a), "b": _position(mechanism, spring.b)}
+        yield {"kind": "spring", "name": f"spring {i + 1}", "unit": "N/m", "key": [], **numbers, **ends}
+    yield from _masses(mechanism)
+
+
+def _position(mechanism: Mechanism, location: Location) -> dict[str, Any]:
+    link, position = located(mechanism, location)
+    return {"link": link, "at": list(position)}
+
+
+def _components(load: LoadProfile, name: str, more: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the components of a constant vector that are not zero."""
+    if load.over is None:
+        for i, value in enumerate(load.evaluate([0.0])[0].tolist()):
+            if value:
+                yield {"name": f"{name} {'xyz'[i]}", "value": value, "axis": i, "entry": i, **more}
+
+
+def _masses(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
+    for link in mechanism.links:
+        if link.inertia is not None and link.inertia.mass:
+            mass = {"kind": "mass", "name": f"mass of {link.name}", "unit": "kg", "value": link.inertia.mass}
+            yield {**mass, "link": link.name, "key": ["links", link.name, "inertia", "mass"]}
+
+
+def _uncounted(forces: Forces) -> str:
+    """Return what the page leaves out of its torques, in words; empty for nothing."""
+    present = {
+        "friction": bool(forces.friction),
+        "springs in joints": bool(forces.joint_springs),
+        "springs with their own law and stops": bool(forces.nonlinear_springs),
+        "bushings": bool(forces.bushings),
+        "loads that vary": any(load.over is not None for load in forces.load_profiles),
+    }
+    return ", ".join(name for name, acts in present.items() if acts)
+
+
+def _toml(
+    model: Any, solver: KinematicSolver, geometry: ParametricGeometry, loads: Sequence[Mapping[str, Any]]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return a TOML file in pieces, fixed lines and values to insert, and which loads are among these."""
+    file = isinstance(model, TomlModel) and geometry.statements
+    if file and (lines := _file_pieces(model, geometry)) is not None:
+        kept = _open_loads(lines, model.source, loads)
+        return {"pieces": [{"parts": line} if len(line) > 1 else line[0] for line in lines]}, kept
     mechanism = with_closed_guess(solver.mechanism)
     # a formula is read from the folder of its file only
-    pieces = [*_pieces(to_toml(solver.with_mechanism(mechanism, formula="")).splitlines())]
+    text = to_toml(solver.with_mechanism(mechanism, formula=""))
+    lines = [[line] for line in text.splitlines()]
+    kept = _open_loads(lines, parsed_source(mechanism.name, text), loads)
+    pieces = [*_pieces(text.splitlines())]
+    pieces = [{"parts": line} if len(line) > 1 else piece for line, piece in zip(lines, pieces, strict=True)]
     # own dimensions have names; those of other mechanisms are coordinates
     if solver.dimensions and geometry.dimensions:
         pieces = [*_with_parameters(pieces, mechanism, geometry)]
-    return {"pieces": pieces}
+    return {"pieces": pieces}, kept
 
 
-def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[Any]:
-    """Return the lines of a file with parameters; of a varying one the line with its value left open."""
+def _open_loads(lines: list[list[Any]], source: TomlSource, loads: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Leave the values of loads open in the lines of a file; return the names of those that it states so."""
+    named = [*source.document.get("forces", {}).get("loads", {})]
+    kept: list[str] = []
+    # the last entry of a list first, since each opening divides its line
+    for load in reversed(loads):
+        key = [named[name] if isinstance(name, int) else name for name in load["key"]]
+        if not key:
+            continue
+        line = source.line(tuple(key)) - 1
+        opened = _with_open_value(lines[line], key[-1], {"load": load["name"]}, load.get("entry"))
+        if opened is not None:
+            lines[line] = opened
+            kept.append(load["name"])
+    return kept
+
+
+def _with_open_value(
+    pieces: Sequence[Any], key: str, value: Mapping[str, Any], entry: int | None = None
+) -> list[Any] | None:
+    """Return a line with the value of a key, or an entry of its list, left open; None where it has none."""
+    listed = STATED if entry is None else r"\[\s*" + rf"(?:[^,]*,\s*){{{entry}}}"
+    for i, piece in enumerate(pieces):
+        pattern = rf"""(?<![\w-])(["']?){re.escape(key)}\1\s*=\s*{listed}{VALUE}"""
+        if isinstance(piece, str) and (match := re.search(pattern, piece)):
+            return [*pieces[:i], piece[: match.start(2)], value, piece[match.end(2) :], *pieces[i + 1 :]]
+    return None
+
+
+def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[list[Any]] | None:
+    """Return the lines of a file with parameters in parts, the values of varying ones left open.
+
+    None where a value is not in the line of its parameter.
+    """
     values = values_of(model.source)
     lines = read_text(model.path, "a TOML file").splitlines()
     pieces: list[list[Any]] = [[line] for line in lines]
     for dimension in geometry.dimensions:
         line = model.source.line(("parameters", dimension.name)) - 1
         scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
-        *before, last = pieces[line]
-        key = rf"""(?<![\w-])(["']?){re.escape(dimension.name)}\1\s*=\s*"""
-        match = re.search(rf"""{key}("[^"]*"|'[^']*'|[^,}}#\s]+)""", last)
-        if match:
-            open_value = {"dimension": dimension.name, "scale": scale}
-            pieces[line] = [*before, last[: match.start(2)], open_value, last[match.end(2) :]]
+        value = {"dimension": dimension.name, "scale": scale}
+        if (opened := _with_open_value(pieces[line], dimension.name, value)) is None:
+            return None
+        pieces[line] = opened
     if "formula" in model.source.document:
         # of an inline table the line of the table
         number = model.source.line(("formula", "python")) - 1
         pieces[number] = [f"# {lines[number]}  # needs its Python file in the same folder"]
-    return [{"parts": line} if len(line) > 1 else line[0] for line in pieces]
+    return pieces
 
 
 def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: ParametricGeometry) -> Iterator[Any]:

@@ -64,6 +64,10 @@ def live_view(name):
     return View(solver.mechanism, [grid], solver.name, live=live)
 
 
+# a press with a load of each kind and a spring; the page opens its values where the file states them
+LOADED = model_text("live_loads_press.toml")
+
+
 def open_live(window, path):
     window.complaints.clear()
     window.open(path, 1280, "light")
@@ -233,6 +237,37 @@ def test_a_dragged_pivot_changes_the_dimension_that_places_it(window, pages):
     assert window.run(pivots)["rocker"] == pytest.approx([rocker[0] + 40, rocker[1]], abs=0.5)
     # no dimension places the crank's pivot: the mouse turns the view there
     assert window.run(f"grabbed({crank}, 16)") is None
+    assert not window.complaints
+
+
+@in_browser
+def test_loads_have_sliders_and_the_torque_follows_as_in_python(window, tmp_path):
+    path = tmp_path / "press.toml"
+    path.write_text(LOADED)
+    shown = tmp_path / "press.html"
+    shown.write_text(page(live_view(str(path))))
+    open_live(window, shown)
+    changed = {"force on B x": -8.5, "force on B y": 3.0, "moment on rod z": 0.2}
+    changed |= {"load on the crank": -0.45, "mass of slider": 3.5}
+    names = window.run("state.grid.sliders.map(slider => slider.name)")
+    assert {name for name in names if name.startswith("load.")} == {f"load.{name}" for name in changed}
+    torques = []
+    for values in ({}, changed):
+        for name, value in values.items():
+            window.run(f"setSlider({names.index('load.' + name)}, {value})")
+        window.run("setSlider(0, 0.7)")
+        torques.append(window.run("state.grid.solutionAt(state.values).torques[0]"))
+    saved = tmp_path / "saved.toml"
+    saved.write_text(window.run("state.grid.live.toml(state.values)"))
+    # the saved file has the changed loads, and its weight, inertia, loads and spring need the same torque
+    for file, torque in zip((path, saved), torques, strict=True):
+        model = ms.dynamics.dynamic_model(ms.load(file))
+        exact = ms.dynamics.prescribed(model, [0.7], speed=SPEED).forces.torque[0]
+        assert torque == pytest.approx(exact, rel=1e-10)
+    assert abs(torques[1] - torques[0]) > 0.1
+    assert tomllib.loads(saved.read_text())["forces"]["loads"]["press"]["force"] == [-8.5, 3.0, 0]
+    path.write_text(LOADED.replace("crank_torque", "joint_springs.slide = { stiffness = 10 }\ncrank_torque"))
+    assert live_view(str(path)).live.data["uncounted"] == "springs in joints"
     assert not window.complaints
 
 

@@ -5,6 +5,7 @@ const SMALLEST_WAY = 1e-5;    // of a request, below which the limit counts as r
 const CURVE_NODES = 60;       // solutions of a curve in each direction
 const HOLD = 1e-3;            // relative damping of the drivers when a point is dragged
 const DIFFERENCE = 1e-5;      // change of a dimension for a rate, relative to its slider's scale
+const LEAST_LOAD = 0, MOST_LOAD = 3;  // ends of a load's slider relative to its value
 const DRAG_STEPS = 6;         // Newton steps of a drag for each event of the pointer
 const DRAG_STEP = 0.15;       // largest change of a driver in each, in [rad] or sizes
 const DRAG_HALVINGS = 8;      // halvings of a step that does not decrease the distance
@@ -74,17 +75,21 @@ class LiveMechanism {
     this.none = data.drivers.map(() => 0);
     this.scales = data.dimensions.map((dimension) => (dimension.unit === "m" ? data.size : Math.max(1, Math.abs(dimension.value))));
     this.original = data.dimensions.map((dimension) => dimension.value);
+    this.given = [...this.original, ...data.loads.map((load) => load.value)];
     this.inertias = solver.INERTIAS ? Float64Array.from(solver.INERTIAS) : null;
     this.records = { links: solver.links.map(() => solver.link()), points: solver.points.map(() => solver.point()), joints: (solver.joints || []).map(() => solver.joint()) };
     this.setDimensions(this.original);
     solver.start(this.state);
     const start = Array.from(this.state.drivers);
     solver.solve(this.state, start, this.rates, this.none);
-    this.first = this.solution([...start, ...this.original]);
-    const shown = [...data.drivers.map((driver) => driver.start), ...this.original];
+    this.first = this.solution([...start, ...this.given]);
+    const shown = [...data.drivers.map((driver) => driver.start), ...this.given];
     const moved = this.towards(this.first, shown);
     if (moved.reached) this.first = moved;
   }
+
+  /* the values of dimensions among those of all sliders */
+  sized(values) { return Array.from(values.slice(this.count, this.count + this.dimensions.length)); }
 
   /* point and frame of a side of a joint, in its link */
   point(end) { return end.pointIndex < 0 ? end.point : Array.from(this.code.GEOMETRY.slice(end.pointIndex, end.pointIndex + 3)); }
@@ -150,7 +155,7 @@ class LiveMechanism {
 
   /* positions of joints and points in their links for the dimensions of a solution, for the picture */
   shapeAt(solution) {
-    this.setDimensions(Array.from(solution.values.slice(this.count)));
+    this.setDimensions(this.sized(solution.values));
     if (this.shape) return this.shape;
     const rods = Object.fromEntries(this.links.map((link) => [link, this.sides(link)]));
     rods.ground = this.endsOf("ground").map((end) => [this.point(end), this.point(end)]);
@@ -175,12 +180,47 @@ class LiveMechanism {
     if (code.solve_points) code.solve_points(state, records.points);
     if (code.solve_joints) code.solve_joints(state, records.joints);
     const torques = new Float64Array(this.count);
-    if (code.solve_torques) code.solve_torques(state, this.inertias, code.GRAVITY, torques);
-    return {
+    if (code.solve_torques) {
+      const acting = this.loads.map((load, i) => ({ ...load, value: values[this.count + this.dimensions.length + i] }));
+      for (const load of acting) if (load.kind === "mass") this.inertias[10 * code.links.indexOf(load.link)] = load.value;
+      code.solve_torques(state, this.inertias, code.GRAVITY, torques);
+    }
+    const solved = {
       values: values.slice(), configuration, poses, torques, reached: true, reason: "", coordinates: Float64Array.from(state.coordinates),
       points: Object.fromEntries(code.points.map((name, i) => [name, { position: Array.from(records.points[i].position), velocity: Array.from(records.points[i].velocity) }])),
       joints: records.joints.map((joint) => joint.motion[0]), transmission: this.transmission.map((found) => this.transmissionAngle(found, poses)),
     };
+    this.holdLoads(solved.values, torques);
+    return solved;
+  }
+
+  /* takes the power of the loads at a unit rate of each driver from its torque (virtual work) */
+  holdLoads(values, torques) {
+    const n = this.count, given = this.loads.map((load, i) => ({ ...load, value: values[n + this.dimensions.length + i] }));
+    const acting = [...this.fixed, ...given].filter((load) => load.kind !== "mass");
+    if (acting.length) for (let k = 0; k < n; k++) {
+      this.code.solve(this.state, Array.from(values.slice(0, n)), this.none.map((_, i) => (i === k ? 1 : 0)), this.none);
+      this.code.solve_links(this.state, this.records.links);
+      for (const load of acting) torques[k] -= this.power(load, this.rates[k]);
+    }
+  }
+
+  /* position and velocity of a point of a link, in the records of the links */
+  carried({ link, at }) {
+    const record = this.records.links[this.code.links.indexOf(link)];
+    if (!record) return [at, [0, 0, 0]];
+    const r = AXES.map((_, i) => dot(record.rotation.slice(3 * i, 3 * i + 3), at)), turned = cross(record.angular_velocity, r);
+    return [record.position, record.velocity].map((from, k) => r.map((value, i) => from[i] + (k ? turned[i] : value)));
+  }
+
+  /* power of a load at a unit rate of a driver; a damper has the rate of the motion */
+  power(load, rate) {
+    if (load.kind === "crank") return load.value;
+    if (load.kind === "couple") return load.value * this.records.links[this.code.links.indexOf(load.link)].angular_velocity[load.axis];
+    if (load.kind === "force") return load.value * this.carried(load)[1][load.axis];
+    const [a, b] = [this.carried(load.a), this.carried(load.b)], along = minus(b[0], a[0]), length = Math.hypot(...along);
+    const lengthening = dot(along, minus(b[1], a[1])) / length;
+    return -(load.value * (length - load.rest) + load.damping * rate * lengthening) * lengthening;
   }
 
   world(poses, end, at) {
@@ -197,7 +237,7 @@ class LiveMechanism {
   }
 
   restore(solution) {
-    this.setDimensions(Array.from(solution.values.slice(this.count)));
+    this.setDimensions(this.sized(solution.values));
     this.code.restore(this.state, solution.configuration);
   }
 
@@ -208,7 +248,7 @@ class LiveMechanism {
     this.restore(from);
     while (share < 1) {
       const next = Math.min(1, share + size), at = values.map((value, i) => (next === 1 ? value : from.values[i] + next * (value - from.values[i])));
-      this.setDimensions(at.slice(n));
+      this.setDimensions(this.sized(at));
       const status = this.code.solve(this.state, at.slice(0, n), this.rates, this.none);
       if (status === this.code.SOLVED) { best = this.solution(at); share = next; continue; }
       const reason = status === this.code.SINGULAR ? "a singular configuration lies in between" : "the loops do not close";
@@ -257,7 +297,7 @@ class LiveMechanism {
   frameRates(name, values) {
     const joint = this.joints.find((candidate) => candidate.name === name), end = [joint.a, joint.b].find((side) => side.link === "ground");
     if (!end || end.pointIndex < 0) return [];
-    const dimensions = Array.from(values.slice(this.count)), at = (i, by) => {
+    const dimensions = this.sized(values), at = (i, by) => {
       this.setDimensions(dimensions.map((value, k) => (k === i ? value + by * this.scales[i] : value)));
       return this.point(end);
     };
@@ -269,7 +309,7 @@ class LiveMechanism {
     const joint = this.joints.find((candidate) => candidate.name === name), end = [joint.a, joint.b].find((side) => side.link === "ground"), moved = values.slice();
     for (let step = 0; step < DRAG_STEPS; step++) {
       const columns = this.frameRates(name, moved).map((rate) => [dot(right, rate), dot(over, rate)]);
-      this.setDimensions(moved.slice(this.count));
+      this.setDimensions(this.sized(moved));
       const at = this.point(end), change = dampedStep(columns, [wanted[0] - dot(right, at), wanted[1] - dot(over, at)]);
       change.forEach((by, i) => { moved[this.count + i] += by * this.scales[i]; });
     }
@@ -282,7 +322,8 @@ class LiveMechanism {
     const list = (numbers) => `[${Array.from(numbers, decimal).join(", ")}]`, quoted = (name) => JSON.stringify(name), bare = (name) => (/^[\w-]+$/.test(name) ? name : quoted(name));
     return this.toml_pieces.map((piece) => {
       if (typeof piece === "string") return piece;
-      if (piece.parts) return piece.parts.map((part) => (part.dimension ? decimal(this.dimensionValues[this.dimensions.findIndex((dimension) => dimension.name === part.dimension)] / part.scale) : part)).join("");
+      if (piece.parts) return piece.parts.map((part) => (part.dimension ? decimal(this.dimensionValues[this.dimensions.findIndex((dimension) => dimension.name === part.dimension)] / part.scale)
+        : part.load ? decimal(values[this.count + this.dimensions.length + this.loads.findIndex((load) => load.name === part.load)]) : part)).join("");
       if (piece.start) return `start = ${decimal(values[0])}`;
       if (piece.points) return `${bare(piece.points)} = { link = ${quoted(this.points.find((point) => point.name === piece.points).link)}, at = ${list(shape.points[piece.points])} }`;
       if (piece.guess) {
@@ -313,6 +354,7 @@ function liveGrid(data) {
   const sliders = [
     ...data.drivers.map((driver, i) => ({ name: driver.name, unit: driver.unit, nodes: driver.nodes, ring: driver.ring, start: live.first.values[i], marks: [], reach: null })),
     ...data.dimensions.map((dimension) => ({ name: `dimension.${dimension.name}`, label: dimension.name, dimension: true, unit: dimension.unit === "1" ? "" : dimension.unit, nodes: dimension.nodes, ring: false, start: dimension.value, marks: [], reach: null })),
+    ...data.loads.map((load) => ({ name: `load.${load.name}`, label: load.name, dimension: true, load: true, unit: load.unit, nodes: [LEAST_LOAD * load.value, MOST_LOAD * load.value].sort((a, b) => a - b), ring: false, start: load.value, marks: [] })),
   ];
   const single = (name, unit, of) => ({ name, unit, parts: [""], of: (solution) => [of(solution)] });
   const grid = solvedGrid({

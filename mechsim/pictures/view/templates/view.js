@@ -508,13 +508,14 @@ function update() {
 let reachDelay = 0;
 function showReach(grid, reached) {
   clearTimeout(reachDelay);
-  if (reached) sampled(grid, state.active);
+  if (reached) sampled(grid, grid.sliders[state.active].load ? curveSlider() : state.active);
   grid.sliders.forEach((slider, i) => {
+    if (slider.load) return;
     if (i !== state.active) slider.reach = null;
     reachRow(slider, i);
   });
   if (!reached || state.playing.size) return;
-  const rest = grid.sliders.map((_, i) => i).filter((i) => i !== state.active);
+  const rest = grid.sliders.map((_, i) => i).filter((i) => i !== state.active && !grid.sliders[i].load);
   const measure = () => {
     const i = rest.shift();
     if (i === undefined || state.grid !== grid) return;
@@ -699,13 +700,16 @@ function choose(which) {
   state.grid = DATA.grids[which];
   state.poses = null;
   sliderRows = state.grid.sliders.map(sliderRow);
-  const drivers = sliderRows.filter((_, i) => !state.grid.sliders[i].dimension), dimensions = sliderRows.filter((_, i) => state.grid.sliders[i].dimension);
-  $("sliders").replaceChildren(...drivers);
-  if (dimensions.length) {
-    const box = node("details", { id: "dimensions", ...(dimensions.length <= MOST_OPEN ? { open: "" } : {}) });
-    box.append(node("summary", {}, "Dimensions"), ...dimensions);
+  const { sliders, live } = state.grid;
+  $("sliders").replaceChildren(...sliderRows.filter((_, i) => !sliders[i].dimension));
+  for (const [id, title, which] of [["dimensions", "Dimensions", (slider) => slider.dimension && !slider.load], ["loads", "Loads", (slider) => slider.load]]) {
+    const rows = sliderRows.filter((_, i) => which(sliders[i]));
+    if (!rows.length) continue;
+    const box = node("details", { id, ...(rows.length <= MOST_OPEN ? { open: "" } : {}) });
+    box.append(node("summary", {}, title), ...rows);
     $("sliders").append(box);
   }
+  if (live && live.uncounted) $("sliders").append(node("p", { class: "soft" }, `Not in the torque: ${live.uncounted}.`));
   showDimensions(null);
   state.values = state.grid.sliders.map((slider, i) => (old.sliders[i] && old.sliders[i].name === slider.name && before.length ? before[i] : slider.start));
   state.values = state.grid.sliders.map((slider, i) => Math.min(slider.nodes[slider.nodes.length - 1], Math.max(slider.nodes[0], state.values[i])));
