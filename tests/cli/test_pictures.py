@@ -51,7 +51,7 @@ def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
 @pytest.mark.long
 @draws
 @pytest.mark.parametrize("name", ["landing_gear", "spring_gripper"])
-def test_a_machine_without_a_motion_law_is_rendered(mechsim, tmp_path, name):
+def test_a_file_without_a_motion_law_is_rendered(mechsim, tmp_path, name):
     code, out, err = mechsim("render", name, "-o", "a.png", *SMALL)
     assert (code, out.splitlines()[0]) == (0, "wrote a.png"), err
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
