@@ -86,7 +86,8 @@ def confine(folder: Path) -> None:
     """
     own = [folder, Path(tempfile.gettempdir()), cache_folder()]
     own += [Path.home() / name for name in (".cache/matplotlib", ".config/matplotlib", ".cache/fontconfig")]
-    folders = [*sysconfig.get_paths().values(), *sys.path, sys.prefix, sys.base_prefix, *SYSTEM.split()]
+    system = [*SYSTEM.split(), os.devnull, os.environ.get("SYSTEMROOT", "")]
+    folders = [*sysconfig.get_paths().values(), *sys.path, sys.prefix, sys.base_prefix, *system]
     readable = [*own, *(Path(name) for name in folders if name)]
     readable += [Path(os.path.realpath(path)) for path in readable]
 

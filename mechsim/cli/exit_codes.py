@@ -1,6 +1,7 @@
 """End of a command: exit codes, signals, closed and full output streams."""
 
 import errno
+import io
 import os
 import re
 import signal
@@ -68,13 +69,20 @@ def exit_code(command: Callable[[], Any]) -> int:
 
 
 def open_streams() -> None:
-    """Open closed standard streams on the null device, so that no output file gets their file descriptor."""
+    """Open closed standard streams on the null device, so that no output file gets their file descriptor.
+
+    Output is UTF-8, as files are, unless PYTHONIOENCODING states another: Windows has its own in pipes.
+    """
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    encoding = None if os.environ.get("PYTHONIOENCODING") else "utf-8"
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding=encoding, errors="backslashreplace")
 
 
 def print_stderr(line: str) -> None:

@@ -68,9 +68,9 @@ def run_tool(name: str, words: list[str], folder: Path, limit: float) -> dict[st
             ended = subprocess.run(
                 [sys.executable, "-c", "from mechsim.cli.confined import run; run()", str(folder), *argv],
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
                 timeout=limit,
-                env=os.environ | {"TMPDIR": scratch, "TEMP": scratch},
+                env=os.environ | {"TMPDIR": scratch, "TEMP": scratch, "PYTHONIOENCODING": "utf-8"},
                 stdin=subprocess.DEVNULL,
             )
         except subprocess.TimeoutExpired:

@@ -8,6 +8,7 @@ import sys
 import pytest
 from mcp.client.client import Client
 from mcp.client.stdio import StdioServerParameters, stdio_client
+from model_files import model_text
 
 from mechsim.cli.confined import require_confined
 from mechsim.cli.mcp import TOOLS, run_tool
@@ -16,27 +17,60 @@ from mechsim.errors import InputError
 MECHSIM = [sys.executable, "-c", "from mechsim.cli import main; main()"]
 
 
+# tool -> its options, and a key of its answer
+CALLS = {
+    "list_models": ([], "mechanisms"),
+    "show": (["four_bar", "--set", "crank=40mm"], "mobility"),
+    "check": (["scene.xml"], "findings"),
+    "solve": (["four_bar", "--angles", "0:90:45deg"], "columns"),
+    "validate": (["four_bar"], "mechanisms"),
+    "dynamics_inverse": (["four_bar", "--samples", "12"], "mechanism"),
+    "dynamics_forward": (["four_bar", "--motor", "constant:0.5", "--duration", "0.02"], "outcome"),
+    "dynamics_statics": (["four_bar"], "equilibria"),
+    "dynamics_modes": (["four_bar"], "modes"),
+    "sweep": (
+        ["four_bar", "--vary", "crank=30mm:40mm:3", "--measure", "range:rocker", "-o", "designs.csv"],
+        "output",
+    ),
+    "render": (["four_bar", "--size", "64x48", "-o", "bar.png"], "text"),
+}
+OUTSIDE = {"render": ["four_bar", "-o", "../bar.png"], "sweep": ["four_bar", "-o", "../designs.csv"]}
+
+
 @pytest.mark.long
 def test_a_client_lists_and_calls_the_tools(tmp_path):
+    (tmp_path / "scene.xml").write_text(model_text("rules_sound.xml"))
+
     async def session():
         parameters = StdioServerParameters(
             command=MECHSIM[0], args=[*MECHSIM[1:], "mcp", "--root", str(tmp_path)]
         )
         async with Client(stdio_client(parameters)) as client:
             tools = (await client.list_tools()).tools
-            called = await client.call_tool("show", {"model": "four_bar", "options": ["--set", "crank=40mm"]})
+            called = {name: await client.call_tool(name, {"options": CALLS[name][0]}) for name in CALLS}
+            outside = {
+                name: await client.call_tool(name, {"options": OUTSIDE.get(name, ["../scene.xml"])})
+                for name in CALLS
+            }
             rejected = await client.call_tool("show", {"model": "four_bar", "options": ["--set", "crank=-1"]})
-            return [tool.name for tool in tools], called, rejected
+            return [tool.name for tool in tools], called, outside, rejected
 
-    names, called, rejected = asyncio.run(session())
-    assert names == list(TOOLS)
+    names, called, outside, rejected = asyncio.run(session())
+    assert names == list(TOOLS) == list(CALLS)
+    for name, (_, key) in CALLS.items():
+        assert not called[name].is_error, called[name].content
+        assert key in called[name].structured_content, [*called[name].structured_content]
+        assert outside[name].is_error
+        assert "outside" in outside[name].content[0].text
     printed = subprocess.run(
-        [*MECHSIM, "show", "four_bar", "--set", "crank=40mm", "--json"],
+        [*MECHSIM, "show", *CALLS["show"][0], "--json"],
         capture_output=True,
         text=True,
         check=True,
     )
-    assert called.structured_content == json.loads(printed.stdout)
+    assert called["show"].structured_content == json.loads(printed.stdout)
+    assert (tmp_path / "designs.csv").stat().st_size > 0
+    assert (tmp_path / "bar.png").stat().st_size > 0
     assert rejected.is_error
     assert "crank" in rejected.content[0].text
 

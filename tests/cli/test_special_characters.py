@@ -1,7 +1,10 @@
 """User-defined names are text in every output, never markup, formula or separator."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import catalog, files
@@ -182,3 +186,24 @@ def test_a_link_named_world_is_rejected():
     )
     with pytest.raises(InputError, match="repeated name 'world' in body"):
         ms.simulate(world, turns=0.1)
+
+
+@pytest.mark.parametrize(
+    ("variables", "printed"),
+    [
+        ({"PYTHONIOENCODING": "cp1252"}, r"\u0440\u0443\u043a\u0430"),
+        ({"PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONIOENCODING": ""}, "рука"),
+    ],
+)
+def test_names_are_printed_whatever_the_encoding_of_the_system(variables, printed, tmp_path):
+    text = model_text("cam_export_cam.toml").replace('"follower"', '"рука"')
+    (tmp_path / "cam.toml").write_text(text, encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "-c", "from mechsim.cli import main; main()", "show", "cam.toml"],
+        cwd=tmp_path,
+        env=os.environ | variables,
+        capture_output=True,
+        timeout=60,
+    )
+    assert run.returncode == 0, run.stderr
+    assert f"guide    prismatic  ground - {printed}" in run.stdout.decode(errors="replace")

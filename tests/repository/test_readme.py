@@ -61,6 +61,14 @@ def test_the_python_of_the_tour_runs():
     exec(compile(code, "README.md", "exec"), {})
 
 
+def test_the_badges_are_those_of_workflows():
+    # relative to the page of the repository, so that no address is stated
+    named = re.findall(r"\.\./\.\./actions/workflows/([\w.]+?)(?:/badge\.svg)?\)", README)
+    assert {*named} == {"tests.yml", "pages.yml"}
+    assert all((ROOT / ".github/workflows" / name).is_file() for name in named)
+
+
 def test_every_path_named_in_the_readme_exists():
-    for name in re.findall(r"\]\(([^):]+)\)|`((?:docs|examples|[A-Z]+\.md)[\w./]*)`", README):
+    text = README.replace("../../actions", "https:")
+    for name in re.findall(r"\]\(([^):]+)\)|`((?:docs|examples|[A-Z]+\.md)[\w./]*)`", text):
         assert (ROOT / (name[0] or name[1])).exists(), name
