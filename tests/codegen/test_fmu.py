@@ -4,6 +4,7 @@ import ctypes
 import subprocess
 import zipfile
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import fmpy
@@ -220,26 +221,19 @@ def test_equal_models_give_equal_files(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("standard", [2, 3])
-def test_sources_compile_without_warnings_and_with_the_standards_headers(tmp_path, compiler, standard):
+def test_sources_compile_without_warnings_and_with_the_standards_headers(tmp_path, standard):
     models = (
         dynamic_fmu(dynamic_model(ms.load("rssr"), MOTOR), {}),
         kinematic_fmu(solver_code(assembly(ms.load("rssr")))),
     )
+    own, of_the_standard = (), (f'-DFMI_HEADER="fmi{standard}Functions.h"', f"-I{HEADERS}")
     for model in models:
         with zipfile.ZipFile(written(tmp_path, model, standard)) as archive:
-            archive.extract("sources/fmu.c", tmp_path)
-        for flags in ((), (f'-DFMI_HEADER="fmi{standard}Functions.h"', f"-I{HEADERS}")):
-            result = subprocess.run(
-                [
-                    *(compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-c", "-fPIC", *flags),
-                    *(tmp_path / "sources" / "fmu.c", "-o", tmp_path / "fmu.o"),
-                ],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            source = archive.extract("sources/fmu.c", tmp_path)
+        for compiler, header in product(("gcc", "clang"), (own, of_the_standard)):
+            flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *header)
+            result = subprocess.run([compiler, *flags, source], capture_output=True, text=True, check=False)
             assert result.returncode == 0, result.stderr
 
 

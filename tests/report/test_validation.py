@@ -46,6 +46,7 @@ def test_the_report_contains_page_numbers_plots_and_picture(monkeypatch, tmp_pat
         assert check["quantity"] in page
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shared_from", [2, 3])
 def test_without_opengl_a_report_notes_the_missing_package(monkeypatch, tmp_path, capsys, shared_from):
     monkeypatch.setattr(validation, "MIN_SHARED", shared_from)

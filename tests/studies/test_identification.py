@@ -222,6 +222,7 @@ def test_true_values_are_recovered_without_noise(name, tmp_path):
     assert result.values == pytest.approx(truth, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MACHINES)
 def test_errors_are_as_large_as_stated(name, tmp_path):
     simulated = MACHINES[name](tmp_path)

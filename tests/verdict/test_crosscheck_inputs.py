@@ -51,6 +51,7 @@ def test_a_crank_that_rotates_backwards_fails():
     assert not crosscheck(run.motion, linkage, speed=SPEED).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 def test_swinging_cranks_are_validated_within_their_range(name):
     swinging = catalog.make(name, **SWINGING[name])

@@ -189,6 +189,7 @@ def test_wrong_gravity_or_mass_is_found_from_a_torque(factor, kind):
     assert result.findings[0].certain
 
 
+@pytest.mark.long
 def test_a_table_is_compared_within_its_tolerance(tmp_path):
     random, angle = np.random.default_rng(1), np.linspace(0, 6, 60)
     true = ms.catalog.make("four_bar").solve(angle).points["B"].position

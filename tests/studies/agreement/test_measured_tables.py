@@ -34,6 +34,7 @@ def validated(path, **options):
     return ms.validate("slider_crank", against=path, stepped=False, **options)
 
 
+@pytest.mark.long
 def test_a_tolerance_above_the_noise_passes_and_one_below_it_names_the_short_rod(tmp_path):
     path = written(tmp_path / "short.csv", measured(rod=0.1999))
     assert validated(path, tolerance=2.5e-4).passed
@@ -55,6 +56,7 @@ def test_standard_deviations_belong_to_fit(tmp_path):
         ms.fit("four_bar", table, ["coupler"])
 
 
+@pytest.mark.long
 def test_fit_and_validate_read_a_table_equally(tmp_path):
     table = measured(rod=0.1999)
     scaled = {f"{name} [mm]": 1e3 * values for name, values in table.items() if name != "angle"}
