@@ -17,10 +17,13 @@ from mechsim._version import __version__
 from mechsim.errors import OutputError, needs
 from mechsim.files import atomic_path, plain, write_json
 from mechsim.model.finding import counted_findings
+from mechsim.pictures import view
 from mechsim.pictures.number_text import number, quantity_text
 from mechsim.verdict.checks import Check
 
 TEMPLATES = Path(__file__).parent / "templates"
+# with the head of every page
+VIEW_TEMPLATES = Path(view.__file__).parent / "templates"
 NUMBERS = "validate.json"
 LIBRARIES = ("mujoco", "numpy", "scipy", "matplotlib", "mediapy")
 # a check that uses less of its tolerance is listed in the long table only
@@ -113,7 +116,7 @@ def environment() -> Any:
         import jinja2
 
     made = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
+        loader=jinja2.FileSystemLoader([TEMPLATES, VIEW_TEMPLATES]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -1,10 +1,11 @@
 """Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from mechsim.model.forces import LinkPoint
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import with_rods
@@ -293,3 +294,13 @@ def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
     for position in positions:
         if min(float(np.linalg.norm(position - joint)) for joint in joint_points) > 0.1 * canvas.r:
             canvas.add(link, "sphere", position + lift, position + lift, 1.5 * canvas.r, colour)
+
+
+def spring_mounts(springs: Sequence[tuple[LinkPoint, LinkPoint]], radius: float) -> list[Shape]:
+    """Return a ball where a spring ends on the frame, so that its end is seen and lies within the picture."""
+    return [
+        Shape("sphere", point, point, (radius,), HOUSING)
+        for ends in springs
+        for link, point in ends
+        if link == GROUND
+    ]

@@ -24,7 +24,7 @@ from mechsim.pictures.render.scenery import GREY, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
 from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
-from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.joints import link_shapes, spring_mounts
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted
@@ -289,7 +289,9 @@ class DrawnModel:
         links = [GROUND, *self.links]
         if self.look.bodies:
             return {link: list(self.look.bodies.get(link, ())) for link in links}
-        return link_shapes(self.mechanism, travels(self.mechanism, self.frames.poses), self._free_sides())
+        shapes = link_shapes(self.mechanism, travels(self.mechanism, self.frames.poses), self._free_sides())
+        shapes[GROUND] += spring_mounts(self.look.springs, 1.2 * self.radius)
+        return shapes
 
     def _slot(self, body: str) -> int:
         return int(self.model.body(body).mocapid[0])

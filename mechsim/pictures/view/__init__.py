@@ -1,4 +1,4 @@
 """A self-contained interactive 3-D page of a mechanism.
 
-All that moves was solved before: All motions are solved before: the page interpolates between dense samples.
+All motions are solved before: the page interpolates between dense samples.
 """

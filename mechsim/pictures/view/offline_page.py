@@ -20,7 +20,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
-from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.joints import link_shapes, spring_mounts
 from mechsim.shapes.shape import Shape
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -71,6 +71,7 @@ def _data(view: View) -> dict[str, Any]:
         shapes = {link: list(view.bodies.get(link, ())) for link in poses}
     else:
         shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
+        shapes[GROUND] += spring_mounts(view.springs, 1.2 * rod_radius(mechanism))
     radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     up = cameras.upright(mechanism, view.up)

@@ -10,6 +10,7 @@ from model_files import model_text
 import mechsim as ms
 from mechsim.codegen import geometry
 from mechsim.codegen.geometry import Formula, parametric_geometry
+from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.offline_page import page
 from mechsim.pictures.view.pose_grid import View, motion_grid
 from mechsim.report.live_page import live_page
@@ -61,7 +62,7 @@ def live_view(name):
         motion = solver.solve(t=times)
         grid = motion_grid("motion", solver.mechanism, motion, driver="time", unit="s", nodes=times)
     live = live_page(open_model(name), solver, parametric_model(name), SPEED)
-    return View(solver.mechanism, [grid], solver.name, live=live)
+    return View(solver.mechanism, [grid], solver.name, live=live, springs=drawn_as(solver)["springs"])
 
 
 # a press with a load of each kind and a spring; the page opens its values where the file states them
@@ -268,6 +269,11 @@ def test_loads_have_sliders_and_the_torque_follows_as_in_python(window, tmp_path
     assert tomllib.loads(saved.read_text())["forces"]["loads"]["press"]["force"] == [-8.5, 3.0, 0]
     path.write_text(LOADED.replace("crank_torque", "joint_springs.slide = { stiffness = 10 }\ncrank_torque"))
     assert live_view(str(path)).live.data["uncounted"] == "springs in joints"
+    # a ball marks the end of the spring on the frame, at 0.2 m; the picture reaches it (the slider is at 0.124 m)
+    solids = window.run("DATA.bodies.ground.filter(solid => solid.kind === 'sphere').map(solid => solid.at)")
+    assert solids == [pytest.approx([0.2, 0.01, 0.0])]
+    view = window.run("DATA.cameras[0]")
+    assert view["centre"][0] + view["width"] / 2.0 > 0.2
     assert not window.complaints
 
 
