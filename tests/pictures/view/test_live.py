@@ -269,7 +269,7 @@ def test_loads_have_sliders_and_the_torque_follows_as_in_python(window, tmp_path
     assert tomllib.loads(saved.read_text())["forces"]["loads"]["press"]["force"] == [-8.5, 3.0, 0]
     path.write_text(LOADED.replace("crank_torque", "joint_springs.slide = { stiffness = 10 }\ncrank_torque"))
     assert live_view(str(path)).live.data["uncounted"] == "springs in joints"
-    # a ball marks the end of the spring on the frame, at 0.2 m; the picture reaches it (the slider is at 0.124 m)
+    # a ball marks the end of the spring on the frame, at 0.2 m; the picture reaches it (the slider: 0.124 m)
     solids = window.run("DATA.bodies.ground.filter(solid => solid.kind === 'sphere').map(solid => solid.at)")
     assert solids == [pytest.approx([0.2, 0.01, 0.0])]
     view = window.run("DATA.cameras[0]")
