@@ -51,8 +51,6 @@ MIN_ROWS, END_FRACTION = 10, 0.05
 MIN_SHARE = 1e-4
 # measured of a step in the imaginary direction, which gives exact derivatives
 STEP = 1e-30
-# deviations of a normal distribution that hold 95 %
-TWO_SIDED = 1.959964
 # the elements of a symmetric matrix, and the parameters of a link with their units
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 ELEMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -146,8 +144,11 @@ class Identification:
 
     @property
     def within_95(self) -> dict[str, float]:
-        """Half the width of the 95 % interval of each determined parameter."""
-        return {name: TWO_SIDED * deviation for name, deviation in self.deviations.items()}
+        """Half the width of the 95 % interval of each determined parameter, by Student's t."""
+        from scipy.stats import t
+
+        factor = float(t.ppf(0.975, self.rows[0] * len(self.rms) - len(self.values)))
+        return {name: factor * deviation for name, deviation in self.deviations.items()}
 
     @property
     def impossible(self) -> list[str]:
@@ -376,7 +377,8 @@ class _TorqueFit:
         for i, name in enumerate(self.frictions, first):
             joint, _, kind = name.rpartition(".")
             damping, coulomb = np.zeros_like(unit.twist), np.zeros_like(unit.twist)
-            add_friction(unit, damping, coulomb, Friction(joint, **{kind: 1.0}))
+            coefficient: Any = {kind: 1.0}
+            add_friction(unit, damping, coulomb, Friction(joint, **coefficient))
             needed[..., i] = -rate * damping - coulomb
         return linear_drives(unit, needed)
 
