@@ -58,6 +58,9 @@ GATES = {
     ("numerics.collocation", "numerics.balls"): "a table of a motion law, enclosed",
     ("subjects.toml_reader", "model.forces"): "forces in TOML",
     ("subjects.toml_coordinates", "model.nonlinear_springs"): "soft stops in TOML",
+    ("subjects.toml_values", "model.coupling_functions"): "functions in TOML",
+    ("model.forces", "model.nonlinear_springs"): "soft stops",
+    ("cli", "simulation.mujoco_loading"): "a command that runs MuJoCo",
     ("subjects.toml_reader", "subjects.toml_backlash"): "backlash of joints in TOML",
     ("subjects.toml_reader", "subjects.toml_stated"): "sources of parameters in TOML",
 }

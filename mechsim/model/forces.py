@@ -7,21 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.model.actuators import Actuator
-from mechsim.model.bushings import Bushing
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motors import Controller, Motor
-from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
 from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, require
+
+if TYPE_CHECKING:
+    from mechsim.model.actuators import Actuator
+    from mechsim.model.bushings import Bushing
+    from mechsim.model.motors import Controller, Motor
+    from mechsim.model.nonlinear_springs import NonlinearSpring
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
 LinkPoint = tuple[str, Vector]
@@ -236,6 +239,10 @@ class Forces:
     @property
     def stop_ranges(self) -> dict[str, tuple[float, float]]:
         """Coordinate -> its range between soft stops, infinite where there is none."""
+        if not self.nonlinear_springs:
+            return {}
+        from mechsim.model.nonlinear_springs import SoftStop
+
         ranges: dict[str, tuple[float, float]] = {}
         for spring in self.nonlinear_springs:
             if isinstance(spring.ends, str) and isinstance(spring.law, SoftStop):

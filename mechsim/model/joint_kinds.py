@@ -162,7 +162,6 @@ KINDS: dict[KindName, Kind] = {
 FIXED: KindName = "fixed"
 PRISMATIC: KindName = "prismatic"
 REVOLUTE: KindName = "revolute"
-FLOATING: KindName = "floating"
 
 
 def kinds_that(rule: Callable[[Kind], bool]) -> str:

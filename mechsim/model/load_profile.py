@@ -1,8 +1,7 @@
-"""A load as a function of crank angle or time: constant, table, function or harmonics."""
+"""A load as a function of crank angle or time: constant, table or function."""
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.model.expressions import Instruction, Table, instructions_of
+from mechsim.model.expressions import Instruction, Table
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
@@ -27,7 +26,7 @@ PERIOD_TOLERANCE = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class LoadProfile:
-    """A load as a function of crank angle or time; made by `constant`, `table`, `function` or `harmonics`.
+    """A load as a function of crank angle or time; made by `constant`, `table` or `function`.
 
     Attributes:
         over: independent variable: "angle" in [rad], "time" in [s]; None for a constant.
@@ -101,49 +100,6 @@ def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int
     if width not in (1, 3):
         raise InputError(f"a load has {width} components; it can have 1 or 3")
     return LoadProfile(over, call, width)
-
-
-def harmonics(
-    cosines: ArrayLike, sines: ArrayLike = (), *, over: Over = "angle", period: float = REVOLUTION
-) -> LoadProfile:
-    """Return sum c_k cos(k w x) + s_k sin(k w x) with w = 2 pi / period: c from k = 0, s from k = 1."""
-    c, s = np.asarray(cosines, dtype=np.float64), np.asarray(sines, dtype=np.float64)
-    if c.ndim != 1 or s.ndim != 1 or not (np.isfinite(c).all() and np.isfinite(s).all()):
-        raise InputError(
-            "coefficients of a periodic load are not two lists of finite numbers; give two lists"
-        )
-    if not 0.0 < period < np.inf:
-        raise InputError(f"period of a load is {period}; give one above 0")
-
-    return function(Harmonics(tuple(c.tolist()), tuple(s.tolist()), REVOLUTION / period), over=over)
-
-
-@dataclass(frozen=True, slots=True)
-class Harmonics:
-    """A periodic function, sum c_k cos(k w x) + s_k sin(k w x).
-
-    Attributes:
-        cosines: c from k = 0.
-        sines: s from k = 1.
-        frequency: w.
-    """
-
-    cosines: tuple[float, ...]
-    sines: tuple[float, ...]
-    frequency: float
-
-    def __call__(self, position: Array) -> Array:
-        """Return the values at positions (n,), (n,)."""
-        x, c, s = position[:, None] * self.frequency, np.array(self.cosines), np.array(self.sines)
-        return np.cos(x * np.arange(len(c))) @ c + np.sin(x * np.arange(1, len(s) + 1)) @ s
-
-    @property
-    def instructions(self) -> tuple[tuple[Instruction, ...]]:
-        """The evaluation of its one component."""
-        terms = [("cos", k, value) for k, value in enumerate(self.cosines)]
-        terms += [("sin", k, value) for k, value in enumerate(self.sines, 1)]
-        text = " + ".join(f"{value!r}*{name}({k * self.frequency!r}*x)" for name, k, value in terms)
-        return (instructions_of(ast.parse(text or "0.0", mode="eval").body, {}),)
 
 
 def table(

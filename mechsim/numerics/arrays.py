@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # glibc returns freed memory to the system after each step of a calculation and requests it again for the
 # next, page by page, unless one large array has been freed before; without this line that costs more than the
@@ -52,7 +51,3 @@ def polynomial(coefficients: Iterable[float], x: Array) -> tuple[Array, Array, A
     for entry in reversed([*coefficients]):
         half, rate, value = half * x + rate, rate * x + value, value * x + entry
     return value, rate, 2.0 * half
-
-
-# largest distance of the ends of a closed path, relative to its extent
-CLOSED = 1e-6

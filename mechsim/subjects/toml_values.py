@@ -9,16 +9,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
 from mechsim.files import is_table, read
-from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.expressions import FUNCTIONS, evaluate_number, variables
 from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.toml_keys import Key, root
 from mechsim.units import Unit
+
+if TYPE_CHECKING:
+    from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 
 # largest number of digits of an integer that Python reads by default (sys.set_int_max_str_digits)
 MAX_DIGITS = 4300
@@ -337,8 +339,10 @@ class Values:
             raise self.source.error(path, f"is {shown(value)}; give {expected}")
 
 
-def written_function(values: Values, text: str, path: KeyPath, variable: str = "q") -> WrittenFunction:
+def written_function(values: Values, text: str, path: KeyPath, variable: str = "q") -> "WrittenFunction":
     """Return a function of a variable, in SI, with the parameters of the file."""
+    from mechsim.model.coupling_functions import WrittenFunction
+
     if (values.length, values.angle) != ("m", "rad"):
         raise values.source.error(path, "is in SI; give the file the units m and rad")
     names = [name for name in values.parameters if re.search(rf"\b{re.escape(name)}\b", text)]
@@ -353,7 +357,7 @@ def tabled_function(
     value: str = "value",
     *,
     periodic: bool = False,
-) -> TabledFunction:
+) -> "TabledFunction":
     """Return a function in SI that a table next to the file has in two columns.
 
     Args:
@@ -367,6 +371,8 @@ def tabled_function(
     Raises:
         InputError: for a table with other columns.
     """
+    from mechsim.model.coupling_functions import TabledFunction
+
     file = str(values.source.sibling(text))
     columns = read(file)
     variable = next((name for name in over if name in columns), over[0])

@@ -22,7 +22,7 @@ from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling
-from mechsim.model.load_profile import constant, function, harmonics, table
+from mechsim.model.load_profile import constant, function, table
 from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
 from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
@@ -233,8 +233,8 @@ VARYING = [
         couples=(Couple("coupler", along("0*angle", "0*angle", "k*cos(angle)")),),
     ),
     Forces(controllers=(Controller("A", EVERY_FUNCTION), Controller("crank", "0.2*sin(t) - 0.1*crank.v"))),
-    Forces(crank_torque=harmonics([0.1, 0.2], [0.3], over="time")),
-    Forces(crank_torque=harmonics([0.1, 0.2, -0.1], [0.3])),
+    Forces(crank_torque=along("0.1 + 0.2*cos(t) + k*sin(t)")),
+    Forces(crank_torque=along("0.1 + 0.2*cos(angle) - 0.1*cos(2*angle) + k*sin(angle)")),
     Forces(crank_torque=table([0.0, 0.3, 1.0], [0.1, 0.2, 0.4], over="time")),
     Forces(loads=(Load("A", table(ANGLES, np.stack([np.sin(k * ANGLES) for k in (1, 2, 3)], 1))),)),
     Forces(couples=(Couple("coupler", table(ANGLES, np.stack([np.cos(ANGLES)] * 3, 1), smooth=True)),)),

@@ -42,7 +42,7 @@ def all_forces(linkage):
         loads=(
             Load(point, load_profile.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)),
         ),
-        crank_torque=load_profile.harmonics([0.01, 0.02], [0.03]),
+        crank_torque=load_profile.function(lambda x: 0.01 + 0.02 * np.cos(x) + 0.03 * np.sin(x)),
     )
 
 

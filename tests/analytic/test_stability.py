@@ -200,7 +200,7 @@ def test_the_derivatives_of_a_controller_count(equilibria):
 
 
 def test_a_load_over_the_crank_angle_changes_the_stiffness(equilibria):
-    profile = ms.load_profile.harmonics([0.0], [3.0])
+    profile = ms.load_profile.function(lambda angle: 3.0 * np.sin(angle))
     model, _ = equilibria(WEIGHT)
     states = ms.dynamics.equilibria(
         model.mechanism, ms.Forces(gravity=(0.0, -9.81, 0.0), crank_torque=profile)

@@ -30,12 +30,6 @@ def test_a_smooth_table_has_fourth_order():
     assert 3.8 < np.log2(error(48) / error(96)) < 4.2
 
 
-def test_harmonics_are_the_sum_of_cosines_and_sines():
-    x = np.linspace(-1.0, 8.0, 50)
-    load = load_profile.harmonics([0.5, 0.0, 2.0], [1.5])
-    assert np.allclose(load.evaluate(x), 0.5 + 2.0 * np.cos(2.0 * x) + 1.5 * np.sin(x), atol=1e-14)
-
-
 def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
     x = np.linspace(0.0, REVOLUTION, 9)
     exact, written = (load_profile.table(angles, np.cos(x).round(12)) for angles in (x, x.round(5)))

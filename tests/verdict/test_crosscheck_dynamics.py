@@ -37,7 +37,7 @@ def every_force(name: str) -> Forces:
         springs=(Spring(tip, ("ground", (0.1, 0.2, 0.3)), 10.0, 0.01, 0.3),),
         joint_springs=tuple(JointSpring(joint, 0.3, 0.12) for joint in straight),
         loads=(Load(tip, load_profile.function(push, width=3)),),
-        crank_torque=load_profile.harmonics([0.1, 0.2]),
+        crank_torque=load_profile.function(lambda x: 0.1 + 0.2 * np.cos(x)),
         flywheel=1.2e-3,
     )
 
@@ -101,7 +101,9 @@ def test_every_wrong_model_fails_in_a_free_run():
 
 def test_free_runs_under_an_angle_dependent_load_agree():
     forces = Forces(
-        motor=TorqueSpeedLine(5.0, 100.0), crank_torque=load_profile.harmonics([-0.2, 0.1]), flywheel=0.01
+        motor=TorqueSpeedLine(5.0, 100.0),
+        crank_torque=load_profile.function(lambda x: 0.1 * np.cos(x) - 0.2),
+        flywheel=0.01,
     )
     model = model_of("four_bar", forces)
     run = dynamics.free_run(model, turns=0.5, samples=31)

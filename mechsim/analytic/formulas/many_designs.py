@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.formulas.closed_form import ClosedForm
-from mechsim.analytic.formulas.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
+from mechsim.analytic.formulas.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, polynomial_roots
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
@@ -47,13 +47,11 @@ class CrankRanges:
         full: whether the crank rotates fully, (n,).
         uncertain: whether the discriminant has a minimum so close to 0 that only exact roots decide, (n,).
         discriminants: coefficients of the discriminants in the order of `numpy.fft`, (n, 2 degree + 1).
-        clear: whether the crank angle 0, the start of designs, is away from dead centres, (n,).
     """
 
     full: Bools
     uncertain: Bools
     discriminants: NDArray[np.complex128]
-    clear: Bools
 
 
 def formula_of_many(formula: ClosedForm | None, varied: Iterable[str]) -> TwoBranchForm | None:
@@ -123,27 +121,7 @@ def crank_ranges(formula: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRa
     np.minimum.at(least, design, _values(minimum, own, order)[:, 0])
     finite = np.isfinite(least) & (scale > 0.0)
     uncertain = ~finite | (np.abs(least) <= TOUCHING * scale)
-    clear = heights[:, 0] > MIN_START_DISCRIMINANT * heights.max(1)
-    return CrankRanges(finite & (least > TOUCHING * scale), uncertain, harmonics, clear)
-
-
-def ranges(cranks: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
-    """Return the width of the crank ranges, (n,) in [rad], and the number of dead centres, (n,).
-
-    Uncertain designs count as if a discriminant that touches 0 did not end the range.
-    """
-    count = cranks.discriminants.shape[1]
-    degree = count // 2
-    top = np.fft.fftshift(cranks.discriminants, axes=1)[:, ::-1]
-    widest, ends = np.where(cranks.full, REVOLUTION, 0.0), np.zeros(len(top), dtype=np.intp)
-    order = np.arange(-degree, degree + 1.0)
-    for i in np.flatnonzero(~cranks.full & np.isfinite(top).all(1)):
-        zeros = np.roots(top[i])
-        real = np.sort(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < TOUCHING**0.5]))
-        gaps = np.diff(np.append(real, real[:1] + REVOLUTION))
-        middle = (np.exp(1j * np.outer(real + 0.5 * gaps, order)) @ top[i][::-1]).real
-        widest[i], ends[i] = gaps[middle > 0.0].sum(), len(real)
-    return widest, ends
+    return CrankRanges(finite & (least > TOUCHING * scale), uncertain, harmonics)
 
 
 def solved(

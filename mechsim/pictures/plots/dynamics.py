@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RINGS = "#222831"
-# largest number of joints in a row; relative size of a component below which it is rounding
-ACROSS, ROUNDING = 6, 1e-9
 
 
 class Prescribed(Protocol):

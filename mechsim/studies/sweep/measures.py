@@ -27,12 +27,6 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
     "ripple": lambda values: np.sqrt(((values - values.mean(1, keepdims=True)) ** 2).mean(1)),
 }
 WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", "FILE.py:FUNC")
-# former measures -> what to use instead
-REMOVED = {
-    "crank_range": "the columns outcome and reason state whether the crank turns or where it swings",
-    **dict.fromkeys(("frequency", "damping_ratio"), "call ms.dynamics.modes for each design"),
-    **dict.fromkeys(("settling", "peak"), "call ms.dynamics.run_many"),
-}
 
 
 @dataclass(frozen=True)
@@ -168,8 +162,6 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
         index, _, name = rest.partition(":")
         quantity = numeric_quantity(name, mechanism)
         return TurnMeasure(text, word, quantity.unit, quantity, angle=_parameter(text, index, motion_laws))
-    if word in REMOVED:
-        raise InputError(f"sweep does not measure {word}; {REMOVED[word]}")
     description = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
 

@@ -32,8 +32,6 @@ def library(name: str) -> Any:
 
 
 SUFFIXES = (".nc", ".csv")
-# names of text columns
-TEXTS = ("outcome", "reason")
 
 
 def dataset(

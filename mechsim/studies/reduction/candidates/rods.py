@@ -134,7 +134,7 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
 
 
 RODS = "rods as lengths"
-SITE, TENDON = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_TENDON
+TENDON = mujoco.mjtObj.mjOBJ_TENDON
 # distance of joint anchors, relative to the rod length, up to which they coincide
 ANCHOR_TOLERANCE = 1e-6
 # time constants in steps, tried in addition to the compliance of the loop
