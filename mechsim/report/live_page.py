@@ -91,7 +91,7 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
         },
         "transmission": [*_transmissions(solver.mechanism)],
         "loads": [load for load in loads if load["name"] in kept],
-        "fixed": [load for load in loads if load["name"] not in kept and load["kind"] != "mass"],
+        "constant": [load for load in loads if load["name"] not in kept and load["kind"] != "mass"],
         "uncounted": _uncounted(forces_of(solver)),
         "speed": speed,
         "size": solver.mechanism.characteristic_length,

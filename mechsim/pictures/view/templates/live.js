@@ -197,7 +197,7 @@ class LiveMechanism {
   /* takes the power of the loads at a unit rate of each driver from its torque (virtual work) */
   holdLoads(values, torques) {
     const n = this.count, given = this.loads.map((load, i) => ({ ...load, value: values[n + this.dimensions.length + i] }));
-    const acting = [...this.fixed, ...given].filter((load) => load.kind !== "mass");
+    const acting = [...this.constant, ...given].filter((load) => load.kind !== "mass");
     if (acting.length) for (let k = 0; k < n; k++) {
       this.code.solve(this.state, Array.from(values.slice(0, n)), this.none.map((_, i) => (i === k ? 1 : 0)), this.none);
       this.code.solve_links(this.state, this.records.links);
