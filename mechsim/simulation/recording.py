@@ -177,6 +177,9 @@ def _evaluated(
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     if crank_acceleration is not None:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | FORCE_FLAGS
+    # the model has the Taylor polynomials of functions at one state only
+    functions = [row.equality for row in loops.couplings if row.function is not None]
+    model.eq_active0[functions] = 0
     n = len(states.time)
     sims = batch.Batch(model, n, 1 if n <= ONE_THREAD else 0)
     sims.bind("qpos")[:] = states.qpos
@@ -189,7 +192,7 @@ def _evaluated(
     links, points = link_motions(model, track, fields), _point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
-    if crank_acceleration is None and (has_dry_friction(model) or followers(loops)):
+    if crank_acceleration is None and (has_dry_friction(model) or followers(loops) or functions):
         # while friction sticks or reverses, soft loops oscillate about the motion; the force of a follower is
         # constant over each step
         crank_acceleration = qacc[:, loops.crank].copy()

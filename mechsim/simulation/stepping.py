@@ -21,6 +21,7 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import States
 from mechsim.simulation.settings import Settings, set_armature
 from mechsim.simulation.state import SLIDE
+from mechsim.simulation.velocity_products import velocity_products
 
 # callback with the progress of a run: text, and fraction from 0 to 1
 
@@ -107,14 +108,6 @@ def step(
         controls: of the model's actuators at the start of each step, (total, nu); None without controls.
         progress: callback after every block.
     """
-    # reject functions of coordinates that do not follow from the drivers alone: they change every step
-    kept = {row.equality for row in recording.followers(loops)}
-    for row in loops.couplings:
-        if row.function is not None and row.equality not in kept:
-            raise NotSteppedError(
-                f"coupling {loops.model.equality(row.equality).name!r} is a function between coordinates "
-                "that move with a loop, which MuJoCo cannot step along drivers; take --method pose"
-            )
     timestep = profile.duration / total
     driven = not profile.steady or len(recording.actuated_dofs(loops)) > 1 or loops.drivers is not None
     if driven:
@@ -122,20 +115,24 @@ def step(
         require_memory(
             f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most"
         )
-    used = settings.apply(loops, timestep)
+    renewed = bool(functions_in_loops(loops))
+    used = settings.apply(loops, timestep, velocity_products=renewed)
     model = loops.model
     if driven:
         _add_drive_inertia(loops)
     torque = _torque(loops, profile, timestep, total) if driven else None
-    run = rollout(
-        batch.Batch(model, 1, 1),
-        timestep,
-        start,
-        total,
-        interval,
-        lambda steps: _controls(loops, steps, controls, torque),
-        progress,
-    )
+    if renewed:
+        run = _renewed_rollout(loops, timestep, start, total, interval, (controls, torque), progress)
+    else:
+        run = rollout(
+            batch.Batch(model, 1, 1),
+            timestep,
+            start,
+            total,
+            interval,
+            lambda steps: _controls(loops, steps, controls, torque),
+            progress,
+        )
     force = None if torque is None else torque[np.minimum(run.numbers, total - 1)]
     if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
         force = force[:, 0]
@@ -218,6 +215,43 @@ def rollout(
     return Rollout(timestep, numbers, qpos, qvel, count, seconds, processor, diverged)
 
 
+def _renewed_rollout(
+    loops: ModelLoops,
+    timestep: float,
+    start: tuple[Array, Array],
+    total: int,
+    interval: int,
+    inputs: tuple[Array | None, Array | None],
+    progress: Progress,
+) -> Rollout:
+    """Step a model whose couplings get their Taylor polynomials at the state before each step.
+
+    A polynomial of degree 4 is exact to the fifth power of the motion in a step. With RK4 the error falls
+    with the fourth power of the step: 3e-8, 2e-9, 6e-11 and 4e-12 m in `cam_follower` with 500 to 4,000
+    steps a revolution. `inputs` are controls of actuators and forces of drives at each step.
+    """
+    model, data = loops.model, mujoco.MjData(loops.model)
+    data.qpos[:], data.qvel[:] = start
+    records, seconds, processor, diverged = [(0, *start)], perf_counter(), thread_time(), False
+    with velocity_products(loops):
+        for count in range(total):
+            expand_functions(loops, data.qpos)
+            control = _controls(loops, slice(count, count + 1), *inputs)
+            if control is not None:
+                data.ctrl[:], data.qfrc_applied[:] = np.split(control[0, 0], [model.nu])
+            mujoco.mj_step(model, data)
+            diverged = bool(data.warning.number.any() or not np.isfinite(data.qpos).all())
+            if diverged:
+                break
+            if (count + 1) % interval == 0 or count + 1 == total:
+                records.append((count + 1, data.qpos.copy(), data.qvel.copy()))
+            if count % STEPS_PER_CALL == 0:
+                progress(f"{count:,} of {total:,} steps", count / total)
+    numbers, qpos, qvel = (np.array(column) for column in zip(*records, strict=True))
+    spent = perf_counter() - seconds, thread_time() - processor
+    return Rollout(timestep, numbers, qpos, qvel, int(numbers[-1]), *spent, diverged)
+
+
 def _add_drive_inertia(loops: ModelLoops) -> None:
     """Set the crank's virtual inertia on all driven DOFs; disable the constraints of nonlinear followers."""
     model, moved = loops.model, recording.actuated_dofs(loops)
@@ -229,6 +263,16 @@ def _add_drive_inertia(loops: ModelLoops) -> None:
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
     model.eq_active0[[coupling.equality for coupling in recording.followers(loops)]] = 0
     rescale_coupled_tendons(loops, model)
+
+
+def functions_in_loops(loops: ModelLoops) -> list[str]:
+    """Return the couplings by functions of coordinates that do not follow from the drivers alone.
+
+    Their Taylor polynomials change at every step.
+    """
+    kept = {row.equality for row in recording.followers(loops)}
+    functions = (row for row in loops.couplings if row.function is not None and row.equality not in kept)
+    return [loops.model.equality(row.equality).name for row in functions]
 
 
 def expand_functions(loops: ModelLoops, qpos: Array) -> None:

@@ -9,6 +9,8 @@ from model_files import model_text
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
 from mechsim.errors import InputError
+from mechsim.model.forces import Forces
+from mechsim.simulation.dynamics.prescribed_motion import driven
 
 SEGMENTS = """[
   { over = "120 deg", to = "10 mm", kind = "cycloidal" }, { over = "60 deg" },
@@ -138,3 +140,20 @@ def test_a_cam_in_millimetres_is_that_in_metres():
 @pytest.mark.parametrize("name", ["cam_follower", "window_regulator", "wankel"])
 def test_laws_of_contacts_are_named_without_virtual_bodies(name):
     assert not [law for law in ms.load(name).mechanism.named_laws if "~" in law]
+
+
+def test_a_driven_cam_is_stepped_with_the_fourth_order():
+    model, errors = ms.load("cam_follower"), []
+    for steps in (100, 200):
+        run = ms.simulate(model, speed="60rpm", turns=1, method="step", timestep=1.0 / steps)
+        exact = model.solve(run.motion.angle, speed=run.motion.speed)
+        own = run.motion.points["roller"]
+        errors.append(np.abs(own.position - exact.points["roller"].position).max())
+        assert np.abs(own.velocity - exact.points["roller"].velocity).max() < 1e-3
+    assert errors[1] < 1e-5
+    assert errors[0] / errors[1] > 10.0
+
+
+def test_forces_of_a_stepped_cam_are_refused():
+    with pytest.raises(InputError, match="no forces in steps along drivers; take --method pose"):
+        driven(ms.load("cam_follower").mechanism, Forces(), speed=5.0, turns=1, method="step")

@@ -15,13 +15,11 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
-from mechsim.simulation.equality_rows import CouplingConstraint, RodPair
 from mechsim.simulation.mjcf.force_elements import MASSLESS, native
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
-
-EQUALITY, JOINT = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY), int(mujoco.mjtEq.mjEQ_JOINT)
+from mechsim.simulation.velocity_products import velocity_products
 
 
 def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations: int) -> ModelLoops:
@@ -124,7 +122,7 @@ class AppliedControls:
         else:
             mujoco.set_mjcb_control(lambda _, state: self.apply(state))
         try:
-            with _velocity_products(self.loops):
+            with velocity_products(self.loops):
                 yield
         finally:
             mujoco.set_mjcb_control(before)
@@ -243,46 +241,3 @@ def dofs_of(model: LoadedModel, names: Iterable[str]) -> tuple[list[int], list[i
         addresses.append(int(model.model.jnt_qposadr[joint]))
         dofs.append(int(model.model.jnt_dofadr[joint]))
     return addresses, dofs
-
-
-@contextmanager
-def _velocity_products(loops: ModelLoops) -> Generator[None]:
-    """Install a callback for nonlinear couplings and rods, and restore the previous one.
-
-    It adds their velocity-product terms. MuJoCo makes a joint coupling q = f(p) compliant in proportion to
-    1/m_q + 1/m_p with the inertias of both coordinates; the callback corrects this to 1/m_q + f'(p)^2 / m_p.
-    A light cam under a preloaded follower, on a dwell, would otherwise yield as if it carried the load.
-    """
-    before = mujoco.get_mjcb_passive()
-    nonlinear = [row for row in (*loops.couplings, *loops.rods) if row.nonlinear]
-    rows: list[int] = []
-
-    # MuJoCo calls this after it computes the constraint violations and before it computes accelerations
-    def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if not rows:
-            constrained = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()
-            rows.extend(constrained.index(coupling.equality) for coupling in nonlinear)
-        qpos, qvel = data.qpos[None], data.qvel[None]
-        for coupling, row in zip(nonlinear, rows, strict=True):
-            stiffness, _, impedance, _ = data.efc_KBIP[row]
-            if isinstance(coupling, RodPair):
-                data.efc_pos[row] += coupling.stretching(data) / (stiffness * impedance)
-                continue
-            data.efc_pos[row] -= float(coupling.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
-            data.efc_R[row] *= _mobility_ratio(loops.model, coupling, qpos)
-            data.efc_D[row] = 1.0 / data.efc_R[row]
-
-    mujoco.set_mjcb_passive(opened if nonlinear else before)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_passive(before)
-
-
-def _mobility_ratio(model: mujoco.MjModel, coupling: CouplingConstraint, qpos: Array) -> float:
-    """Return the mobility of a coupling of two joints by its derivative, relative to that of derivative 1."""
-    if coupling.right is None or model.eq_type[coupling.equality] != JOINT:
-        return 1.0
-    left, right = (model.dof_invweight0[side.dofs[0]] for side in (coupling.left, coupling.right))
-    (rate,) = coupling.values(coupling.right.value(qpos))[1]
-    return float((left + rate**2 * right) / (left + right))

@@ -29,7 +29,14 @@ from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism
-from mechsim.simulation.stepping import interval_count, record_interval, require_steps_resolve, step
+from mechsim.simulation.stepping import (
+    NotSteppedError,
+    functions_in_loops,
+    interval_count,
+    record_interval,
+    require_steps_resolve,
+    step,
+)
 from mechsim.units import si
 
 # constraints ten thousand times stiffer than positions require: near a dead centre the constraint violation
@@ -137,6 +144,11 @@ def _stepped(
     record_step: int,
     progress: Progress,
 ) -> Driven:
+    if functions := functions_in_loops(loaded.loops):
+        raise NotSteppedError(
+            f"coupling {functions[0]!r} is a function between coordinates that move with a loop, of which "
+            "MuJoCo has no forces in steps along drivers; take --method pose"
+        )
     total = samples * record_step
     first, speed, _ = (float(value[0]) for value in profile.state(np.zeros(1)))
     loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
