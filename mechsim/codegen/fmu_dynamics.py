@@ -62,7 +62,7 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         "POINTS": len(points),
     }
     reals = {
-        "TOLERANCE": TOLERANCE,
+        "TOLERANCE": run.tolerance,
         "LONGEST": run.longest,
         "NEAREST": run.nearest_pivot(),
         "DURATION": duration,

@@ -200,8 +200,9 @@ class GaussCollocation:
         t0: start in [s].
         y0: state at the start, (size,).
         t_bound: latest end in [s].
-        rtol: error of a step relative to the state and its scale.
+        rtol: error of a step relative to the displacement of the state and its scale.
         scale: scale of the state's components, (size,).
+        origin: state from which displacements count, (size,).
         max_step: longest step in [s].
         jacobians: of a stiff right-hand side, for implicit steps.
 
@@ -219,6 +220,7 @@ class GaussCollocation:
         t_bound: float,
         rtol: float,
         scale: Array,
+        origin: Array,
         max_step: float = np.inf,
         jacobians: Jacobians | None = None,
     ) -> None:
@@ -226,7 +228,7 @@ class GaussCollocation:
         self.rounding = ROUNDING if jacobians is None else STIFF_ROUNDING
         self.nodes = NODES if jacobians is None else STIFF_NODES
         self.derivatives, self.t, self.y, self.t_bound = derivatives, t0, y0, t_bound
-        self.rtol, self.scale, self.max_step = rtol, scale, max_step
+        self.rtol, self.scale, self.origin, self.max_step = rtol, scale, origin, max_step
         self.status: Literal["running", "finished", "failed"] = "running"
         self._first = derivatives(np.array([t0]), y0[None])[0]
         change = float((np.abs(self._first) / scale).max())
@@ -235,7 +237,7 @@ class GaussCollocation:
 
     def step(self) -> str:
         """Take one step; return a message if it fails, else an empty text."""
-        tolerance = self.rtol * (self.scale + np.abs(self.y))
+        tolerance = self.rtol * (self.scale + np.abs(self.y - self.origin))
         while self._length > SPACINGS * np.spacing(abs(self.t)):
             remaining, self._length = self.t_bound - self.t, min(self._length, self.max_step)
             # avoids a last step that is much shorter than the others

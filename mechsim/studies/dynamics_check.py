@@ -20,6 +20,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import EPS
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.mjcf.force_elements import with_accepted_inertia
@@ -48,6 +49,8 @@ RESTING = 1e-9
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
 # the same for redundant loops, whose constraints are compliant: rates of Bennett's linkage vibrate by 3e-8
 COMPLIANT_TOLERANCE = 1e-7
+# roundings of a pose in forces, at most: 16 in a pendulum that swings by 1e-6 rad
+ROUNDED_POSES = 64.0
 # multiple of the tolerance of rounding at which the error of the steps is small enough where limits of
 # actuators make forces kinked: there halving a step gains a factor of 2 to 4 instead of 16
 KINKED = 100.0
@@ -219,7 +222,7 @@ def _compared_with_mujoco(
     fewest = MIN_WITH_FRICTION if rubbing else MIN_STEPS_PER_STEP
     substeps = max(1, min(most, fewest * steps // intervals))
     coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()
-    floor = _floor(dynamic_model, coarse)
+    floor = max(_floor(dynamic_model, coarse), _rounding(section, dynamic_model.mechanism))
     enough = KINKED if any(a.limited for a in dynamic_model.forces.actuators) else 1.0
     while True:
         fine, substeps = stepped(2 * substeps), 2 * substeps
@@ -265,6 +268,19 @@ def _floor(dynamic_model: DynamicModel, stepped: SteppedRun) -> float:
     if any(friction.dry for friction in dynamic_model.forces.friction):
         return FRICTION_TOLERANCE
     return COMPLIANT_TOLERANCE if stepped.compliant else RELATIVE_TOLERANCE
+
+
+def _rounding(run: DynamicRun, mechanism: Mechanism) -> float:
+    """Return the rounding of poses relative to the largest displacement of a link, in sizes and radians."""
+    length = mechanism.characteristic_length
+    largest = max(
+        max(
+            float(np.abs(link.rotation - link.rotation[0]).max()),
+            float(np.abs(link.position - link.position[0]).max()) / length,
+        )
+        for link in run.motion.links.values()
+    )
+    return ROUNDED_POSES * EPS / largest if largest > 0.0 else 0.0
 
 
 def _gains(changes: Iterable[tuple[str, float]]) -> dict[str, float]:

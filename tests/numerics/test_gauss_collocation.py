@@ -12,7 +12,8 @@ def oscillator(frequency):
 
 def integrated(derivatives, state, end, rtol=3e-13):
     """Return the solver at the end and the pieces of the solution."""
-    solver = GaussCollocation(derivatives, 0.0, np.array(state), end, rtol, np.ones(len(state)))
+    scale, origin = np.ones(len(state)), np.zeros(len(state))
+    solver = GaussCollocation(derivatives, 0.0, np.array(state), end, rtol, scale, origin)
     pieces = []
     while solver.status == "running":
         message = solver.step()
@@ -100,7 +101,7 @@ def test_a_stiff_equation_needs_few_steps():
         return np.full((*states.shape, 1), -decay)
 
     solver = GaussCollocation(
-        derivatives, 0.0, np.array([start]), 10.0, 3e-13, np.ones(1), jacobians=jacobians
+        derivatives, 0.0, np.array([start]), 10.0, 3e-13, np.ones(1), np.zeros(1), jacobians=jacobians
     )
     steps = 0
     while solver.status == "running":

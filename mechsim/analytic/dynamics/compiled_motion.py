@@ -26,7 +26,7 @@ _REALS = (
     *("energy", "correction", "largest", "drift"),
 )
 _INTS = ("rank", "implicit", "resting", "max_steps", "steps", "evaluations", "status")
-_POINTERS = ("at_rest", "phase", "sliding", "scale", "rule", "state", "step", "dense")
+_POINTERS = ("at_rest", "phase", "sliding", "scale", "origin", "rule", "state", "step", "dense")
 
 
 class RunData(ctypes.Structure):
@@ -97,6 +97,7 @@ class StepSettings:
     Attributes:
         tolerance: relative error of a step.
         scale: scale of the state's components, (size,).
+        origin: state from which displacements count, `StateLayout.origin`.
         longest: longest step in [s].
         rank: rank of the loop constraints.
         nearest: smallest pivot of the loop constraints at which the C code continues.
@@ -108,6 +109,7 @@ class StepSettings:
 
     tolerance: float
     scale: Array
+    origin: Array
     longest: float
     rank: int
     nearest: float
@@ -207,6 +209,7 @@ def integrated(
         phase=phase.ctypes.data,
         sliding=sliding.ctypes.data,
         scale=scale.ctypes.data,
+        origin=settings.origin.ctypes.data,
         rule=collocation_rule().ctypes.data,
         state=state.ctypes.data,
         step=numbers.ctypes.data,
@@ -306,13 +309,12 @@ def evaluated(
     return StatesInC(states, derivatives, energies[:, 0], energies[:, 1], run.rank, run.nearest)
 
 
-def scale_of(layout: StateLayout, start: StatesInC, fastest: float, duration: float) -> Array:
-    """Return the scale of the states of a run of a duration in [s] from a state, (size,).
-
-    The rate of the scale is the fastest so far, or one that the accelerations or the duration give.
-    """
-    fastest_change = np.abs(layout.accelerations(start.derivatives)).max(initial=0.0)
-    return layout.scale(max(fastest, float(np.sqrt(fastest_change)), 1.0 / duration))
+def scale_of(
+    layout: StateLayout, start: StatesInC, fastest: float, duration: float, displacement: float = 1.0
+) -> Array:
+    """Return the scale of the states of a run of a duration in [s] from a state, (size,)."""
+    fastest_change = float(np.abs(layout.accelerations(start.derivatives)).max(initial=0.0))
+    return layout.scale(layout.fastest(fastest, fastest_change, duration, displacement), displacement)
 
 
 def _arrays(mode: ContactMode, at_rest: Sequence[int]) -> tuple[Array, Any, Any]:

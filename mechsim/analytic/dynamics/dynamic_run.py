@@ -49,6 +49,7 @@ from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rounding import EPS
 
 Run = TypeVar("Run", bound="DynamicRun")
 # an initial value: in SI, text with units, or the numbers of a rotation or angular velocity
@@ -56,6 +57,9 @@ Initial = float | str | Sequence[float]
 # relative error of a step; the error of a pendulum after a hundred periods is then 2e-11 of its amplitude in
 # C, and below 4e-12 in numpy (validation/published/forward_dynamics.py)
 TOLERANCE = 3e-13
+# displacement in units, such as radians, below which a motion is integrated again with errors relative to it;
+# instants at which it is measured; and roundings of a coordinate that the tolerance of a step contains
+SMALL, DISPLACEMENTS, ROUNDINGS = 0.1, 400, 3.0
 # smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
 # loops close to 1e-7 only, and accelerations have no significant digits
 SINGULAR_START = 1e-6
@@ -229,9 +233,18 @@ def run(
     equations, rates = with_determined_motion(equations, q, rates)
     stops = stops_of(equations)
     _require_within(equations, q, stops)
-    integration = Integration(equations, q, rates, tolerance, stops, restitution, progress, budget)
-    trajectory = integration.run(end) if event is None else _run_until(integration, end, event, until)
-    layout = StateLayout(equations)
+
+    def integrated(displacement: float) -> Trajectory:
+        integration = Integration(
+            equations, q, rates, tolerance, stops, restitution, progress, budget, displacement
+        )
+        return integration.run(end) if event is None else _run_until(integration, end, event, until)
+
+    trajectory, layout = integrated(1.0), StateLayout(equations)
+    displacement = _displacement(trajectory, layout, tolerance)
+    if displacement < SMALL:
+        # errors are relative to the motion, whose size is known now
+        trajectory = integrated(displacement)
 
     def coordinates_at(times: Array) -> Coordinates:
         return layout.unpack_states(_states_at(trajectory.pieces, times)[1])[0]
@@ -240,6 +253,20 @@ def run(
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
     result = replace(result, singular=singular)
     return result if result.outcome == "failed" else with_ranges_checked(result, model.mechanism, ranges)
+
+
+def _displacement(trajectory: Trajectory, layout: StateLayout, tolerance: float) -> float:
+    """Return the largest displacement in a run, in units, or more: one whose tolerance is above rounding.
+
+    Runs without any displacement, or that failed, have that of `Integration`.
+    """
+    if trajectory.outcome != "done":
+        return 1.0
+    states = _states_at(trajectory.pieces, np.linspace(0.0, trajectory.end, DISPLACEMENTS))[1]
+    positions = states[:, : layout.positions]
+    largest = float(np.abs(positions - positions[0]).max())
+    rounding = ROUNDINGS * EPS * float(np.abs(positions).max())
+    return max(largest, rounding / tolerance) if largest > 0.0 else 1.0
 
 
 def with_ranges_checked(result: Run, mechanism: Mechanism, ranges: Ranges) -> Run:

@@ -312,10 +312,23 @@ class StateLayout:
         """Return the accelerations in the derivatives of n vectors, (n, count) in units."""
         return derivatives[:, self.positions : self.positions + self.count]
 
-    def scale(self, rate: float) -> Array:
-        """Return characteristic magnitudes of the vector's components at a characteristic rate."""
+    def origin(self, state: Array) -> Array:
+        """Return the vector from which displacements count: the coordinates of a start, and zeros."""
+        return np.concatenate([state[: self.positions], np.zeros(len(state) - self.positions)])
+
+    def fastest(self, rate: float, acceleration: float, duration: float, displacement: float) -> float:
+        """Return the largest rate, so far or by the acceleration or duration of a displacement."""
+        return max(rate, float(np.sqrt(acceleration * displacement)), displacement / duration)
+
+    def scale(self, rate: float, displacement: float = 1.0) -> Array:
+        """Return characteristic magnitudes of the vector at a rate, of displacements from its origin."""
         return np.concatenate(
-            [np.ones(self.positions), np.full(self.count, rate), np.ones(len(self.start)), np.full(2, 1e300)]
+            [
+                np.full(self.positions, displacement),
+                np.full(self.count, rate),
+                np.ones(len(self.start)),
+                np.full(2, 1e300),
+            ]
         )
 
 

@@ -170,7 +170,14 @@ def _in_c(
     nearest = first.nearest_pivot()
     unlocked = first.right.mode, ()
     settings = StepSettings(
-        tolerance, first.state, first.longest, equations.rank, nearest, *unlocked, first.implicit
+        first.tolerance,
+        first.state,
+        first.origin,
+        first.longest,
+        equations.rank,
+        nearest,
+        *unlocked,
+        first.implicit,
     )
     blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
     states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)
@@ -186,7 +193,8 @@ def _sampled(
     layout = StateLayout(equations)
     fastest = float(np.abs(state[layout.positions :]).max(initial=0.0))
     start = evaluated(model, state[None], times[:1], settings.mode)
-    settings = replace(settings, scale=scale_of(layout, start, fastest, float(times[-1])))
+    scale = scale_of(layout, start, fastest, float(times[-1]))
+    settings = replace(settings, scale=scale, origin=layout.origin(state))
     kinetic = float(start.kinetic[0])
     energy, balance = kinetic + float(start.potential[0]), (0.0, kinetic, 0.0, fastest)
     result, time, length, evaluations = np.empty((len(times), len(state))), 0.0, 0.0, 0

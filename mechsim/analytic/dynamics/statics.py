@@ -38,6 +38,7 @@ from mechsim.model.limits import Ranges, require_count
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
+from mechsim.numerics.rounding import EPS
 
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
@@ -405,10 +406,12 @@ def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bo
     linear = linear_model(equations, state.q, isolated=not state.dimension)
     at_rest = np.zeros((equations.loops.tree.count, 1))
     _, potential = equations.energy(equations.kinematics(state.q, at_rest))
+    # of the energy that stiffness stores over a radian or the size of the mechanism
+    rounding = EPS * float(np.abs(linear.stiffness).max(initial=0.0))
     return Equilibrium(
         q=_coordinates(equations, state.q),
         stable=None if state.singular else linear.stable(in_family=state.dimension > 0),
-        potential=potential,
+        potential=potential if abs(potential) > rounding else 0.0,
         modes=() if state.singular else linear.modes,
         linear=linear,
         reached=state.reached,

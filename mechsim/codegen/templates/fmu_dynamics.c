@@ -31,7 +31,7 @@ static int prepare(Own *own) {
     own->run.sliding = NONE, own->run.phase = PHASES, own->run.rule = RULE;
     own->run.rank = RANK, own->run.tolerance = TOLERANCE, own->run.longest = LONGEST, own->run.implicit = IMPLICIT;
     own->run.step = own->steps, own->run.dense = own->dense, own->run.max_steps = STEPS;
-    own->run.state = own->state, own->run.scale = own->scale;
+    own->run.state = own->state, own->run.scale = own->scale, own->run.origin = INITIAL_STATE;
     return own->work && own->steps && own->dense;
 }
 

@@ -68,6 +68,8 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 #define ITERATIONS 10
 /* kinetic energy relative to the largest below which rates are not scaled */
 #define SLOW 1e-2
+/* the same relative to the potential energy, whose rounding is then near the tolerance of a step */
+#define ROUNDED 1e-3
 /* of collocation, as mechsim.numerics.gauss_collocation: nodes, last coefficients that are the error, iterations;
    ratio of changes and multiple of the tolerance beyond which a change is rounding; next step */
 #define NODES 12
@@ -88,8 +90,8 @@ typedef struct {
     double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
     int rank, implicit, resting, max_steps, steps, evaluations, status;
     const int *at_rest, *phase;
-    /* rule: `collocation_rule` of compiled_motion.py */
-    const double *sliding, *scale, *rule;
+    /* origin: state from which displacements count; rule: `collocation_rule` of compiled_motion.py */
+    const double *sliding, *scale, *origin, *rule;
     /* state; numbers of each step (STEP); start state and coefficients of each step */
     double *state, *step, *dense;
 } Run;
@@ -227,7 +229,8 @@ static void balance(const Model *m, Work *w, Run *run, double *state) {
         set_forces(m, w, rates, run->sliding, run->phase);
         double target = run->energy + gained - w->potential;
         run->largest = fmax(run->largest, w->kinetic);
-        if (w->kinetic >= SLOW * run->largest && 0.5 * w->kinetic < target && target < 2.0 * w->kinetic) {
+        double least = fmax(SLOW * run->largest, ROUNDED * (fabs(run->energy) + fabs(w->potential)));
+        if (w->kinetic >= least && 0.5 * w->kinetic < target && target < 2.0 * w->kinetic) {
             double factor = sqrt(target / w->kinetic);
             run->correction += target - w->kinetic;
             run->drift = fmax(run->drift, fabs(run->correction));
@@ -251,6 +254,11 @@ static void stage(int size, int number, double length, const double *state, cons
         if (STAGES[number][j] != 0.0) add_scaled(size, length * STAGES[number][j], slopes + j * size, out);
 }
 
+/* allowed error of a component in a step, relative to its displacement since the start of the run */
+static double step_tolerance(const Run *run, int i, double value) {
+    return run->tolerance * (run->scale[i] + fabs(value - run->origin[i]));
+}
+
 /* error of a step relative to the tolerance, from the slopes of its stages. Where a table's third derivative jumps, the
    estimate of order 3 tells nothing */
 static double step_error(const Model *m, const Run *run, int size, const double *after, const double *slopes, double length) {
@@ -259,7 +267,7 @@ static double step_error(const Model *m, const Run *run, int size, const double 
         double errors[2] = {0.0};
         for (int k = 0; k < 2; k++)
             for (int j = 0; j < 12; j++) errors[k] += ERRORS[k][j] * slopes[j * size + i];
-        double scale = run->tolerance * (run->scale[i] + fmax(fabs(run->state[i]), fabs(after[i])));
+        double scale = fmax(step_tolerance(run, i, run->state[i]), step_tolerance(run, i, after[i]));
         third += errors[0] * errors[0] / (scale * scale);
         fifth += errors[1] * errors[1] / (scale * scale);
     }
@@ -496,7 +504,7 @@ static double collocate(const Model *m, Work *w, Run *run, Nodes *x, double leng
         double change = 0.0;
         for (int i = 0; i < NODES; i++)
             for (int c = 0; c < size; c++) {
-                double tolerance = run->tolerance * (run->scale[c] + fabs(run->state[c]));
+                double tolerance = step_tolerance(run, c, run->state[c]);
                 double relative = fabs(x->residuals[i * size + c]) / tolerance;
                 change = relative <= change ? change : relative;
             }
@@ -544,7 +552,7 @@ static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, doubl
                 add_scaled(size, to_dense[k * NODES + j], x->states + j * size, dense + (k + 1) * size);
         for (int c = 0; c < size; c++)
             for (int k = 0; k < TAIL; k++) {
-                double sum = 0.0, tolerance = run->tolerance * (run->scale[c] + fabs(run->state[c]));
+                double sum = 0.0, tolerance = step_tolerance(run, c, run->state[c]);
                 for (int j = 0; j < NODES; j++) sum += to_tail[k * NODES + j] * x->states[j * size + c];
                 error = fmax(error, fabs(sum) / tolerance);
             }
