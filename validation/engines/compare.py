@@ -1,94 +1,197 @@
-"""The same MJCF models under each engine that is installed, against the exact closure.
+"""The table of engines: mechanisms of `reference/` under each engine, at its defaults and at its best setting.
 
-Problem: mechanisms of the catalogue as `mechsim export` writes them, one revolution at 600 rpm from a
-consistent initial state. Settings: as exported (time constant 2 ms, impedance .9999, RK4, references not
-adapted to the step), with a time constant of a tenth of a revolution, and MuJoCo's own loops and integrator.
-The solver takes two iterations; with equalities alone one is exact. Reference: the closed form at the crank
-angles of the run, exact to rounding. MuJoCo's kinematics in float64 computes positions from the recorded
-coordinates, so the error is that of the stepping.
+Each engine steps one turn, or one arc, of a mechanism with its crank at constant speed. Judged at the instants of
+`reference/data/NAME.csv`, whose numbers have 30 digits: the largest position error of the tracked points and the
+largest opening of a loop, in characteristic lengths of the mechanism, and the largest error of the drive torque
+in its largest value. The search for the best setting tries all `SETTINGS` of an adapter and takes the one whose
+larger error of position and torque is least. Time is the processor time of the steps for a simulated second.
 
-    python validation/engines/compare.py
+An adapter is a module `by_NAME.py` with the four names of `problem.Engine`. Results are added to a JSON file, so that
+engines may run in environments of their own:
+
+    python validation/engines/compare.py --engine by_drake --results out/engines.json
+    python validation/engines/compare.py --results out/engines.json --page
 """
 
-import copy
+import argparse
+import importlib
+import json
+import platform
+import statistics
 import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import date
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
-from typing import Any
 
-import mujoco
 import numpy as np
+from problem import Engine, Problem, Setting, Unsupported, names, problem
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "choices"))
-
-import study_table
-from engines import Engine, installed
-
-from mechsim import catalog
-from mechsim.model.scene import Scene
-from mechsim.simulation import loop_jacobian
-from mechsim.simulation.mjcf.compiling import compiled, quiet
-from mechsim.simulation.model_loops import read_loops
-from mechsim.simulation.source import assembled
-
-MECHANISMS = ("four_bar", "rssr", "looper")
-SPEED, STEPS, ITERATIONS = 20.0 * np.pi, 360, 2
-PERIOD = 2.0 * np.pi / SPEED
-STIFF_SOLIMP, DEFAULT_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0), (0.9, 0.95, 0.001, 0.5, 2.0)
-SETTINGS = {
-    "as exported": ((0.002, 1.0), STIFF_SOLIMP, mujoco.mjtIntegrator.mjINT_RK4),
-    "turn/10, .9999": ((PERIOD / 10.0, 1.0), STIFF_SOLIMP, mujoco.mjtIntegrator.mjINT_RK4),
-    "MuJoCo's own": ((0.02, 1.0), DEFAULT_SOLIMP, mujoco.mjtIntegrator.mjINT_EULER),
-}
+ENGINES = ("by_mujoco", "by_mjwarp", "by_mjx", "by_pinocchio", "by_drake", "by_exudyn", "by_pybullet")
+DOCS = Path(__file__).parents[2] / "docs"
 
 
-def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
-    """Return the errors and the time of an engine for a mechanism."""
-    closed_form = catalog.make(name)
-    model = compiled(assembled(closed_form.mechanism, Scene(level="motion")))
-    loops = read_loops(copy.copy(model))
-    qpos = loop_jacobian.close(loops, model.qpos0[None])
-    qvel = SPEED * loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
-    solref, solimp, integrator = SETTINGS[settings]
-    model.eq_solref[:], model.eq_solimp[:] = solref, solimp
-    model.opt.timestep, model.opt.integrator = PERIOD / STEPS, integrator
-    model.opt.iterations = ITERATIONS
+@dataclass(frozen=True)
+class Row:
+    """One run: errors in characteristic lengths and in largest torques, time in [ms] a simulated second."""
+
+    mechanism: str
+    engine: str
+    version: str
+    setting: str
+    steps: int
+    default: bool
+    position: float | None = None
+    gap: float | None = None
+    torque: float | None = None
+    ms: float | None = None
+    failure: str | None = None
+
+    @property
+    def larger(self) -> float:
+        """The larger error of position and torque."""
+        errors = (self.position, self.torque)
+        return np.inf if self.position is None else max(error for error in errors if error is not None)
+
+
+def run(engine: Engine, solved: Problem, setting: Setting) -> Row:
+    """Return the errors and the time of one engine, mechanism and setting; a failure is a result."""
+    package = engine.PACKAGE.split(".")[0]
+    which = version(packages_distributions()[package][0])
+    steps = setting.steps(solved.interval)
+    head = (solved.name, engine.NAME, which, setting.name, steps, setting is engine.SETTINGS[0])
     try:
-        states, seconds = run(model, qpos[0], qvel[0], STEPS, np.zeros(model.nu))
-    except (ValueError, NotImplementedError, RuntimeError) as error:
-        failure = {"position": np.nan, "crank [rad]": np.nan, "ms a turn": " ".join(str(error).split())[:60]}
-        return {"mechanism": name, "settings": settings, "engine": engine} | failure
-    time = PERIOD * (1.0 + np.arange(STEPS)) / STEPS
-    crank_angle = states[:, loops.crank_address]
-    position_error = np.inf
-    if np.isfinite(states).all():
-        exact, computed = closed_form.positions(crank_angle), loops.posed.site_positions(states)
-        errors = [
-            np.linalg.norm(computed[:, model.site(site).id] - position, axis=1).max()
-            for site, position in exact.items()
-        ]
-        position_error = float(max(errors)) / closed_form.crank
-    return {
-        "mechanism": name,
-        "settings": settings,
-        "engine": engine,
-        "position": position_error,
-        "crank [rad]": float(np.abs(crank_angle - qpos[0, loops.crank_address] - SPEED * time).max()),
-        "ms a turn": f"{1e3 * seconds:.3g}",
-    }
+        poses = engine.run(solved, setting)
+    except (Unsupported, ValueError, NotImplementedError, RuntimeError) as error:
+        return Row(*head, failure=" ".join(str(error).split())[:80])
+    errors = [float(error) if np.isfinite(error) else None for error in solved.errors(poses)]
+    ms = 1e3 * poses.seconds / (solved.interval * solved.instants)
+    return Row(*head, *errors, ms=ms, failure=None if errors[0] is not None else "it diverges")
 
 
-@quiet()
-def main() -> None:
-    engines, messages = installed()
-    for message in messages:
-        print(message)
-    rows = [
-        row(name, settings, engine, run)
-        for name in MECHANISMS
-        for settings in SETTINGS
-        for engine, run in engines.items()
-    ]
-    study_table.show(rows)
+def best(rows: Sequence[Row]) -> Row:
+    """Return the run of least error."""
+    return min(rows, key=lambda row: row.larger)
+
+
+def written(rows: Sequence[Row]) -> str:
+    """Return the page."""
+    grouped: dict[str, dict[str, list[Row]]] = {}
+    for row in rows:
+        grouped.setdefault(row.engine, {}).setdefault(row.mechanism, []).append(row)
+    mechanisms = sorted({row.mechanism for row in rows})
+    text = HEAD.format(day=date.today(), machine=platform.machine(), count=len(mechanisms))
+    for engine, cases in grouped.items():
+        runs = [row for case in cases.values() for row in case]
+        for label, chosen in (
+            ("default", [next(row for row in case if row.default) for case in cases.values()]),
+            ("best", [best(case) for case in cases.values()]),
+        ):
+            text += f"| {engine} {runs[0].version} | {label} | {_summary(chosen)} |\n"
+    text += f"\n## Position error, default / best\n\n| mechanism | {' | '.join(grouped)} |\n"
+    text += "|---" * (len(grouped) + 1) + "|\n"
+    for mechanism in mechanisms:
+        cells = (_cell(cases.get(mechanism, [])) for cases in grouped.values())
+        text += f"| {mechanism} | {' | '.join(cells)} |\n"
+    return text
+
+
+HEAD = """# Table of engines
+
+`python validation/engines/compare.py` steps {count} mechanisms of `reference/` with a crank that turns steadily, one turn
+each, under every engine that is installed, and judges them by its 30 digits. Measured on {day} ({machine}, two cores).
+A flywheel holds the speed; Exudyn and PyBullet drive the joint. *Default* is the engine's own step and settings; where it has
+none, 1 ms. *Best* is the setting, of those that `SETTINGS` of its adapter lists, whose larger error of position and torque is
+least. Position errors and openings of loops are in characteristic lengths, torque errors in the largest torque,
+times in ms of one processor for a simulated second. Medians over the mechanisms that ran, the worst in brackets.
+
+float32 has a floor: 6e-8 of a coordinate of 1, which MuJoCo Warp and MJX by default cannot pass.
+
+![position error over time of each engine](../engines.svg)
+
+| engine | setting | ran | position | opening of loops | torque | ms |
+|---|---|---|---|---|---|---|
+"""
+
+
+def _summary(rows: Sequence[Row]) -> str:
+    ran = [row for row in rows if row.failure is None]
+    columns = [f"{len(ran)} of {len(rows)}"]
+    for name in ("position", "gap", "torque"):
+        values = [value for row in ran if (value := getattr(row, name)) is not None]
+        columns.append(f"{statistics.median(values):.0e} ({max(values):.0e})" if values else "")
+    columns.append(f"{statistics.median(row.ms for row in ran if row.ms is not None):.3g}" if ran else "")
+    return " | ".join(columns)
+
+
+def _cell(rows: Sequence[Row]) -> str:
+    if not rows:
+        return ""
+    default, least = next(row for row in rows if row.default), best(rows)
+    if least.position is None:
+        return str(least.failure)
+    first = "fails" if default.position is None else f"{default.position:.0e}"
+    return f"{first} / {least.position:.0e}"
+
+
+def drawn(rows: Sequence[Row]) -> bytes:
+    """Return the plot: the position error of each run over its time, median over the mechanisms."""
+    from mechsim.pictures.plots.figure import COLOURS, blank, styled
+    from mechsim.pictures.plots.figure import drawn as image
+
+    with styled():
+        figure, axes = blank(1, 1, (7.2, 4.4))
+        ax = axes[0, 0]
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        for colour, engine in zip(COLOURS, dict.fromkeys(row.engine for row in rows), strict=False):
+            groups: dict[tuple[str, int], list[Row]] = {}
+            for row in rows:
+                if row.engine == engine and row.position is not None:
+                    groups.setdefault((row.setting, row.steps if not row.default else 0), []).append(row)
+            x = [statistics.median(row.ms or 0.0 for row in group) for group in groups.values()]
+            y = [statistics.median(row.position or 0.0 for row in group) for group in groups.values()]
+            ax.plot(x, y, "o", color=colour, label=engine)
+            default = [i for i, (setting, _) in enumerate(groups) if setting == "default"]
+            ax.plot([x[i] for i in default], [y[i] for i in default], "o", color=colour, ms=11, mfc="none")
+        ax.set_xlabel("processor time for a simulated second [ms]; a ring marks the defaults")
+        ax.set_ylabel("largest position error [characteristic lengths]")
+        figure.legend(loc="outside right upper")
+        return image(figure, "svg")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--engine", action="append", help=f"one of {', '.join(ENGINES)}; default: those installed")
+    parser.add_argument("--mechanism", action="append", help="one of `reference/`; default: all that have one crank")
+    parser.add_argument("--results", type=Path, help="JSON file to which the runs are added")
+    parser.add_argument("--page", action="store_true", help="write the page from --results alone, without runs")
+    options = parser.parse_args(argv)
+    earlier = options.results and options.results.exists()
+    rows = [Row(**row) for row in json.loads(options.results.read_text())] if earlier else []
+    if options.page:
+        (DOCS / "explanation" / "engines.md").write_text(written(rows))
+        (DOCS / "engines.svg").write_bytes(drawn(rows))
+        return
+    for name in options.mechanism or names():
+        solved = problem(name)
+        for module in options.engine or ENGINES:
+            rows = _with_engine(rows, module, solved)
+        if options.results:
+            options.results.write_text(json.dumps([asdict(row) for row in rows], indent=0) + "\n")
+    print(written(rows))
+
+
+def _with_engine(rows: list[Row], module: str, solved: Problem) -> list[Row]:
+    """Return rows with those of an engine for a mechanism in place of earlier ones."""
+    try:
+        engine: Engine = importlib.import_module(module)  # type: ignore[assignment]
+    except ModuleNotFoundError as error:
+        print(f"{module}: {error.name} is not installed; pip install -e '.[engines]'", file=sys.stderr)
+        return rows
+    kept = [row for row in rows if (row.engine, row.mechanism) != (engine.NAME, solved.name)]
+    return kept + [run(engine, solved, setting) for setting in engine.SETTINGS]
 
 
 if __name__ == "__main__":
