@@ -26,8 +26,6 @@ BEST = {
     "by_exudyn": ("Exudyn index 3, full Newton", 20, 1e-11),
     "by_pinocchio": ("Pinocchio (Python), RK4", 100, 3e-5),
     "by_pinocchio_cpp": ("Pinocchio (C++), Newton", 100, 1e-12),
-    "by_scikit_robot": ("scikit-robot, inverse kinematics", 20, 3e-2),
-    "by_drake": ("Drake, inverse kinematics, tight", 20, 1e-5),
     "by_pylinkage": ("pylinkage", 100, 1e-13),
 }
 
@@ -148,7 +146,7 @@ def test_the_extra_installs_every_peer():
     extra = " ".join(
         tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["peers"]
     )
-    brought_by = {"pinocchio": "pin>", "pydrake": "drake", "skrobot": "scikit-robot"}
+    brought_by = {"pinocchio": "pin>"}
     for package in filter(None, protocol.PEERS.values()):
         assert brought_by.get(package, package) in extra
 
@@ -157,7 +155,7 @@ def test_table_and_plot_include_failed_rows(tmp_path):
     rows = [
         compare.Row("rssr", "mechsim, configurations in MuJoCo", 20, 1.0, 1e-14, 1e-14, 1e-12),
         compare.Row("rssr", "scipy DOP853, loop by hand", 0, 2.0, 0.0, 0.0, np.nan, "tolerance 1e-13"),
-        compare.Row("four_bar", "Drake, discrete SAP", 20, 3.0, np.inf, np.inf, np.nan),
+        compare.Row("four_bar", "Pinocchio (C++), Newton", 20, 3.0, np.inf, np.inf, np.nan),
     ]
     compare.write_table(rows, tmp_path / "peers.csv")
     with (tmp_path / "peers.csv").open() as file:

@@ -10,7 +10,7 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "validation"
 SCRIPTS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.py"))
 # packages that only the extras [peers] and [engines] install
-OPTIONAL = {"exudyn", "pinocchio", "pydrake", "pylinkage", "skrobot", "warp", "mujoco_warp"}
+OPTIONAL = {"exudyn", "jax", "mujoco_warp", "pinocchio", "pybullet", "pydrake", "pylinkage"}
 QUICK = (
     "certify/all_mechanisms.py",
     "choices/compliance.py",
@@ -20,6 +20,7 @@ QUICK = (
     "choices/tolerance_study.py --count 1",
     "choices/torque_steps.py",
     "choices/tuned_scenes.py --only four_bar --cases 1",
+    "engines/compare.py --engine by_mujoco --mechanism four_bar",
     "papers/looper_table.py",
     "papers/triad.py 20",
     "published/dry_friction.py 1",

@@ -4,7 +4,7 @@ import time
 
 import mujoco
 import numpy as np
-from problem import Array, Poses, Problem, Setting
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 from pydrake.multibody.tree import (
@@ -17,10 +17,10 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.systems.analysis import Simulator
+from reference_problem import Array, Poses, Problem, Setting
 
-NAME, PACKAGE = "Drake", "pydrake"
+NAME, PACKAGE = "Drake", "drake"
 # 1 ms is the step of Drake's examples; its plants have no default
 SETTINGS = [Setting("default", 0.001), *[Setting("smaller steps", -float(n)) for n in (20, 100)]]
 
@@ -65,7 +65,9 @@ class Plant:
             else:
                 child = plant.AddRigidBody(f"body {body}", self._inertia(body))
             anchor = RigidTransform(np.array(source.jnt_pos[j]))
-            on_parent = plant.AddFrame(FixedOffsetFrame(f"on parent {j}", parent.body_frame(), offset @ anchor))
+            on_parent = plant.AddFrame(
+                FixedOffsetFrame(f"on parent {j}", parent.body_frame(), offset @ anchor)
+            )
             on_child = plant.AddFrame(FixedOffsetFrame(f"on child {j}", child.body_frame(), anchor))
             self.joints.append(plant.AddJoint(_joint(source, j, on_parent, on_child)))
             parent, offset = child, RigidTransform()

@@ -1,8 +1,8 @@
-"""Exudyn: every body with redundant coordinates, every joint as constraints, implicit integration of index 3.
+"""Exudyn: bodies with redundant coordinates, joints as constraints, implicit integration of index 3.
 
-The settings follow its manual. Planar loops have more constraints than they need; `ignoreSingularJacobian` with the
-dense solver lets them be. Its Newton method does not converge with the flywheel, so the crank's joint follows
-its angle by an `offsetUserFunction`, in Python, and the torque is that of this joint.
+The settings follow its manual. Planar loops have more constraints than they need; `ignoreSingularJacobian`
+with the dense solver lets them be. Its Newton method does not converge with the flywheel, so the crank's
+joint follows its angle by an `offsetUserFunction`, in Python, and the torque is that of this joint.
 """
 
 import time
@@ -14,7 +14,7 @@ import exudyn.itemInterface as items  # noqa: N813
 import mujoco
 import numpy as np
 from exudyn import utilities
-from problem import Array, Poses, Problem, Setting, Unsupported
+from reference_problem import Array, Poses, Problem, Setting, Unsupported
 from scipy.spatial.transform import Rotation
 
 NAME, PACKAGE = "Exudyn", "exudyn"
@@ -24,7 +24,7 @@ HINGE, SLIDE, BALL = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, 
 # spectral radius of the generalised-alpha method; 0.9 is its default, with modified Newton
 SETTINGS = [
     Setting("default", 0.001, 0.9),
-    *[Setting(f"full Newton, radius {radius}", -float(n), radius) for radius, n in product((0.5, 0.9), (2, 10))],
+    *[Setting(f"full Newton, radius {r}", -float(n), r) for r, n in product((0.5, 0.9), (2, 10))],
 ]
 
 
@@ -47,7 +47,8 @@ class Bodies:
             self._add_joint(data, body)
         for loop in problem.loops:
             axes = [1] * 6 if loop.weld else [1, 1, 1, 0, 0, 0]
-            self._constrain(loop.bodies, loop.position, Rotation.from_quat(loop.quaternion, scalar_first=True), axes)
+            frames = Rotation.from_quat(loop.quaternion, scalar_first=True)
+            self._constrain(loop.bodies, loop.position, frames, axes)
 
     def _add_body(self, data: mujoco.MjData, body: int) -> int:
         source, velocity = self.problem.model, np.zeros(6)
@@ -74,9 +75,10 @@ class Bodies:
         source, parent = self.problem.model, int(self.problem.model.body_parentid[body])
         joints = np.arange(source.body_jntnum[body]) + source.body_jntadr[body]
         kinds = list(source.jnt_type[joints])
-        if not (len(kinds) == 1 or sorted(kinds) == [SLIDE, HINGE] and _parallel(source.jnt_axis[joints])):
+        if not (len(kinds) == 1 or (sorted(kinds) == [SLIDE, HINGE] and _parallel(source.jnt_axis[joints]))):
             raise Unsupported("a body with several joints that are no cylindrical joint")
-        axes = [1, 1, int(SLIDE not in kinds)] + ([0, 0, 0] if BALL in kinds else [1, 1, int(HINGE not in kinds)])
+        axes = [1, 1, int(SLIDE not in kinds)]
+        axes += [0, 0, 0] if BALL in kinds else [1, 1, int(HINGE not in kinds)]
         # z of the joint's frame is its axis in the body and, at the start, in the parent
         to_axis = Rotation.align_vectors([source.jnt_axis[joints[0]]], [[0.0, 0.0, 1.0]])[0]
         own, other = (Rotation.from_matrix(data.xmat[k].reshape(3, 3)) for k in (body, parent))
@@ -120,7 +122,8 @@ def _settings(problem: Problem, setting: Setting) -> Any:
     result.linearSolver.solverType = exudyn.LinearSolverType.EigenDense
     result.linearSolver.ignoreSingularJacobian = True
     result.linearSolver.pivotThreshold = 0.0
-    integration.endTime, integration.numberOfSteps = duration, problem.instants * setting.steps(problem.interval)
+    integration.endTime = duration
+    integration.numberOfSteps = problem.instants * setting.steps(problem.interval)
     integration.adaptiveStep, integration.verboseMode = False, 0
     integration.generalizedAlpha.spectralRadius = setting.options
     integration.newton.useModifiedNewton = setting.name == "default"
@@ -130,14 +133,15 @@ def _settings(problem: Problem, setting: Setting) -> Any:
 def run(problem: Problem, setting: Setting) -> Poses:
     bodies = Bodies(problem)
     system, kinds = bodies.system, exudyn.OutputVariableType
+
     def recorded(number: int, kind: Any) -> Any:
         sensor = items.SensorBody(bodyNumber=number, outputVariableType=kind, storeInternal=True)
         return system.AddSensor(sensor)
 
-    sensors = [(recorded(n, kinds.Position), recorded(n, kinds.RotationMatrix)) for n in bodies.numbers[1:]]
-    torque = system.AddSensor(
-        items.SensorObject(objectNumber=bodies.drive, outputVariableType=kinds.TorqueLocal, storeInternal=True)
-    )
+    outputs = (kinds.Position, kinds.RotationMatrix)
+    sensors = [[recorded(number, kind) for kind in outputs] for number in bodies.numbers[1:]]
+    drive = {"objectNumber": bodies.drive, "outputVariableType": kinds.TorqueLocal}
+    torque = system.AddSensor(items.SensorObject(**drive, storeInternal=True))
     system.Assemble()
     before = time.process_time()
     solved = system.SolveDynamic(_settings(problem, setting))

@@ -1,4 +1,4 @@
-"""MuJoCo Warp, in float32, on the device that Warp prefers; made for many worlds on a GPU, here it steps one."""
+"""MuJoCo Warp, in float32, on the device that Warp prefers; it is made for many worlds on a GPU."""
 
 import time
 
@@ -6,10 +6,13 @@ import mujoco_warp as mjw
 import numpy as np
 import warp as wp
 from by_mujoco import RK4, Options, configured, initial
-from problem import Poses, Problem, Setting
+from reference_problem import Poses, Problem, Setting
 
-NAME, PACKAGE = "MuJoCo Warp", "mujoco_warp"
-SETTINGS = [Setting("default", 0.002, Options()), Setting("as mechsim writes it", -5.0, Options(RK4, "mechsim"))]
+NAME, PACKAGE = "MuJoCo Warp", "mujoco-warp"
+SETTINGS = [
+    Setting("default", 0.002, Options()),
+    Setting("as mechsim writes it", -5.0, Options(RK4, "mechsim")),
+]
 
 
 def run(problem: Problem, setting: Setting) -> Poses:

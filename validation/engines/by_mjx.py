@@ -6,9 +6,9 @@ import jax
 import numpy as np
 from by_mujoco import RK4, Options, configured, initial
 from mujoco import mjx
-from problem import Poses, Problem, Setting
+from reference_problem import Poses, Problem, Setting
 
-NAME, PACKAGE = "MJX", "mujoco.mjx"
+NAME, PACKAGE = "MJX", "mujoco-mjx"
 DOUBLE = "float64, as mechsim writes it"
 SETTINGS = [Setting("default", 0.002, Options()), Setting(DOUBLE, -20.0, Options(RK4, "mechsim"))]
 

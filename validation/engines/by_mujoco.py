@@ -8,7 +8,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from problem import Array, Poses, Problem, Setting
+from reference_problem import Array, Poses, Problem, Setting
 
 NAME, PACKAGE = "MuJoCo", "mujoco"
 EULER, RK4 = mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4

@@ -1,24 +1,25 @@
 """Pinocchio from Python: its constrained dynamics, with steps written here, for it has no integrator.
 
-Loops are `RigidConstraintModel`, solved by `constraintDynamics` with Baumgarte's correction. Couplings between
-joints are not among its constraints. The steps are in Python, which takes most of the time.
+Loops are `RigidConstraintModel`, solved by `constraintDynamics` with Baumgarte's correction. Couplings
+between joints are not among its constraints. The steps are in Python, which takes most of the time.
 """
 
 import time
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import mujoco
 import numpy as np
 import pinocchio as pin
-from problem import Array, Poses, Problem, Setting, Unsupported
+from reference_problem import Array, Poses, Problem, Setting, Unsupported
 
-NAME, PACKAGE = "Pinocchio", "pinocchio"
+NAME, PACKAGE = "Pinocchio", "pin"
 
 
 @dataclass(frozen=True)
 class Options:
-    """Order of the Runge-Kutta steps, 1 (semi-implicit) or 4, and time constants of Baumgarte's correction a turn."""
+    """Order of the steps, 1 (semi-implicit) or 4, and time constants of Baumgarte's correction a turn."""
 
     order: int = 1
     constants: float = 0.0
@@ -70,8 +71,8 @@ class Tree:
         )
         self.carrier[body] = parent, offset
 
-    def constraints(self, rate: float) -> tuple[pin.StdVec_RigidConstraintModel, pin.StdVec_RigidConstraintData]:
-        """Return the loops, corrected at a rate in [1/s]."""
+    def constraints(self, rate: float) -> tuple[Any, Any]:
+        """Return the loops, corrected at a rate in [1/s], and their working memory."""
         models, data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
         for loop in self.problem.loops:
             ends = []

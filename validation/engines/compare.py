@@ -1,13 +1,14 @@
-"""The table of engines: mechanisms of `reference/` under each engine, at its defaults and at its best setting.
+"""The table of engines: mechanisms of `reference/` under each engine, at its defaults and at its best.
 
-Each engine steps one turn, or one arc, of a mechanism with its crank at constant speed. Judged at the instants of
-`reference/data/NAME.csv`, whose numbers have 30 digits: the largest position error of the tracked points and the
-largest opening of a loop, in characteristic lengths of the mechanism, and the largest error of the drive torque
-in its largest value. The search for the best setting tries all `SETTINGS` of an adapter and takes the one whose
-larger error of position and torque is least. Time is the processor time of the steps for a simulated second.
+Each engine steps one turn, or one arc, of a mechanism with its crank at constant speed. Judged at the
+instants of `reference/data/NAME.csv`, whose numbers have 30 digits: the largest position error of the tracked
+points and the largest opening of a loop, in characteristic lengths of the mechanism, and the largest error of
+the drive torque in its largest value. The search for the best setting tries all `SETTINGS` of an adapter and
+takes the one whose larger error of position and torque is least. Time is the processor time of the steps for
+a simulated second.
 
-An adapter is a module `by_NAME.py` with the four names of `problem.Engine`. Results are added to a JSON file, so that
-engines may run in environments of their own:
+An adapter is a module `by_NAME.py` with the four names of `reference_problem.Engine`. Results are added to a
+JSON file, so that engines may run in environments of their own:
 
     python validation/engines/compare.py --engine by_drake --results out/engines.json
     python validation/engines/compare.py --results out/engines.json --page
@@ -22,11 +23,11 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
-from importlib.metadata import packages_distributions, version
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from problem import Engine, Problem, Setting, Unsupported, names, problem
+from reference_problem import Engine, Problem, Setting, Unsupported, names, problem
 
 ENGINES = ("by_mujoco", "by_mjwarp", "by_mjx", "by_pinocchio", "by_drake", "by_exudyn", "by_pybullet")
 DOCS = Path(__file__).parents[2] / "docs"
@@ -57,10 +58,9 @@ class Row:
 
 def run(engine: Engine, solved: Problem, setting: Setting) -> Row:
     """Return the errors and the time of one engine, mechanism and setting; a failure is a result."""
-    package = engine.PACKAGE.split(".")[0]
-    which = version(packages_distributions()[package][0])
     steps = setting.steps(solved.interval)
-    head = (solved.name, engine.NAME, which, setting.name, steps, setting is engine.SETTINGS[0])
+    default = setting is engine.SETTINGS[0]
+    head = (solved.name, engine.NAME, version(engine.PACKAGE), setting.name, steps, default)
     try:
         poses = engine.run(solved, setting)
     except (Unsupported, ValueError, NotImplementedError, RuntimeError) as error:
@@ -97,16 +97,19 @@ def written(rows: Sequence[Row]) -> str:
     return text
 
 
+# lines of a page
 HEAD = """# Table of engines
 
-`python validation/engines/compare.py` steps {count} mechanisms of `reference/` with a crank that turns steadily, one turn
-each, under every engine that is installed, and judges them by its 30 digits. Measured on {day} ({machine}, two cores).
-A flywheel holds the speed; Exudyn and PyBullet drive the joint. *Default* is the engine's own step and settings; where it has
-none, 1 ms. *Best* is the setting, of those that `SETTINGS` of its adapter lists, whose larger error of position and torque is
-least. Position errors and openings of loops are in characteristic lengths, torque errors in the largest torque,
-times in ms of one processor for a simulated second. Medians over the mechanisms that ran, the worst in brackets.
+`python validation/engines/compare.py`, extra `[engines]`, steps {count} mechanisms of `reference/` whose
+crank turns steadily, one turn each, and judges every engine by 30 digits. Measured on {day} ({machine}, two
+cores, one used). A flywheel holds the speed; in Exudyn the joint does. *Default* is the engine's own step and
+settings; where it has none, 1 ms. *Best* is the setting, of those that its adapter lists, whose larger error
+of position and torque is least. Position errors and openings of loops are in characteristic lengths, torque
+errors in the largest torque, times in ms for a simulated second: medians over the mechanisms that ran, and
+the worst error in brackets.
 
-float32 has a floor: 6e-8 of a coordinate of 1, which MuJoCo Warp and MJX by default cannot pass.
+float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. Pinocchio has no couplings of joints. The
+torques of Drake and PyBullet are differences of velocities. There was no wheel of Chrono or Newton.
 
 ![position error over time of each engine](../engines.svg)
 
@@ -162,11 +165,13 @@ def drawn(rows: Sequence[Row]) -> bytes:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--engine", action="append", help=f"one of {', '.join(ENGINES)}; default: those installed")
-    parser.add_argument("--mechanism", action="append", help="one of `reference/`; default: all that have one crank")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--engine", action="append", choices=ENGINES, help="default: those installed")
+    parser.add_argument("--mechanism", action="append", choices=names(), help="default: all")
     parser.add_argument("--results", type=Path, help="JSON file to which the runs are added")
-    parser.add_argument("--page", action="store_true", help="write the page from --results alone, without runs")
+    parser.add_argument("--page", action="store_true", help="write the page from --results, without runs")
     options = parser.parse_args(argv)
     earlier = options.results and options.results.exists()
     rows = [Row(**row) for row in json.loads(options.results.read_text())] if earlier else []

@@ -1,11 +1,10 @@
-"""Pinocchio from Python: constrained forward dynamics by RK4, and configurations by Newton's method.
+"""Pinocchio from Python: constrained forward dynamics by RK4.
 
 A tree of crank, coupler and rocker; the loop is a `RigidConstraintModel` of contact type 3D, solved by
 `constraintDynamics` to rounding, with and without Baumgarte's correction. Pinocchio has no integrators: this
-file implements the steps and Newton's method in Python, which takes most of the time. The C++ of Pinocchio
-gives the same errors in a fraction of it.
+file implements the steps in Python, which takes most of the time.
 
-Inside the time: the loop over steps or configurations. Outside: model, data and points from angles.
+Inside the time: the loop over steps. Outside: model, data and points from angles.
 """
 
 import time
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from problem import REVOLUTION, SAMPLES, Array, Positions, Problem
+from problem import SAMPLES, Array, Positions, Problem
 from protocol import Setting
 
 # armature of the crank in [kg m2]: large against the links of a few grams
@@ -21,11 +20,8 @@ ARMATURE = 1e9
 # of the Baumgarte correction, per revolution: the same as mechsim's loops
 TIME_CONSTANTS = 10.0
 STEPS = (20, 40, 100, 200, 500, 1000)
-POSES = (20, 100, 1000)
 # coordinates and rates
 State = tuple[Array, Array]
-# of Newton's method: loop-closure error in units of the crank, and iterations
-CLOSURE_TOLERANCE, MAX_ITERATIONS = 1e-13, 10
 
 
 @dataclass(frozen=True)
@@ -38,7 +34,7 @@ class Baumgarte(Setting):
 def settings(problem: Problem) -> list[Setting]:
     drifting = [Baumgarte("Pinocchio (Python), RK4", n) for n in STEPS]
     corrected = [Baumgarte("Pinocchio (Python), RK4, Baumgarte", n, constants=TIME_CONSTANTS) for n in STEPS]
-    return [*drifting, *corrected, *[Setting("Pinocchio (Python), Newton", n, poses=True) for n in POSES]]
+    return [*drifting, *corrected]
 
 
 class Solver:
@@ -64,11 +60,6 @@ class Solver:
         model.armature[0] = ARMATURE
         self.joints = second, third
         self.ends = coupler_end - coupler_start, rocker.in_frame(at_rocker)
-        self.rows = 2 if problem.planar else 3  # a planar loop has two equations
-        self.frames = [
-            model.addFrame(pin.Frame(f"end {i}", joint, 0, pin.SE3(np.eye(3), end), pin.FrameType.OP_FRAME))
-            for i, (joint, end) in enumerate(zip(self.joints, self.ends, strict=True))
-        ]
         self.data = model.createData()
         self.q, self.v = self._start(crank.frame)
         self.constants = setting.constants if isinstance(setting, Baumgarte) else 0.0
@@ -107,15 +98,13 @@ class Solver:
 
     def run(self) -> tuple[float, Positions]:
         begin = time.process_time()
-        self.states = self.solved() if self.setting.poses else self.stepped()
+        self.states = self.stepped()
         seconds = time.process_time() - begin
         angles = np.array([q for q, _ in self.states])
         return seconds, self.problem.positions(angles[:, 0], angles[:, -1])
 
-    def torque(self) -> Array | None:
-        """Return the torque on the armature of the crank at the computed states; None for configurations."""
-        if self.setting.poses:
-            return None
+    def torque(self) -> Array:
+        """Return the torque on the armature of the crank at the computed states."""
         return np.array([-ARMATURE * self.acceleration(q, v)[0] for q, v in self.states])
 
     def stepped(self) -> list[State]:
@@ -159,47 +148,6 @@ class Solver:
         (x, y, z), (a, b, c) = u, rotated
         out[1:4] += 0.5 * rotated + np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / 12.0
         return out
-
-    def solved(self) -> list[State]:
-        """Return configurations and derivatives; the tangent predicts each from the one before."""
-        model, step_angle = self.model, REVOLUTION / self.setting.steps
-        q = self.q
-        tangent = self.tangent(self.linearised(q)[1])
-        states = [(q, tangent)]
-        start = self.q[0]
-        for i in range(1, self.setting.steps + 1):
-            q = pin.integrate(model, q, step_angle * tangent)
-            q[0] = start + i * step_angle
-            for _ in range(MAX_ITERATIONS):
-                residual, jacobian = self.linearised(q)
-                if np.abs(residual).max() < CLOSURE_TOLERANCE * self.problem.crank:
-                    break
-                q = pin.integrate(model, q, self.least_norm_step(jacobian, -residual))
-            tangent = self.tangent(jacobian)
-            states.append((q, tangent))
-        return states
-
-    def linearised(self, q: Array) -> tuple[Array, Array]:
-        """Return the loop-closure error and its Jacobian."""
-        model, data, rows = self.model, self.data, self.rows
-        pin.computeJointJacobians(model, data, q)
-        positions, jacobians = [], []
-        for frame in self.frames:
-            positions.append(pin.updateFramePlacement(model, data, frame).translation)
-            jacobians.append(pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED))
-        return (positions[0] - positions[1])[:rows], (jacobians[0] - jacobians[1])[:rows]
-
-    def least_norm_step(self, jacobian: Array, right_side: Array) -> Array:
-        """Return the smallest change x of all coordinates except the crank's with J x = right side."""
-        dependent, step = jacobian[:, 1:], np.zeros(self.model.nv)
-        step[1:] = dependent.T @ np.linalg.solve(dependent @ dependent.T, right_side)
-        return step
-
-    def tangent(self, jacobian: Array) -> Array:
-        """Return the rates of all coordinates at unit rate of the crank."""
-        step = self.least_norm_step(jacobian, -jacobian[:, 0])
-        step[0] = 1.0
-        return step
 
 
 build = Solver

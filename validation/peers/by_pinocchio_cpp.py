@@ -1,6 +1,7 @@
 """Pinocchio from C++: configurations by Newton's method, compiled against the libraries of its wheel.
 
-The same method as in `by_pinocchio`. It needs g++ and Eigen's headers from the package cmeel-eigen.
+The tangent predicts each configuration from the one before. It needs g++ and Eigen's headers from the package
+cmeel-eigen.
 
 Inside the time: the loop over configurations. Outside: compilation, model, points from angles.
 """
@@ -13,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from by_pinocchio import CLOSURE_TOLERANCE
 from by_pinocchio import Solver as PythonSolver
 from problem import Array, Positions, Problem
 from protocol import Setting
@@ -21,6 +21,8 @@ from protocol import Setting
 from mechsim.errors import InputError
 
 POSES = (20, 100, 1000, 10_000)
+# loop-closure error at which Newton's method ends, in units of the crank
+CLOSURE_TOLERANCE = 1e-13
 # as Pinocchio's CMake files define them
 MACROS = [
     "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION",

@@ -15,7 +15,7 @@ QUANTITIES = {"position": "largest position error [crank]", "torque": "largest t
 # errors from here on are no solution and are not drawn
 MAX_ERROR = 1.0
 # series of one library share its colour and differ by marker and line
-LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "Drake", "scipy", "pylinkage", "MuJoCo", "scikit-robot")
+LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "scipy", "pylinkage", "MuJoCo")
 GREY, PALETTE = "#8a919b", 48
 MARKERS, LINES = "osDv^P", ("-", "--", ":", "-.")
 

@@ -20,9 +20,7 @@ PEERS = {
     "by_exudyn": "exudyn",
     "by_pinocchio": "pinocchio",
     "by_pinocchio_cpp": "pinocchio",
-    "by_drake": "pydrake",
     "by_pylinkage": "pylinkage",
-    "by_scikit_robot": "skrobot",
 }
 EXTRA = "pip install -e '.[peers]'"
 

@@ -2,7 +2,7 @@
 
 `mechsim export` writes the mechanism in MJCF, and MuJoCo's compiler reads it. An engine that reads MJCF takes
 the compiled model; another one builds its bodies, joints and loops from the same numbers. A flywheel on the
-crank keeps its speed, so that no engine needs a motor: its inertia times its deceleration is the drive torque.
+crank keeps its speed, so that no engine needs a motor: its inertia times its deceleration is the torque.
 
 Five mechanisms of `reference/` have several drivers that follow programs. A flywheel cannot follow one, so
 they have no row.
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 REFERENCE = Path(__file__).parents[2] / "reference"
 # name of the driver in the models that mechsim writes
 CRANK = "crank"
-# inertia of the flywheel over what the largest torque could stop in a radian: the speed changes by about 1e-10
+# inertia of the flywheel over what the largest torque stops in a radian: the speed changes by about 1e-10
 FLYWHEEL = 1e10
 # a start that is not that of the reference would be judged as an error of the engines; in [m]
 START_TOLERANCE = 1e-9
@@ -204,7 +204,7 @@ def _in_ground(poses: Poses, bodies: NDArray[np.int64], local: Array) -> Array:
 
 
 def _gap(poses: Poses, loop: Loop, size: float) -> float:
-    """Return the largest distance between the ends of a loop in sizes, or of a weld the angle if it is larger."""
+    """Return the largest distance between the ends of a loop in sizes, or a weld's angle if it is larger."""
     ends = _in_ground(poses, np.array(loop.bodies), loop.position)
     gap = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max()) / size
     if loop.weld:
