@@ -20,7 +20,7 @@ QUICK = (
     "choices/tolerance_study.py --count 1",
     "choices/torque_steps.py",
     "choices/tuned_scenes.py --only four_bar --cases 1",
-    "engines/compare.py --engine by_mujoco --mechanism four_bar",
+    "engines/engine_table.py --engine by_mujoco --mechanism four_bar",
     "papers/looper_table.py",
     "papers/triad.py 20",
     "published/dry_friction.py 1",

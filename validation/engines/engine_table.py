@@ -10,8 +10,8 @@ a simulated second.
 An adapter is a module `by_NAME.py` with the four names of `reference_problem.Engine`. Results are added to a
 JSON file, so that engines may run in environments of their own:
 
-    python validation/engines/compare.py --engine by_drake --results out/engines.json
-    python validation/engines/compare.py --results out/engines.json --page
+    python validation/engines/engine_table.py --engine by_drake --results out/engines.json
+    python validation/engines/engine_table.py --results out/engines.json --page
 """
 
 import argparse
@@ -100,7 +100,7 @@ def written(rows: Sequence[Row]) -> str:
 # lines of a page
 HEAD = """# Table of engines
 
-`python validation/engines/compare.py`, extra `[engines]`, steps {count} mechanisms of `reference/` whose
+`python validation/engines/engine_table.py`, extra `[engines]`, steps {count} mechanisms of `reference/` whose
 crank turns steadily, one turn each, and judges every engine by 30 digits. Measured on {day} ({machine}, two
 cores, one used). A flywheel holds the speed; in Exudyn the joint does. *Default* is the engine's own step and
 settings; where it has none, 1 ms. *Best* is the setting, of those that its adapter lists, whose larger error
