@@ -288,7 +288,7 @@ def sealed() -> Iterator[str]:
     """Return lines of checksums, as `sha256sum -c` reads them."""
     kinds = (
         *("mechanisms/*.toml", "data/*.csv", "motions.toml", "datapackage.json", "make.py", "exact/*.py"),
-        *("runs.toml", "forward/*.toml", "forward/*.csv", "models/*"),
+        *("runs.toml", "forward/*.toml", "forward/*.csv", "models/*.*", "models/driven/*"),
     )
     for kind in kinds:
         for path in sorted(FOLDER.glob(kind)):

@@ -9,11 +9,13 @@ import sys
 import tomllib
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from grids import grid
 from mpmath import mp, mpf
 
+import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.subjects import gallery, reference_data
 
@@ -67,6 +69,27 @@ def test_the_data_cover_catalogue_gallery_and_benchmarks():
     assert [item["path"] for item in reported["resources"]] == tables
     assert reported["licenses"][0]["name"] == "CC-BY-4.0"
     assert sum(item["bytes"] for item in reported["resources"]) < 15e6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_mjcf_and_sdf_have_the_points_and_masses_of_the_table(name):
+    folder, row = WHERE / "models" / "driven", rows(name)[7]
+    driven = {column[:-2]: float(value) for column, value in row.items() if column.endswith(".q")}
+    model = mujoco.MjModel.from_xml_path(str(folder / f"{name}.xml"))
+    data = mujoco.MjData(model)
+    data.qpos[:] = ms.closed_qpos(folder / f"{name}.xml", driven or {"crank": float(row["angle"])})
+    mujoco.mj_kinematics(model, data)
+    for point in [column[:-2] for column in row if column.endswith(".x")]:
+        exact = [float(row[f"{point}.{axis}"]) for axis in "xyz"]
+        assert data.site(point).xpos == pytest.approx(exact, abs=1e-12)
+    written, stated = (
+        {link.name: link.inertia.mass for link in ms.load(path).mechanism.links if link.inertia}
+        for path in (folder / f"{name}.sdf", WHERE / "mechanisms" / f"{name}.toml")
+    )
+    # the halves of a link that is cut by a weld have the mass of the link
+    assert sum(model.body_mass) == pytest.approx(sum(stated.values()), rel=1e-9)
+    # SDF has no cylindrical joint: a link of 1 mg lies between its two
+    assert {name: written[name] for name in stated} == pytest.approx(stated, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
