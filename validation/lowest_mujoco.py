@@ -56,10 +56,10 @@ def main() -> None:
     print(f"{'command':{width}}", *(f"{name:>7}" for name in releases))
     messages, rejected = dict[str, str](), False
     with ThreadPoolExecutor(2) as pool:
-        found = pool.map(lambda command: [failure(python, command) for python in pythons], COMMANDS)
-        for command, failures in zip(COMMANDS, found, strict=True):
-            results = ("fails" if text else "runs" for text in failures)
-            print(f"{command:{width}}", *(f"{text:>7}" for text in results), flush=True)
+        results = pool.map(lambda command: [failure(python, command) for python in pythons], COMMANDS)
+        for command, failures in zip(COMMANDS, results, strict=True):
+            outcomes = ("fails" if text else "runs" for text in failures)
+            print(f"{command:{width}}", *(f"{text:>7}" for text in outcomes), flush=True)
             for name, text in zip(releases, failures, strict=True):
                 rejected |= bool(text) and version(name) >= lowest_allowed()
                 if text:

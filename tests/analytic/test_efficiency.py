@@ -84,7 +84,7 @@ def test_a_released_hoist_accelerates_as_by_its_closed_form(tmp_path, rate):
 
 
 @pytest.mark.parametrize("efficiency", [0.8, 0.5, 0.4])
-def test_a_hoist_is_held_within_a_range_and_locks_itself(tmp_path, efficiency):
+def test_a_hoist_has_a_range_of_holding_torques_and_locks_itself(tmp_path, efficiency):
     low, high = ms.dynamics.holding_range(hoist(tmp_path, efficiency), initial={"pinion.q": 0.3})["pinion"]
     ideal = -RATIO * LOAD
     np.testing.assert_allclose(high, ideal / efficiency, rtol=1e-12)

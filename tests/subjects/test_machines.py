@@ -199,9 +199,9 @@ def test_the_rods_of_peaucellier_guide_a_mass_on_a_straight_line():
         """Rates of q and q' by (m x'^2)' = - m g y', with x'' by a difference of complex steps."""
         q, v = state
         first, second = (masses(q + k * 1e-4 + 1e-30j).imag / 1e-30 for k in (0.0, 1.0))
-        bend = (second - masses(q - 1e-4 + 1e-30j).imag / 1e-30) / 2e-4
+        second_derivative = (second - masses(q - 1e-4 + 1e-30j).imag / 1e-30) / 2e-4
         inertia = 2e-4 + weights @ first**2
-        return v, -(weights * first) @ (bend * v**2 + np.tile([0.0, G], 3)) / inertia
+        return v, -(weights * first) @ (second_derivative * v**2 + np.tile([0.0, G], 3)) / inertia
 
     run = ms.dynamics.run(model, initial={"crank.q": 0.2, "crank.v": -1.5}, duration=0.08, samples=16)
     assert run.outcome == "done"

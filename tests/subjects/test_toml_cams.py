@@ -154,6 +154,6 @@ def test_a_driven_cam_is_stepped_with_the_fourth_order():
     assert errors[0] / errors[1] > 10.0
 
 
-def test_forces_of_a_stepped_cam_are_refused():
+def test_forces_of_a_stepped_cam_are_rejected():
     with pytest.raises(InputError, match="no forces in steps along drivers; take --method pose"):
         driven(ms.load("cam_follower").mechanism, Forces(), speed=5.0, turns=1, method="step")

@@ -44,7 +44,7 @@ def test_exact_poses_have_no_error(four_bar, exact):
 def test_a_moved_body_is_an_error_of_its_points_and_loops(four_bar, exact, moved):
     rocker = four_bar.model.body("rocker").id
     shifted = exact.position.copy()
-    shifted[40, rocker, 1] += moved * four_bar.size
+    shifted[40, rocker, 1] += moved * four_bar.characteristic_length
     position, gap, torque = four_bar.errors(replace(exact, position=shifted))
     assert position == pytest.approx(moved, rel=1e-5)
     assert gap == pytest.approx(moved, rel=1e-5)

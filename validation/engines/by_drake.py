@@ -1,4 +1,4 @@
-"""Drake: discrete steps with its SAP solver, the only one of its plants that holds loops."""
+"""Drake: discrete steps with its SAP solver, the only first of its plants that holds loops."""
 
 import time
 
@@ -49,8 +49,8 @@ class Plant:
             else:
                 plant.AddBallConstraint(first, loop.position[0], second, loop.position[1])
         for coupling in problem.couplings:
-            one, two = (self.joints[j] for j in coupling.joints)
-            plant.AddCouplerConstraint(one, two, coupling.ratio)
+            first, second = (self.joints[j] for j in coupling.joints)
+            plant.AddCouplerConstraint(first, second, coupling.ratio)
         plant.Finalize()
 
     def _add_body(self, body: int) -> None:
@@ -87,14 +87,14 @@ class Plant:
         source, problem = self.problem.model, self.problem
         q, v = np.zeros(self.plant.num_positions()), np.zeros(self.plant.num_velocities())
         for j, joint in enumerate(self.joints):
-            at, dof = source.jnt_qposadr[j], source.jnt_dofadr[j]
+            address, dof = source.jnt_qposadr[j], source.jnt_dofadr[j]
             q_at, v_at = joint.position_start(), joint.velocity_start()
             if source.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL:
-                rotation = RotationMatrix(Quaternion(wxyz=problem.qpos[at : at + 4]))
+                rotation = RotationMatrix(Quaternion(wxyz=problem.qpos[address : address + 4]))
                 q[q_at : q_at + 3] = RollPitchYaw(rotation).vector()
                 v[v_at : v_at + 3] = rotation @ problem.qvel[dof : dof + 3]
             else:
-                q[q_at], v[v_at] = problem.qpos[at] - source.qpos0[at], problem.qvel[dof]
+                q[q_at], v[v_at] = problem.qpos[address] - source.qpos0[address], problem.qvel[dof]
         return q, v
 
 
@@ -120,7 +120,7 @@ def run(problem: Problem, setting: Setting) -> Poses:
     position, rotation = np.empty((problem.instants, bodies, 3)), np.empty((problem.instants, bodies, 3, 3))
     torque, crank = np.empty(problem.instants), built.joints[problem.crank].velocity_start()
     for k in range(problem.instants):
-        # just before the instant: the step that starts there belongs to the next one
+        # just before the instant: the step that starts there belongs to the next first
         end = (k + 1) * problem.interval
         before = time.process_time()
         simulator.AdvanceTo(end - 1.5 * step)

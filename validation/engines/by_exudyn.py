@@ -91,7 +91,7 @@ class Bodies:
             turns = lambda _system, time, _item, _parameters: [0.0] * 5 + [speed * time]  # noqa: E731
         number = self._constrain((parent, body), np.array([in_parent, local]), frames, axes, turns)
         if turns is not None:
-            self.drive = number
+            self.joint_torque = number
 
     def _constrain(
         self, bodies: tuple[int, int], points: Array, frames: Rotation, axes: list[int], turns: Any = None
@@ -140,8 +140,8 @@ def run(problem: Problem, setting: Setting) -> Poses:
 
     outputs = (kinds.Position, kinds.RotationMatrix)
     sensors = [[recorded(number, kind) for kind in outputs] for number in bodies.numbers[1:]]
-    drive = {"objectNumber": bodies.drive, "outputVariableType": kinds.TorqueLocal}
-    torque = system.AddSensor(items.SensorObject(**drive, storeInternal=True))
+    joint_torque = {"objectNumber": bodies.joint_torque, "outputVariableType": kinds.TorqueLocal}
+    torque = system.AddSensor(items.SensorObject(**joint_torque, storeInternal=True))
     system.Assemble()
     before = time.process_time()
     solved = system.SolveDynamic(_settings(problem, setting))

@@ -90,12 +90,12 @@ class Tree:
         """Return coordinates and velocities at the start."""
         source, q = self.problem.model, pin.neutral(self.model)
         for j in range(source.njnt):
-            to, at = self.model.joints[j + 1].idx_q, source.jnt_qposadr[j]
+            to, address = self.model.joints[j + 1].idx_q, source.jnt_qposadr[j]
             if source.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL:
-                w, x, y, z = self.problem.qpos[at : at + 4]
+                w, x, y, z = self.problem.qpos[address : address + 4]
                 q[to : to + 4] = x, y, z, w
             else:
-                q[to] = self.problem.qpos[at] - source.qpos0[at]
+                q[to] = self.problem.qpos[address] - source.qpos0[address]
         return q, self.problem.qvel.copy()
 
     def poses(self, states: list[Array], torque: Array, seconds: float) -> Poses:
@@ -155,7 +155,7 @@ def run(problem: Problem, setting: Setting) -> Poses:
 def _runge_kutta(model, acceleration, balls, q: Array, v: Array, dt: float) -> tuple[Array, Array]:  # type: ignore[no-untyped-def]
     """Return the state after a classical step of order 4 in the tangent space of the coordinates."""
 
-    def at(displacement: Array, velocity: Array) -> tuple[Array, Array]:
+    def stage(displacement: Array, velocity: Array) -> tuple[Array, Array]:
         rate = velocity.copy()
         for ball in balls:  # inverse of dexp to second order
             u, w = displacement[ball], velocity[ball]
@@ -164,8 +164,8 @@ def _runge_kutta(model, acceleration, balls, q: Array, v: Array, dt: float) -> t
         return rate, acceleration(pin.integrate(model, q, displacement), velocity)
 
     w1, a1 = v, acceleration(q, v)
-    w2, a2 = at(0.5 * dt * w1, v + 0.5 * dt * a1)
-    w3, a3 = at(0.5 * dt * w2, v + 0.5 * dt * a2)
-    w4, a4 = at(dt * w3, v + dt * a3)
+    w2, a2 = stage(0.5 * dt * w1, v + 0.5 * dt * a1)
+    w3, a3 = stage(0.5 * dt * w2, v + 0.5 * dt * a2)
+    w4, a4 = stage(dt * w3, v + dt * a3)
     moved = pin.integrate(model, q, dt / 6.0 * (w1 + 2.0 * (w2 + w3) + w4))
     return moved, v + dt / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)

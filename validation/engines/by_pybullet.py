@@ -49,23 +49,23 @@ def _urdf(problem: Problem) -> str:
     links = [f'<link name="base"><inertial><mass value="0"/>{_inertia((0.0, 0.0, 0.0))}</inertial></link>']
     for body in range(1, model.nbody):
         j, parent = model.body_jntadr[body], int(model.body_parentid[body])
-        at = model.jnt_pos[j]
-        centre = model.body_ipos[body] - at
+        anchor = model.jnt_pos[j]
+        centre = model.body_ipos[body] - anchor
         own = Rotation.from_quat(model.body_iquat[body], scalar_first=True)
         links.append(
             f'<link name="l{body}"><inertial>{_origin(centre, own)}'
             f'<mass value="{model.body_mass[body]:.17g}"/>'
             f"{_inertia(model.body_inertia[body])}</inertial></link>"
         )
-        turned = Rotation.from_quat(model.body_quat[body], scalar_first=True)
-        position = model.body_pos[body] + turned.apply(at)
+        rotation = Rotation.from_quat(model.body_quat[body], scalar_first=True)
+        position = model.body_pos[body] + rotation.apply(anchor)
         if parent:
             position = position - model.jnt_pos[model.body_jntadr[parent]]
         axis = " ".join(f"{x:.17g}" for x in model.jnt_axis[j])
         above = f"l{parent}" if parent else "base"
         links.append(
             f'<joint name="j{j}" type="{KINDS[mujoco.mjtJoint(model.jnt_type[j])]}">'
-            f'{_origin(position, turned)}<axis xyz="{axis}"/><parent link="{above}"/><child link="l{body}"/>'
+            f'{_origin(position, rotation)}<axis xyz="{axis}"/><parent link="{above}"/><child link="l{body}"/>'
             '<limit effort="1e9" velocity="1e9" lower="-1e9" upper="1e9"/></joint>'
         )
     return f'<robot name="{problem.name}">{"".join(links)}</robot>'
@@ -102,9 +102,9 @@ class World:
         """Set the coordinates at the start, and switch off the motors that every joint has."""
         model, problem = self.problem.model, self.problem
         for j in range(model.njnt):
-            link, at, dof = int(model.jnt_bodyid[j]) - 1, model.jnt_qposadr[j], model.jnt_dofadr[j]
+            link, address, dof = int(model.jnt_bodyid[j]) - 1, model.jnt_qposadr[j], model.jnt_dofadr[j]
             if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL:
-                w, x, y, z = problem.qpos[at : at + 4]
+                w, x, y, z = problem.qpos[address : address + 4]
                 rate = list(problem.qvel[dof : dof + 3])
                 self.client.resetJointStateMultiDof(self.tree, link, [x, y, z, w], rate)
                 off = {
@@ -115,7 +115,7 @@ class World:
                 }
                 self.client.setJointMotorControlMultiDof(self.tree, link, pybullet.POSITION_CONTROL, **off)
             else:
-                q, v = float(problem.qpos[at] - model.qpos0[at]), float(problem.qvel[dof])
+                q, v = float(problem.qpos[address] - model.qpos0[address]), float(problem.qvel[dof])
                 self.client.resetJointState(self.tree, link, q, v)
                 self.client.setJointMotorControl2(self.tree, link, pybullet.VELOCITY_CONTROL, force=0.0)
 
@@ -123,8 +123,8 @@ class World:
         model, ends = self.problem.model, []
         for body, position, quaternion in zip(loop.bodies, loop.position, loop.quaternion, strict=True):
             frame = Rotation.from_quat(model.body_iquat[body], scalar_first=True).inv()
-            turned = frame * Rotation.from_quat(quaternion, scalar_first=True)
-            ends.append((body - 1, frame.apply(position - model.body_ipos[body]), turned.as_quat()))
+            rotation = frame * Rotation.from_quat(quaternion, scalar_first=True)
+            ends.append((body - 1, frame.apply(position - model.body_ipos[body]), rotation.as_quat()))
         (first, at_first, turned_first), (second, at_second, turned_second) = ends
         kind = pybullet.JOINT_FIXED if loop.weld else pybullet.JOINT_POINT2POINT
         frames = at_first, at_second, turned_first, turned_second
@@ -139,9 +139,9 @@ class World:
             self.tree, list(range(model.nbody - 1)), computeForwardKinematics=1
         )
         for body, state in enumerate(states, 1):
-            turned = Rotation.from_quat(state[5])
-            position[body] = np.array(state[4]) - turned.apply(model.jnt_pos[model.body_jntadr[body]])
-            rotation[body] = turned.as_matrix()
+            frame = Rotation.from_quat(state[5])
+            position[body] = np.array(state[4]) - frame.apply(model.jnt_pos[model.body_jntadr[body]])
+            rotation[body] = frame.as_matrix()
         return position, rotation
 
 
@@ -151,16 +151,16 @@ def run(problem: Problem, setting: Setting) -> Poses:
     client.setPhysicsEngineParameter(
         fixedTimeStep=problem.interval / steps, numSolverIterations=setting.options, numSubSteps=0
     )
-    found, torque, seconds = [], np.empty(problem.instants), 0.0
+    recorded, torque, seconds = [], np.empty(problem.instants), 0.0
     for k in range(problem.instants):
         before = time.process_time()
         for _ in range(steps):
             slower = client.getJointState(world.tree, crank)[1]
             client.stepSimulation()
         seconds += time.process_time() - before
-        found.append(world.poses())
+        recorded.append(world.poses())
         change = client.getJointState(world.tree, crank)[1] - slower
         torque[k] = -problem.flywheel * change * steps / problem.interval
     client.disconnect()
-    position, rotation = (np.array(item) for item in zip(*found, strict=True))
+    position, rotation = (np.array(item) for item in zip(*recorded, strict=True))
     return Poses(position, rotation, torque, seconds)

@@ -92,8 +92,8 @@ def written(rows: Sequence[Row]) -> str:
     text += f"\n## Position error, default / best\n\n| mechanism | {' | '.join(grouped)} |\n"
     text += "|---" * (len(grouped) + 1) + "|\n"
     for mechanism in mechanisms:
-        cells = (_cell(cases.get(mechanism, [])) for cases in grouped.values())
-        text += f"| {mechanism} | {' | '.join(cells)} |\n"
+        texts = (_text_of(cases.get(mechanism, [])) for cases in grouped.values())
+        text += f"| {mechanism} | {' | '.join(texts)} |\n"
     return text
 
 
@@ -128,7 +128,7 @@ def _summary(rows: Sequence[Row]) -> str:
     return " | ".join(columns)
 
 
-def _cell(rows: Sequence[Row]) -> str:
+def _text_of(rows: Sequence[Row]) -> str:
     if not rows:
         return ""
     default, least = next(row for row in rows if row.default), best(rows)

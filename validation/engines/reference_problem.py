@@ -127,7 +127,7 @@ class Problem:
         flywheel: its inertia in [kg m2].
         sites: the tracked points among the sites of the model.
         exact: their positions, (n, points, 3) in [m], and the drive torque, (n,) in [N m], after the start.
-        size: the length to which errors refer, in [m].
+        characteristic_length: of the mechanism, to which errors refer, in [m].
     """
 
     name: str
@@ -140,7 +140,7 @@ class Problem:
     flywheel: float
     sites: NDArray[np.int64]
     exact: tuple[Array, Array]
-    size: float
+    characteristic_length: float
 
     @property
     def instants(self) -> int:
@@ -189,13 +189,13 @@ class Problem:
         if not (np.isfinite(poses.position).all() and np.isfinite(poses.rotation).all()):
             return np.inf, np.inf, np.inf
         model, (points, torque) = self.model, self.exact
-        found = _in_ground(poses, model.site_bodyid[self.sites], model.site_pos[self.sites])
-        position = float(np.linalg.norm(found - points, axis=2).max())
-        gap = max((_gap(poses, loop, self.size) for loop in self.loops), default=np.nan)
+        computed = _in_ground(poses, model.site_bodyid[self.sites], model.site_pos[self.sites])
+        position = float(np.linalg.norm(computed - points, axis=2).max())
+        gap = max((_gap(poses, loop, self.characteristic_length) for loop in self.loops), default=np.nan)
         torque_error = np.nan
         if poses.torque is not None:
             torque_error = float(np.abs(poses.torque - torque).max() / np.abs(torque).max())
-        return position / self.size, gap, torque_error
+        return position / self.characteristic_length, gap, torque_error
 
 
 def _in_ground(poses: Poses, bodies: NDArray[np.int64], local: Array) -> Array:
@@ -203,10 +203,10 @@ def _in_ground(poses: Poses, bodies: NDArray[np.int64], local: Array) -> Array:
     return poses.position[:, bodies] + np.einsum("nkij,kj->nki", poses.rotation[:, bodies], local)
 
 
-def _gap(poses: Poses, loop: Loop, size: float) -> float:
+def _gap(poses: Poses, loop: Loop, characteristic_length: float) -> float:
     """Return the largest distance between the ends of a loop in sizes, or a weld's angle if it is larger."""
     ends = _in_ground(poses, np.array(loop.bodies), loop.position)
-    gap = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max()) / size
+    gap = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max()) / characteristic_length
     if loop.weld:
         first, second = (
             poses.rotation[:, body] @ Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -259,8 +259,8 @@ def problem(name: str) -> Problem:
         loops.characteristic_length,
     )
     start = result.poses(qpos[None], None, 0.0)
-    found = _in_ground(start, written.site_bodyid[result.sites], written.site_pos[result.sites])
-    assert np.abs(found - exact[:1]).max() < START_TOLERANCE, name
+    computed = _in_ground(start, written.site_bodyid[result.sites], written.site_pos[result.sites])
+    assert np.abs(computed - exact[:1]).max() < START_TOLERANCE, name
     return result
 
 

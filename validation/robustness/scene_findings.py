@@ -23,7 +23,8 @@ from mechsim.errors import MechsimError
 from mechsim.simulation.findings import findings
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing
 from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
-from mechsim.simulation.findings.rules import BY_KIND, violations
+from mechsim.simulation.findings.rule_table import BY_KIND
+from mechsim.simulation.findings.rules import violations
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.reading import read_model
