@@ -38,6 +38,7 @@ DEFINING_MODULES = {
     "mechsim.subjects.sdf_reader",  # types of joints in SDF
     "mechsim.subjects.sdf_writer",  # types of joints in SDF
     "mechsim.subjects.plain_joints",  # the two joints into which one is split
+    "mechsim.simulation.findings.rules",  # tags of MJCF
     "mechsim.subjects.usd_reader",  # types of joints in USD
     "mechsim.subjects.usd_writer",  # types of joints in USD
     "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link

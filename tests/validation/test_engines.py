@@ -73,4 +73,4 @@ def test_the_search_takes_the_setting_of_least_error_and_the_page_states_failure
     failed = replace(rows[0], engine="Another", position=None, failure="couplings between joints")
     page = compare.written([*rows, failed])
     assert "| four_bar | " in page
-    assert page.count("couplings between joints") == 1
+    assert "- Another, couplings between joints: four_bar." in page

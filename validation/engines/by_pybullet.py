@@ -65,7 +65,8 @@ def _urdf(problem: Problem) -> str:
         above = f"l{parent}" if parent else "base"
         links.append(
             f'<joint name="j{j}" type="{KINDS[mujoco.mjtJoint(model.jnt_type[j])]}">'
-            f'{_origin(position, rotation)}<axis xyz="{axis}"/><parent link="{above}"/><child link="l{body}"/>'
+            f'{_origin(position, rotation)}<axis xyz="{axis}"/>'
+            f'<parent link="{above}"/><child link="l{body}"/>'
             '<limit effort="1e9" velocity="1e9" lower="-1e9" upper="1e9"/></joint>'
         )
     return f'<robot name="{problem.name}">{"".join(links)}</robot>'

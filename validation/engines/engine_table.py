@@ -20,7 +20,7 @@ import json
 import platform
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 from importlib.metadata import version
@@ -81,7 +81,10 @@ def written(rows: Sequence[Row]) -> str:
     for row in rows:
         grouped.setdefault(row.engine, {}).setdefault(row.mechanism, []).append(row)
     mechanisms = sorted({row.mechanism for row in rows})
-    text = HEAD.format(day=date.today(), machine=platform.machine(), count=len(mechanisms))
+    failures = "\n".join(_failures(engine, cases) for engine, cases in grouped.items())
+    text = HEAD.format(
+        day=date.today(), machine=platform.machine(), count=len(mechanisms), failures=failures.strip()
+    )
     for engine, cases in grouped.items():
         runs = [row for case in cases.values() for row in case]
         for label, chosen in (
@@ -89,7 +92,7 @@ def written(rows: Sequence[Row]) -> str:
             ("best", [best(case) for case in cases.values()]),
         ):
             text += f"| {engine} {runs[0].version} | {label} | {_summary(chosen)} |\n"
-    text += f"\n## Position error, default / best\n\n| mechanism | {' | '.join(grouped)} |\n"
+    text += f"\n## Position error, default/best\n\n| mechanism | {' | '.join(grouped)} |\n"
     text += "|---" * (len(grouped) + 1) + "|\n"
     for mechanism in mechanisms:
         texts = (_text_of(cases.get(mechanism, [])) for cases in grouped.values())
@@ -108,14 +111,25 @@ of position and torque is least. Position errors and openings of loops are in ch
 errors in the largest torque, times in ms for a simulated second: medians over the mechanisms that ran, and
 the worst error in brackets.
 
-float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. Pinocchio has no couplings of joints. The
-torques of Drake and PyBullet are differences of velocities. There was no wheel of Chrono or Newton.
+float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. The torques of Drake and PyBullet are
+differences of velocities. There was no wheel of Chrono or Newton. Engines did not run:
+
+{failures}
 
 ![position error over time of each engine](../engines.svg)
 
 | engine | setting | ran | position | opening of loops | torque | ms |
 |---|---|---|---|---|---|---|
 """
+
+
+def _failures(engine: str, cases: Mapping[str, Sequence[Row]]) -> str:
+    """Return a line for each reason for which an engine has no result, with its mechanisms."""
+    reasons: dict[str, list[str]] = {}
+    for mechanism, rows in cases.items():
+        if (least := best(rows)).position is None:
+            reasons.setdefault(str(least.failure), []).append(mechanism)
+    return "\n".join(f"- {engine}, {reason}: {', '.join(which)}." for reason, which in reasons.items())
 
 
 def _summary(rows: Sequence[Row]) -> str:
@@ -133,14 +147,14 @@ def _text_of(rows: Sequence[Row]) -> str:
         return ""
     default, least = next(row for row in rows if row.default), best(rows)
     if least.position is None:
-        return str(least.failure)
+        return "none"
     first = "fails" if default.position is None else f"{default.position:.0e}"
-    return f"{first} / {least.position:.0e}"
+    return f"{first}/{least.position:.0e}"
 
 
 def drawn(rows: Sequence[Row]) -> bytes:
     """Return the plot: the position error of each run over its time, median over the mechanisms."""
-    from mechsim.pictures.plots.figure import COLOURS, blank, styled
+    from mechsim.pictures.plots.figure import COLOURS, blank, decades, styled
     from mechsim.pictures.plots.figure import drawn as image
 
     with styled():
@@ -158,6 +172,9 @@ def drawn(rows: Sequence[Row]) -> bytes:
             ax.plot(x, y, "o", color=colour, label=engine)
             default = [i for i, (setting, _) in enumerate(groups) if setting == "default"]
             ax.plot([x[i] for i in default], [y[i] for i in default], "o", color=colour, ms=11, mfc="none")
+        decades(ax.yaxis)
+        ax.minorticks_off()
+        ax.xaxis.set_major_formatter("{x:g}")
         ax.set_xlabel("processor time for a simulated second [ms]; a ring marks the defaults")
         ax.set_ylabel("largest position error [characteristic lengths]")
         figure.legend(loc="outside right upper")
