@@ -396,17 +396,21 @@ def test_springs_are_drawn_between_their_ends():
     model = load("bicycle_suspension", drive={"pivot": "0.1rad*sin(2*pi*t)"})
     look = replace(Look(size=SIZE, labels=False, notes=False, paths=False), **drawn_as(model))
     motion = model.solve(t=np.linspace(0.0, 1.0, 5))
-    source = Source(model.mechanism, motion)
-    camera = source.drawn(look).camera
-    without, with_spring = (
-        next(render.frames(model.mechanism, motion, chosen)) for chosen in (replace(look, springs=()), look)
-    )
-    changed = np.argwhere(np.abs(with_spring.astype(int) - without).max(-1) > 40)[:, ::-1]
     ends = np.array(model.mechanism.points["frame"][1]), motion.points["shock"].position[0]
-    a, b = (camera.pixel(end) for end in ends)
-    along = (b - a) / np.linalg.norm(b - a)
-    share = (changed - a) @ along / np.linalg.norm(b - a)
-    # the eyes of the links cover the ends
+
+    def share_of_dark_pixels(chosen):
+        """Return where dark grey pixels near the line of the ends lie along it, 0 to 1 between them."""
+        image = next(render.frames(model.mechanism, motion, chosen)).astype(int)
+        dark = np.argwhere((image.max(-1) < 130) & (np.ptp(image, axis=-1) < 25))[:, ::-1]
+        camera = Source(model.mechanism, motion).drawn(chosen).camera
+        a, b = (camera.pixel(end) for end in ends)
+        along = (b - a) / np.linalg.norm(b - a)
+        near = np.abs((dark - a) @ np.array([-along[1], along[0]])) < 12.0
+        return (dark[near] - a) @ along / np.linalg.norm(b - a)
+
+    share = share_of_dark_pixels(look)
+    # the ball on the frame and the eye of the link cover the ends
     assert share.min() > -0.1
     assert share.max() < 1.1
     assert np.ptp(share) > 0.7
+    assert share_of_dark_pixels(replace(look, springs=())).size < 0.1 * share.size
