@@ -20,6 +20,8 @@ GATES = {
     ("simulation.source", "simulation.mjcf_reader.reading"): "a MODEL in MJCF",
     ("subjects.mjcf_source", "subjects.requested_start"): "--start",
     ("subjects.prescription", "subjects.requested_start"): "--start",
+    ("subjects.prescription", "analytic.loops.joint_locks"): "--lock others",
+    ("subjects.mjcf_source", "analytic.loops.joint_locks"): "--lock",
     ("subjects.prescription", "subjects.law_text"): "--drive",
     ("subjects.prescription", "subjects.pose_drivers"): "--drive",
     ("subjects.prescription", "analytic.loops.rounded_geometry"): "a mechanism without formulas",

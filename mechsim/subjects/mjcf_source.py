@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.rounded_geometry import MAX_ANGLE, corrected
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
@@ -157,6 +156,8 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     }
     if not displaced:
         return replace(mechanism, guess_coordinates=guess_coordinates | locked)
+    from mechsim.analytic.loops.joint_locks import undetermined_joints
+
     drivers = (*mechanism.drivers, *locked)
     unlocked = replace(mechanism, driver=drivers, locked={})
     # what the drivers leave undetermined stays on the path, and is free afterwards

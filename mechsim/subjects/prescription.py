@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.start import closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
@@ -55,6 +54,8 @@ def prescribed_solver(
         guess: from `written_guess`, if known: it selects the assembly of designs with changed parameters.
     """
     if prescription.lock_others:
+        from mechsim.analytic.loops.joint_locks import undetermined_joints
+
         # the path to a locked value can need the other locks
         at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
         solver = prescribed_solver(source, changed, at_start, assembled=assembled, guess=guess)

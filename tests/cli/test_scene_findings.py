@@ -19,7 +19,7 @@ def test_show_lists_the_findings_of_a_scene(mechsim, file, text, kinds):
     result = json.loads(out)["findings"]
     assert [item["kind"] for item in result] == kinds
     for item in result:
-        assert {"kind", "what", "by", "explains", "message", "remedy", "line", "file"} <= set(item)
+        assert {"kind", "object", "value", "explains", "message", "remedy", "line", "file"} <= set(item)
         assert 0 <= item["explains"] <= 1
 
 

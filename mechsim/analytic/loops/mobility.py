@@ -11,9 +11,8 @@ from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.start import all_closed, assembled, closed, disturbed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose, Vector, vector
+from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import NEARBY, loop_solver
@@ -243,60 +242,16 @@ def require_determined(solver: TreeSolver) -> None:
 def undetermined_names(solver: TreeSolver) -> list[str]:
     """Return what can move at fixed driver positions, one name for each undetermined degree of freedom."""
     names: list[str] = []
-    for name, _, _ in _undetermined(solver) if solver.nullity else ():
+    for name, _, _ in undetermined_motions(solver) if solver.nullity else ():
         if len(names) == LISTED:
             return [*names, "others"]
         names += [name] if name not in names else []
     return names
 
 
-def joints_to_lock(solver: TreeSolver) -> dict[str, Vector | None]:
-    """Return coordinates, balls and floating joints whose locks make the motion determined.
-
-    Those outside loops come first; in a loop there are as many as it has undetermined degrees of freedom. A
-    ball of which one rotation alone is undetermined, as of a rod between two balls, has this spin for
-    `spin_rod`; the others have None.
-    """
-    undetermined = [*_undetermined(solver, loops_last=True)] if solver.nullity else []
-    names, loops = [name for _, name, _ in undetermined], solver.loops
-    null_space = np.zeros((solver.nullity, loops.tree.count))
-    null_space[:, loops.unknown] = solver.null_space
-    locks: dict[str, Vector | None] = {}
-    for ball in loops.tree.balls:
-        name = ball.joint.name
-        if name not in names:
-            continue
-        axes = [axis for _, other, axis in undetermined if other == name and axis is not None]
-        single = len(axes) == 1 and names.count(name) == 1 and _joins_written_links(ball.joint)
-        locks[name] = _spin(solver, ball.joint, axes[0]) if single else None
-        # a locked ball loses three degrees of freedom, of which other locks can have counted one
-        for axis in axes if single else np.eye(3):
-            component = null_space[:, ball.first_angle : ball.first_angle + 3] @ axis
-            if float(np.linalg.norm(component)) > MIN_PARTICIPATION:
-                null_space = with_component_locked(null_space, component)
-    others = [name for name in names if name not in locks]
-    return locks | dict.fromkeys(independent_coordinates(loops, others, null_space)[0])
-
-
-def _joins_written_links(joint: Joint) -> bool:
-    """Whether a joint is a ball without slides between links of the file."""
-    return KINDS[joint.kind].pivot and not any(
-        end.link.startswith(VIRTUAL_PREFIX) for end in (joint.a, joint.b)
-    )
-
-
-def _spin(solver: TreeSolver, ball: Joint, axis: Array) -> Vector:
-    """Return an axis in the frame of a ball's side a as one of link b, as long as the mechanism."""
-    tree = solver.loops.tree
-    poses = link_poses(tree, solver.reference)
-    from_a, to_b = (
-        np.eye(3) if end.link == GROUND else poses.rotation[tree.index[end.link]][..., 0]
-        for end in (ball.a, ball.b)
-    )
-    return vector(to_b.T @ from_a @ ball.a.frame @ axis * tree.mechanism.characteristic_length)
-
-
-def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str, Array | None]]:
+def undetermined_motions(
+    solver: TreeSolver, *, loops_last: bool = False
+) -> Iterator[tuple[str, str, Array | None]]:
     """Yield one name for each undetermined degree of freedom, with all names before it locked.
 
     Each has what locks it: its coordinate, or the ball or floating joint, whose rotation about an axis in the
@@ -420,7 +375,7 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
     Raises:
         AssemblyError: where the loops do not close.
     """
-    solver, jacobian = _at_generic_pose(mechanism)
+    solver, jacobian = solver_at_generic_pose(mechanism)
     dependent_rows, null_space = null_spaces(jacobian)
     names = (*mechanism.locked, *mechanism.drivers)
     redundant = independent_coordinates(solver.loops, names, null_space)[1]
@@ -472,16 +427,7 @@ def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
     )
 
 
-def undetermined_joints(mechanism: Mechanism) -> dict[str, Vector | None]:
-    """Return what must be locked so that the drivers determine the rest, as in `joints_to_lock`.
-
-    Raises:
-        AssemblyError: where the loops do not close.
-    """
-    return joints_to_lock(_at_generic_pose(mechanism)[0])
-
-
-def _at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
+def solver_at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
     """Return a solver about the pose near the start with the highest rank, and the Jacobian there."""
     loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
     try:
