@@ -40,6 +40,9 @@ def with_servos(
     if not mechanism.drivers:
         raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
     names = list(mechanism.drivers)
+    # a servo takes the place of the file's own actuator of a driver
+    for actuator in [item for item in spec.actuators if item.target in (CRANK, *names)]:
+        spec.delete(actuator)
     if mechanism.has_crank:
         # a servo needs no virtual drive inertia
         spec.joint(CRANK).armature = forces.flywheel
