@@ -18,8 +18,8 @@ class Bushing:
     """A stiffness and a damping in six directions between frames on two links.
 
     In the frame of side a, d is the position of side b's origin and theta the rotation vector of side b,
-    shorter than pi. The deflection x = (d, theta) stores x' K x / 2. With the rates y = (d', w) and the relative
-    angular velocity w, side a exerts on side b, at b's origin,
+    shorter than pi. The deflection x = (d, theta) stores x' K x / 2. With the rates y = (d', w) and the
+    relative angular velocity w, side a exerts on side b, at b's origin,
 
         (f, m) = -K x,  force f,  moment J^-T m,  and the damping -C y.
 
