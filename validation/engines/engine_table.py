@@ -112,7 +112,8 @@ errors in the largest torque, times in ms for a simulated second: medians over t
 the worst error in brackets.
 
 float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. The torques of Drake and PyBullet are
-differences of velocities. There was no wheel of Chrono or Newton. Engines did not run:
+differences of velocities. There was no wheel of Chrono or Newton. Not run,
+with the reason:
 
 {failures}
 
