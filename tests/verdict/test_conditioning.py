@@ -61,7 +61,8 @@ def test_configurations_near_a_dead_centre_pass(name):
     ],
 )
 def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre(name, method):
-    linkage, profile = near_a_dead_centre(name, 0.98)
+    # at 0.98 of its range a slider-crank has a conditioning of 0.17
+    linkage, profile = near_a_dead_centre(name, 0.995 if name == "slider_crank" else 0.98)
     longer = next(item for item in ("coupler", "rod", "link", "rod3") if hasattr(linkage, item))
     wrong = linkage.with_parameters(**{longer: 1.001 * getattr(linkage, longer)})
     settings = Settings() if method == "step" else None
