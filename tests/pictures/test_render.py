@@ -405,8 +405,8 @@ def test_springs_are_drawn_between_their_ends():
         camera = Source(model.mechanism, motion).drawn(chosen).camera
         a, b = (camera.pixel(end) for end in ends)
         along = (b - a) / np.linalg.norm(b - a)
-        near = np.abs((dark - a) @ np.array([-along[1], along[0]])) < 12.0
-        return (dark[near] - a) @ along / np.linalg.norm(b - a)
+        close = np.abs((dark - a) @ np.array([-along[1], along[0]])) < 12.0
+        return (dark[close] - a) @ along / np.linalg.norm(b - a)
 
     share = share_of_dark_pixels(look)
     # the ball on the frame and the eye of the link cover the ends
