@@ -24,8 +24,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import hull
 from mechsim.shapes.guides import contact_points
 
-MILLIMETRES = 1e3
-# from the centre of a hole to the edge, in diameters
+MILLIMETRES = 1e3  # in a metre
+# from the centre of a hole to the edge, in diameters; EN 1993-1-8, table 3.3 asks for 1.2 at least
 EDGE = 1.5
 # chords of the profile of a cam: a quarter of a degree, 2.4e-6 of the radius from the arc
 CHORDS = 1440

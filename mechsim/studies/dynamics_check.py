@@ -329,7 +329,8 @@ def _largest_values(
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
     Points that all rest on rotating links have the rates of the rotations at a characteristic length [m],
-    rotations without acceleration the square of their rates.
+    and links that do not rotate those of their points over it; rotations without acceleration have the
+    square of their rates.
     """
     length, turning = mechanism.characteristic_length, _turning(mechanism)
     whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion, turning)}
@@ -342,8 +343,11 @@ def _largest_values(
         largest["rad/s2"] = uniform
     for points, rotations in (("m/s", "rad/s"), ("m/s2", "rad/s2")):
         rate = length * largest.get(rotations, 0.0)
+        rotation = largest.get(points, 0.0) / length
         if points in largest and largest[points] < RESTING * rate:
             largest[points] = rate
+        elif rotations in largest and largest[rotations] < RESTING * rotation:
+            largest[rotations] = rotation
     return largest
 
 

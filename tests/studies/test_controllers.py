@@ -82,3 +82,25 @@ def test_controllers_in_a_prescribed_motion_are_rejected():
     model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), CONTROLLED)
     with pytest.raises(ms.InputError, match="controllers act in runs from an initial state"):
         ms.dynamics.prescribed(model, speed=1.0)
+
+
+def test_a_body_that_only_translates_agrees_with_mujoco_and_another_spring_is_rejected(tmp_path):
+    path = tmp_path / "block.toml"
+
+    def model(stiffness):
+        path.write_text(
+            "name = 'block'\n[links.block]\noutline = [[0, 0, 0], [0.1, 0, 0]]\n"
+            "inertia = { mass = 2, centre = [0, 0, 0], moments = [0.01, 0.02, 0.03] }\n"
+            "[joints.free]\nkind = 'floating'\na.link = 'ground'\nb.link = 'block'\n"
+            "[forces.bushings.mount]\na.link = 'ground'\nb.link = 'block'\n"
+            f"stiffness = [{stiffness}, 8000, 2000, 4, 4, 4]\n"
+        )
+        loaded = ms.load(path, still=True)
+        return ms.dynamics.dynamic_model(loaded, loaded.forces)
+
+    initial = {"free.x": 0.01}
+    run = ms.dynamics.run(model(1000), initial=initial, duration=0.1, samples=6)
+    start = initial_values(model(1000), initial)
+    verdict = crosscheck_forward(run, model(1000), start)
+    assert verdict.passed, verdict
+    assert not crosscheck_forward(run, model(1001), start).passed

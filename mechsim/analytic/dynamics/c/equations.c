@@ -215,6 +215,8 @@ static const double STILL[6];
 #define REVOLUTION 6.283185307179586
 /* least 1 + trace of a rotation, zero at half a revolution */
 #define LEAST_TRACE 1e-12
+/* squared tangent of a half angle below which a series is exact to rounding */
+#define SMALL_SQUARE 1e-3
 
 static const double *spin_of(const Work *w, int link) { return link < 0 ? STILL : w->twist + 6 * link + 3; }
 
@@ -483,7 +485,7 @@ static double rotation_vector(const double *r, double *v) {
     v[0] = (r[7] - r[5]) / total, v[1] = (r[2] - r[6]) / total, v[2] = (r[3] - r[1]) / total;
     square = dot(v, v);
     double size = sqrt(square), h = (1.0 - atan(size) / size) / square;
-    if (square < 1e-3) {
+    if (square < SMALL_SQUARE) {
         h = 0.0;
         for (int k = 5; k >= 0; k--) h = 1.0 / (2 * k + 3) - square * h;
     }
