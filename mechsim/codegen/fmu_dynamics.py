@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.compiled_expressions import CONTROLLER, INSTRUCTION
 from mechsim.analytic.dynamics.compiled_model import COUNTS, TABLES, CompiledModel, c_sources, library
 from mechsim.analytic.dynamics.compiled_motion import collocation_rule
 from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, Initial, initial_values, require_regular
@@ -21,6 +20,7 @@ from mechsim.codegen.fmu_kinematics import gravity_parameters
 from mechsim.codegen.solver_code import template
 from mechsim.errors import InputError
 from mechsim.model.forces import located
+from mechsim.model.instructions import CONTROLLER, INSTRUCTION
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.nonlinear_springs import SpringLaw

@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
-from mechsim.errors import MissingToolError, OutputError
+from mechsim.errors import MechsimError, MissingToolError, OutputError
 
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
@@ -42,11 +44,11 @@ def cache_folder() -> Path:
     return Path(base).expanduser() / "mechsim" / "compiled"
 
 
-def shared_library(name: str, text: str) -> Path:
+def shared_library(name: str, text: str, headers: Path | None = None) -> Path:
     """Return the shared library of a C text, from the cache or newly compiled.
 
     Its name states the text, the compiler and the machine; the digest next to it its content, so that a
-    damaged file is compiled again.
+    damaged file is compiled again. `headers` is a folder of headers whose release the text names.
 
     Raises:
         MissingToolError: if there is no C compiler, or it fails.
@@ -54,7 +56,8 @@ def shared_library(name: str, text: str) -> Path:
     """
     command = compiler()
     status = os.stat(os.path.realpath(command))
-    inputs = text, command, str(status.st_mtime_ns), str(status.st_size), platform.machine(), *FLAGS
+    flags = FLAGS if headers is None else (*FLAGS, f"-I{headers}")
+    inputs = text, command, str(status.st_mtime_ns), str(status.st_size), platform.machine(), *flags
     key = hashlib.sha256("\0".join(inputs).encode()).hexdigest()[:24]
     path = cache_folder() / f"{name[:60]}-{key}.so"
     try:
@@ -62,7 +65,7 @@ def shared_library(name: str, text: str) -> Path:
     except (OSError, UnicodeDecodeError):
         intact = False
     if not intact:
-        compile_library(command, text, path)
+        compile_library(command, text, path, flags)
     return path
 
 
@@ -70,7 +73,7 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def compile_library(command: str, text: str, path: Path) -> None:
+def compile_library(command: str, text: str, path: Path, flags: Sequence[str] = FLAGS) -> None:
     """Compile C code into a shared library.
 
     Raises:
@@ -82,7 +85,7 @@ def compile_library(command: str, text: str, path: Path) -> None:
         with tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder:
             source, built, digest = (Path(folder) / f"code.{end}" for end in ("c", "so", "sha256"))
             source.write_text(text, encoding="utf-8")
-            _run_compiler(command, [*FLAGS, "-o", str(built), str(source), "-lm"])
+            _run_compiler(command, [*flags, "-o", str(built), str(source), "-lm"])
             digest.write_text(_digest(built), encoding="ascii")
             # concurrent processes with the same code write identical files
             built.replace(path)
@@ -106,17 +109,25 @@ def _run_compiler(command: str, arguments: list[str]) -> None:
         raise MissingToolError(f"the C compiler {command} fails: {first}; set CC to one that compiles C99")
 
 
-def loaded_library(name: str, text: str) -> ctypes.CDLL:
-    """Return the loaded shared library of a C text, as `shared_library`.
+@cache
+def library_or_error(name: str, text: str, headers: Path | None) -> ctypes.CDLL | MechsimError:
+    """Return the loaded shared library of a C text, or the reason why there is none."""
+    try:
+        return ctypes.CDLL(str(shared_library(name, text, headers)))
+    except OSError as error:
+        return MissingToolError(f"compiled code cannot be loaded: {error}; set CC to another compiler")
+    except (MissingToolError, OutputError) as error:
+        return error
+
+
+def loaded_library(name: str, text: str, headers: Path | None = None) -> ctypes.CDLL:
+    """Return the loaded shared library of a C text, as `shared_library`; a compiler that fails is tried once.
 
     Raises:
         MissingToolError: if there is no C compiler, or the system does not load what it makes.
         OutputError: if the folder is not writable.
     """
-    path = shared_library(name, text)
-    try:
-        return ctypes.CDLL(str(path))
-    except OSError as error:
-        raise MissingToolError(
-            f"compiled code cannot be loaded: {error}; set CC to another compiler"
-        ) from None
+    result = library_or_error(name, text, headers)
+    if isinstance(result, MechsimError):
+        raise result
+    return result

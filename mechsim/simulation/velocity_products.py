@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
+from threading import RLock
 
 import mujoco
 import numpy as np
@@ -10,6 +11,15 @@ from mechsim.simulation.equality_rows import CouplingConstraint, RodPair
 from mechsim.simulation.model_loops import ModelLoops
 
 EQUALITY, JOINT = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY), int(mujoco.mjtEq.mjEQ_JOINT)
+
+# held while callbacks are installed, which are global: the runs of several threads take turns
+CALLBACKS = RLock()
+
+
+def nonlinear_rows(loops: ModelLoops) -> list[CouplingConstraint | RodPair]:
+    """Return the couplings and rods with velocity-product terms."""
+    every, active = (*loops.couplings, *loops.rods), loops.model.eq_active0
+    return [row for row in every if row.nonlinear and active[row.equality]]
 
 
 @contextmanager
@@ -20,9 +30,7 @@ def velocity_products(loops: ModelLoops) -> Generator[None]:
     1/m_q + 1/m_p with the inertias of both coordinates; the callback corrects this to 1/m_q + f'(p)^2 / m_p.
     A light cam under a preloaded follower, on a dwell, would otherwise yield as if it carried the load.
     """
-    before = mujoco.get_mjcb_passive()
-    every, active = (*loops.couplings, *loops.rods), loops.model.eq_active0
-    nonlinear = [row for row in every if row.nonlinear and active[row.equality]]
+    nonlinear = nonlinear_rows(loops)
     rows: list[int] = []
 
     # MuJoCo calls this after it computes the constraint violations and before it computes accelerations
@@ -43,11 +51,13 @@ def velocity_products(loops: ModelLoops) -> Generator[None]:
             data.efc_R[row] *= _mobility_ratio(loops.model, coupling, first)
             data.efc_D[row] = 1.0 / data.efc_R[row]
 
-    mujoco.set_mjcb_passive(opened if nonlinear else before)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_passive(before)
+    with CALLBACKS:
+        before = mujoco.get_mjcb_passive()
+        mujoco.set_mjcb_passive(opened if nonlinear else before)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_passive(before)
 
 
 def _mobility_ratio(model: mujoco.MjModel, coupling: CouplingConstraint, rate: float) -> float:

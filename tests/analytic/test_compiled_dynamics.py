@@ -286,9 +286,9 @@ def run_of(forces=None, **options):
 def fresh_library(monkeypatch, tmp_path):
     """An empty cache, and nothing loaded yet."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    in_c.library_or_error.cache_clear()
+    c_library.library_or_error.cache_clear()
     yield tmp_path
-    in_c.library_or_error.cache_clear()
+    c_library.library_or_error.cache_clear()
 
 
 @pytest.mark.long
@@ -304,7 +304,7 @@ def test_a_run_under_a_load_table_is_the_same_in_c_and_in_numpy(monkeypatch):
     times = np.linspace(0.0, 0.3, 16)
     forces = Forces(crank_torque=table(times, 1e-3 * np.sin(20.0 * times), over="time", smooth=True))
     fast = run_of(forces)
-    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    monkeypatch.setattr(in_c, "FORCES", set())
     slow = run_of(forces)
     assert (fast.executed, slow.executed) == ("C", "numpy")
     assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-11
@@ -318,10 +318,8 @@ def test_a_run_beyond_a_load_table_names_the_table():
 
 
 @pytest.mark.long
-def test_an_element_of_an_unknown_class_is_not_ignored(monkeypatch):
-    supported = {**in_c.SUPPORTED}
-    del supported[Spring]
-    monkeypatch.setattr(in_c, "SUPPORTED", supported)
+def test_an_element_of_an_unknown_kind_is_not_ignored(monkeypatch):
+    monkeypatch.setattr(in_c, "FORCES", in_c.FORCES - {"springs"})
     spring = Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0)
     assert run_of(Forces(springs=(spring,))).executed == "numpy"
     assert run_of(Forces()).executed == "C"
@@ -341,7 +339,7 @@ def positions(run):
 
 def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
     fast = run_of()
-    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    monkeypatch.setattr(in_c, "FORCES", set())
     slow = run_of()
     assert (fast.executed, fast.note, slow.executed) == ("C", "", "numpy")
     # both integrate with a relative error of 3e-13 a step
@@ -357,7 +355,7 @@ def test_prescribed_motion_is_the_same_in_c_and_in_numpy(viscous, monkeypatch):
     model = ms.dynamics.dynamic_model(source, Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
     settings = {"prescribed": ["left"], "duration": 0.3, "samples": 20}
     fast = ms.dynamics.run(model, **settings)
-    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    monkeypatch.setattr(in_c, "FORCES", set())
     slow = ms.dynamics.run(model, **settings)
     assert (fast.executed, slow.executed) == ("C", "numpy")
     for name, joint in slow.motion.joints.items():
@@ -388,7 +386,7 @@ def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(name, 
         return ms.dynamics.run(model, forces, duration=duration, samples=20)
 
     fast = run()
-    monkeypatch.setattr(in_c, "SUPPORTED", {})
+    monkeypatch.setattr(in_c, "FORCES", set())
     slow = run()
     assert (fast.executed, slow.executed) == ("C", "numpy")
     fastest = np.abs(slow.motion.speed).max()
@@ -478,7 +476,7 @@ def test_a_damaged_library_is_compiled_again(fresh_library):
     (path,) = (fresh_library / "mechsim").rglob("*.so")
     path.unlink()
     path.write_bytes(b"\x7fELF damaged")
-    in_c.library_or_error.cache_clear()
+    c_library.library_or_error.cache_clear()
     assert run_of().executed == "C"
 
 

@@ -5,100 +5,38 @@ A model with an element that is not listed here has no such data.
 """
 
 import ctypes
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.compiled_expressions import (
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
+from mechsim.analytic.loops.constraints import Cut
+from mechsim.model.bushings import Bushing
+from mechsim.model.forces import Friction, Location, located
+from mechsim.model.instructions import (
+    CONTROLLER,
     EXPRESSION,
     INSTRUCTION,
     TIME,
     Instructions,
     NotCompiledError,
     Variable,
-    actuators,
-    controllers,
-    load_expressions,
-    prescribed,
+    c_source,
 )
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
-from mechsim.analytic.loops.constraints import Cut
-from mechsim.errors import MechsimError, MissingToolError, OutputError
-from mechsim.model.actuators import Actuator
-from mechsim.model.bushings import Bushing
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
-from mechsim.model.joint_kinds import COLUMN, KINDS, Kind
-from mechsim.model.joints import Coupling, End, Joint
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
-from mechsim.model.load_profile import LoadProfile
-from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
-from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 
-# names of the attributes of forces and couplings that the C code contains; another one must have its default
-SUPPORTED: dict[type, set[str]] = {
-    Forces: {
-        "gravity",
-        "friction",
-        "springs",
-        "joint_springs",
-        "loads",
-        "couples",
-        "crank_torque",
-        "flywheel",
-        "motor",
-        "controllers",
-        "actuators",
-        "armature",
-        "nonlinear_springs",
-        "bushings",
-    },
-    NonlinearSpring: {"ends", "law", "name"},
-    Controller: {"coordinate", "text", "inputs", "_expression"},
-    Actuator: {
-        *("name", "gear", "control", "gain", "bias", "direct", "inflow", "start", "inertia", "text"),
-        *("control_range", "state_range", "force_range"),
-    },
-    Friction: {
-        *("joint", "viscous", "coulomb", "viscous_turn", "coulomb_turn", "static", "stribeck"),
-        *("coefficient", "pin_radius", "collar_radius", "bearing_length"),
-    },
-    Spring: {"a", "b", "stiffness", "rest", "damping"},
-    JointSpring: {"joint", "stiffness", "rest"},
-    Bushing: {"name", "a", "b", "stiffness", "damping"},
-    Load: {"location", "force"},
-    Couple: {"link", "moment"},
-    LoadProfile: {"over", "value", "width"},
-    Coupling: {
-        "name",
-        "left",
-        "right",
-        "coefficients",
-        "zeros",
-        "turns",
-        "pressure_angle",
-        "rope",
-        "belt",
-        "backlash",
-        "function",
-        "repeats",
-    },
-    Joint: {"name", "kind", "a", "b", "cross_angle", "lead", "without_reference"},
-    End: {"link", "point", "axis", "reference", "has_reference"},
-    Kind: {"slides", "turns", "helical"},
-    ConstantTorque: {"value"},
-    TorqueSpeedLine: {"stall", "no_load"},
-    DCMotor: {"voltage", "resistance", "constant"},
-    Geared: {"motor", "ratio"},
+# attributes of the forces that the C code contains; another one must be empty
+FORCES = {
+    *("gravity", "friction", "springs", "joint_springs", "nonlinear_springs", "bushings", "loads", "couples"),
+    *("crank_torque", "flywheel", "motor", "controllers", "actuators", "armature"),
 }
-
-# expressions are checked where they become instructions; the law of a belt is its coefficients
-CHECKED_LATER = ("control", "value", "_expression", "belt", "law", "function")
 
 _INT, _REAL = "i4", "f8"
 SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
@@ -184,6 +122,7 @@ NONLINEAR_SPRING = np.dtype(
 BUSHING = np.dtype(
     [("a", SIDE), ("b", SIDE), ("stiffness", _REAL, (6, 6)), ("damping", _REAL, (6, 6))], align=True
 )
+PRESCRIBED = np.dtype([("coordinate", _INT), ("law", EXPRESSION)], align=True)
 LOAD = np.dtype(
     [
         ("link", _INT),
@@ -237,17 +176,8 @@ class CompiledModel:
 def c_sources() -> str:
     """Return the C code that evaluates and integrates equations of motion."""
     folder = Path(__file__).parent / "c"
-    names = "expressions.c", "equations.c", "integration.c"
-    return "".join((folder / name).read_text(encoding="utf-8") for name in names)
-
-
-@cache
-def library_or_error() -> ctypes.CDLL | MechsimError:
-    """Return the compiled C code, or the reason why there is none; a compiler that fails is tried once."""
-    try:
-        return loaded_library("forward_dynamics", c_sources())
-    except (MissingToolError, OutputError) as error:
-        return error
+    names = "equations.c", "integration.c"
+    return c_source() + "".join((folder / name).read_text(encoding="utf-8") for name in names)
 
 
 def library() -> ctypes.CDLL:
@@ -257,10 +187,7 @@ def library() -> ctypes.CDLL:
         MissingToolError: if there is no C compiler.
         OutputError: if the cache is not writable.
     """
-    result = library_or_error()
-    if isinstance(result, MechsimError):
-        raise result
-    return result
+    return loaded_library("forward_dynamics", c_sources())
 
 
 def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
@@ -275,7 +202,6 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
     forces, loops, free = equations.model.forces, equations.loops, equations.free
     torque, derivative = _crank_torque(equations)
     moved, added = [_moved(cut) for cut in loops.cuts], Instructions()
-    actuated, gears = actuators(equations, added)
     resistances = _resistances(equations)
     tables = {
         "branches": _branches(equations),
@@ -288,14 +214,14 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "spring": spring_table(equations),
         "resistance": resistances,
         "load": _loads(equations, added),
-        "controller": controllers(equations, added),
-        "prescribed": prescribed(equations, added),
+        "controller": _controllers(equations, added),
+        "prescribed": _prescribed(equations, added),
         "nonlinear_spring": _nonlinear_springs(equations, added),
         "bushing": _bushings(equations),
+        "actuator": added.add_actuators(forces.actuators),
+        "gear": _gears(equations),
         "instruction": np.array(added.rows, INSTRUCTION),
         "tables": np.array(added.numbers),
-        "actuator": actuated,
-        "gear": gears,
         "rotors": np.ascontiguousarray(equations.rotors),
     }
     numbers = (
@@ -309,7 +235,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         *(len(tables[name]) for name in ("spring", "resistance", "load")),
         -1 if equations.crank is None else equations.crank,
         *(len(tables[name]) for name in ("controller", "actuator")),
-        int(actuated["has_state"].sum()),
+        sum(actuator.inflow is not None for actuator in forces.actuators),
         int(tables["rotors"].any()),
         len(tables["nonlinear_spring"]),
         int(resistances["loaded"].sum()),
@@ -330,38 +256,19 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
 def _require_supported(equations: EquationsOfMotion) -> None:
     """Raise NotCompiledError if the C code does not contain an element of the model."""
     forces, loops = equations.model.forces, equations.loops
-    for joint in (*loops.tree.mechanism.joints, *equations.model.mechanism.joints):
-        _require_supported_fields(joint)
-        _require_supported_fields(KINDS[joint.kind])
+    for field in fields(forces):
+        if field.name not in FORCES and getattr(forces, field.name):
+            raise NotCompiledError(field.name.replace("_", " "))
     rows = sum(cut.rows for cut in loops.cuts) + len(loops.couplings)
     if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
         raise NotCompiledError("its loop equations")
-    for element in (forces, *loops.tree.mechanism.laws):
-        _require_supported_fields(element)
+    for friction in forces.friction:
+        if friction.coupling:
+            raise NotCompiledError(f"the efficiency of coupling {friction.coupling}")
+        if friction.bristle_stiffness:
+            raise NotCompiledError(f"bristles in {friction.joint}")
     if equations.prescribed and any(friction.loads for friction in equations.frictions):
         raise NotCompiledError("friction by the load under prescribed motion")
-
-
-def _require_supported_fields(element: Any) -> None:
-    supported = SUPPORTED.get(type(element))
-    if supported is None:
-        raise NotCompiledError(f"{type(element).__name__.lower()} {getattr(element, 'name', '')}".strip())
-    for field in fields(element):
-        value = getattr(element, field.name)
-        if field.name not in supported and not _is_empty(value, field.default):
-            raise NotCompiledError(f"{field.name.replace('_', ' ')} of {type(element).__name__.lower()}")
-        for inner in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(inner) and field.name not in CHECKED_LATER:
-                _require_supported_fields(inner)
-
-
-def _is_empty(value: Any, default: Any) -> bool:
-    return (
-        value is default
-        or value is None
-        or (isinstance(value, tuple | Mapping) and not value)
-        or value == default
-    )
 
 
 def _crank_torque(equations: EquationsOfMotion) -> tuple[float, float]:
@@ -517,9 +424,7 @@ def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
 def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.nonlinear_springs:
-        law = spring.law
-        row: dict[str, Any] = {"coordinate": -1, "table": -1, "rest": law.reference}
-        row |= {"stiffness": law.stiffness, "damping": law.damping}
+        row: dict[str, Any] = {"coordinate": -1, **added.add_spring(spring)}
         if not isinstance(spring.ends, str):
             (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
                 _point(equations, end) for end in spring.ends
@@ -528,14 +433,6 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
             row["coordinate"] = equations.sprung[spring.ends]
         else:
             raise NotCompiledError(f"a spring in {spring.ends}, which is no coordinate of the tree")
-        if isinstance(law, SpringLaw):
-            if law.table is not None:
-                row["table"], row["over_rate"] = added.add_table(law.continued_table), law.over == "v"
-            values = zip(law.names, law.values, strict=True)
-            variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
-            variables |= {name: ("number", 0, value) for name, value in values}
-            row["preload"] = law.preload
-            row["expression"] = added.add(law.instructions, variables, f"spring {spring.name}")
         rows.append(row)
     return _filled(NONLINEAR_SPRING, rows)
 
@@ -622,7 +519,50 @@ def _loads(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any,
             row["wrench"] = wrench
         else:
             expressions = np.zeros(6, EXPRESSION)
-            expressions[first : first + 3] = load_expressions(equations, profile, added, "a load")
+            expressions[first : first + 3] = added.add_load(profile, _angle(equations))
             row["expressions"] = expressions
         rows.append(row)
     return _filled(LOAD, rows)
+
+
+def _angle(equations: EquationsOfMotion) -> Variable:
+    """Return the crank angle as a variable; zero without a crank."""
+    return ("number", 0, 0.0) if equations.crank is None else ("coordinate", equations.crank, 0.0)
+
+
+def _controllers(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    """Return controllers, and a load on the crank that varies."""
+    index_of, units = equations.loops.tree.index_of, equations.loops.units
+
+    def variable(name: str, letter: str) -> Variable:
+        return {"q": "coordinate", "v": "rate"}[letter], index_of[name], float(units[index_of[name]])
+
+    rows: list[tuple[int, tuple[int, int]]] = []
+    for controller in equations.model.forces.controllers:
+        rows.append((index_of[controller.coordinate], added.add_controller(controller, variable)))
+    load = equations.model.forces.crank_torque
+    if load is not None and load.over is not None and equations.crank is not None:
+        (effort,) = added.add_load(load, _angle(equations))
+        rows.append((equations.crank, effort))
+    return np.array(rows, CONTROLLER)
+
+
+def _prescribed(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    """Return prescribed coordinates and their motion laws."""
+    return np.array(
+        [
+            (
+                equations.loops.tree.index_of[name],
+                added.add(getattr(law, "instructions", None), TIME, f"the motion law of {name}"),
+            )
+            for name, law in equations.prescribed.items()
+        ],
+        PRESCRIBED,
+    )
+
+
+def _gears(equations: EquationsOfMotion) -> Array:
+    """Return the weights of all coordinates in the lengths of actuators, (actuators, count)."""
+    tree = equations.loops.tree
+    gears = [tree.coupled(actuator.gear) for actuator in equations.model.forces.actuators]
+    return np.reshape(np.array(gears, dtype=float), (-1, tree.count))

@@ -4,14 +4,17 @@ import copy
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Literal
 
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, MissingToolError, OutputError
 from mechsim.model.actuators import Actuator
+from mechsim.model.instructions import NotCompiledError
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.dynamics.compiled_controls import CompiledControls, compiled_controls
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
@@ -19,7 +22,7 @@ from mechsim.simulation.mjcf.force_elements import MASSLESS, native
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.velocity_products import velocity_products
+from mechsim.simulation.velocity_products import nonlinear_rows, velocity_products
 
 
 def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations: int) -> ModelLoops:
@@ -78,54 +81,60 @@ class AppliedControls:
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None
         over = {profile.over for profile in model.forces.load_profiles} - {None}
-        self.by_angle = "angle" in over
         self.reacts = bool(model.dry or model.forces.nonlinear_springs or model.forces.bushings)
         other = self.reacts or self.controllers.used or self.drives.names
         self.constant = not (other or over or model.forces.actuators)
-        #: time of the first stage of the steps ahead, and controls and inputs of actuators at each stage
-        self.first, self.table, self.inputs = 0.0, np.empty((0, loops.model.nu)), np.empty((0, 0, 2))
+        self.compiled = None if self.friction or self.drives.names else self._compiled()
 
-    def look_ahead(self, time: float, steps: int) -> None:
-        """Evaluate what depends on nothing but the time at all stages of the next steps of RK4."""
-        if not (self.constant or self.by_angle):
-            times = time + 0.5 * self.loops.model.opt.timestep * np.arange(2 * steps + 1)
-            self.first, self.table = time, self.model.controls(np.zeros(len(times)), times)
-            self.inputs = self.controllers.inputs(times)
+    @property
+    def executed(self) -> Literal["C", "Python"]:
+        """What evaluates the forces: "C" if no step needs Python."""
+        couplings = nonlinear_rows(self.loops) or any(row.function for row in self.loops.couplings)
+        in_python = self.friction or self.drives.names or couplings
+        return "C" if (self.constant or self.compiled) and not in_python else "Python"
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set controls and applied forces at MuJoCo's state."""
         if self.drives.evaluating:
             return
-        if len(self.table):
-            # MuJoCo sets the time of a state that has become invalid to zero
-            stage = max(round((data.time - self.first) / (0.5 * self.loops.model.opt.timestep)), 0)
-            controls, inputs = self.table[stage : stage + 1], self.inputs[stage]
-        else:
-            angle, time = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1), data.time
-            controls = self.model.controls(angle, np.array([time]))
-            (inputs,) = self.controllers.inputs(np.array([time]))
+        angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
+        controls = self.model.controls(angle, np.array([data.time]))
         data.ctrl[:] = controls[0]
         if self.reacts:
             controls = data.ctrl[None]
             self.model.react(data.actuator_length[None], data.actuator_velocity[None], controls)
             data.ctrl[:] = controls[0]
         data.qfrc_applied[:] = 0.0
-        self.controllers.apply(data, inputs)
+        self.controllers.apply(data)
         self.drives.apply(data)
 
     @contextmanager
     def installed(self, data: mujoco.MjData) -> Generator[None]:
         """Apply them at every stage of a step of `data`; restore MuJoCo's callbacks afterwards."""
-        before, self.table = mujoco.get_mjcb_control(), self.table[:0]
-        if self.constant:
-            self.apply(data)
-        else:
-            mujoco.set_mjcb_control(lambda _, state: self.apply(state))
-        try:
-            with velocity_products(self.loops):
+        with velocity_products(self.loops):
+            before = mujoco.get_mjcb_control()
+            if self.constant or self.compiled:
+                self.apply(data)
+            if self.compiled:
+                mujoco.set_mjcb_control(self.compiled.select(data))
+            elif not self.constant:
+                mujoco.set_mjcb_control(lambda _, state: self.apply(state))
+            try:
                 yield
-        finally:
-            mujoco.set_mjcb_control(before)
+            finally:
+                mujoco.set_mjcb_control(before)
+
+    def _compiled(self) -> CompiledControls | None:
+        """Return the forces in C; None if none varies, without a compiler, or with a function in Python."""
+        controllers = self.controllers
+        both = zip(controllers.addresses.values(), controllers.dofs.values(), strict=True)
+        coordinates = dict(zip(controllers.addresses, both, strict=True))
+        if self.constant:
+            return None
+        try:
+            return compiled_controls(self.model, coordinates, controllers.others, self.crank)
+        except (NotCompiledError, MissingToolError, OutputError):
+            return None
 
 
 class Controllers:
@@ -149,13 +158,8 @@ class Controllers:
             dict(zip(names, dofs, strict=True)),
         )
 
-    def inputs(self, times: Array) -> Array:
-        """Return the controls of the actuators that MuJoCo does not have, and their rates, (n, k, 2)."""
-        inputs = [np.transpose(actuator.input(times)) for _, _, actuator in self.others]
-        return np.stack(inputs, 1) if inputs else np.empty((len(times), 0, 2))
-
-    def apply(self, data: mujoco.MjData, inputs: Array) -> None:
-        """Set the applied forces at MuJoCo's state, with inputs of actuators (k, 2)."""
+    def apply(self, data: mujoco.MjData) -> None:
+        """Set the applied forces at MuJoCo's state."""
         if not (self.used or self.others):
             return
         values = {name: data.qpos[address] for name, address in self.addresses.items()}
@@ -163,7 +167,8 @@ class Controllers:
         for controller in self.used:
             effort = controller.effort(values, rates, np.array([data.time]))
             data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
-        for (number, state, actuator), control in zip(self.others, inputs, strict=True):
+        for number, state, actuator in self.others:
+            control = actuator.input(np.array(data.time))
             length, speed = (
                 np.array(sum(ratio * terms[name] for name, ratio in actuator.gear.items()))
                 for terms in (values, rates)

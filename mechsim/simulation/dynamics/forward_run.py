@@ -3,6 +3,7 @@
 import time as timer
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -70,6 +71,7 @@ class SteppedRun:
         timestep: in [s].
         steps: number of steps taken.
         seconds: time spent stepping.
+        executed: what evaluated the forces, "C" if no step needed Python.
     """
 
     motion: Motion
@@ -81,6 +83,7 @@ class SteppedRun:
     timestep: float
     steps: int
     seconds: float
+    executed: Literal["C", "Python"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +133,7 @@ class Start:
             timestep=timestep,
             steps=substeps * (len(states.time) - 1),
             seconds=seconds,
+            executed=controls.executed,
         )
 
 
@@ -363,7 +367,6 @@ def _steps(
     with controls.installed(data):
         functions = any(row.function for row in controls.loops.couplings)
         for time in times[1:].tolist():
-            controls.look_ahead(data.time, substeps)
             if functions or controls.friction:
                 for _ in range(substeps):
                     expand_functions(controls.loops, data.qpos)

@@ -88,24 +88,11 @@ typedef struct {
     Expression expressions[6];
 } Load;
 
-/* force or torque on a coordinate */
-typedef struct {
-    int coordinate;
-    Expression effort;
-} Controller;
-
 /* a coordinate that follows a motion law */
 typedef struct {
     int coordinate;
     Expression law;
 } Prescribed;
-
-/* force on a weighted sum of coordinates, as mechsim.model.actuators states; the weights lie in `gear` */
-typedef struct {
-    Expression control;
-    int has_state;
-    double gain[3], bias[3], direct[2], inflow[4], control_range[2], state_range[2], force_range[2];
-} Actuator;
 
 typedef struct {
     int links, count, free, balls, cuts, couplings, rows, springs, resistances, loads, crank;
@@ -612,25 +599,15 @@ static void add_load(const Model *m, const Load *load, const double *rates, Work
     w->power_in += dot(wrench, velocity) + dot(wrench + 3, spin_of(w, load->link));
 }
 
-static double clipped(double value, const double *range) {
-    return value < range[0] ? range[0] : value > range[1] ? range[1] : value;
-}
-
 /* adds the force of an actuator with a state, of which the rate is returned */
 static double add_actuator(const Model *m, const Actuator *a, const double *gear, double state, const double *rates,
                            Work *w) {
     double length = inner(m->count, gear, w->q), speed = 0.0;
     for (int k = 0; k < m->count; k++) speed += gear[k] * m->coordinates[k].unit * rates[k];
-    Timed given = evaluated(m->instruction, m->tables, a->control, w->time, w->q, rates);
-    double control = clipped(given.value, a->control_range), x = a->has_state ? state : control;
-    double rate = control == given.value ? given.rate : 0.0;
-    double force = (a->gain[0] + a->gain[1] * length + a->gain[2] * speed) * x;
-    force += a->bias[0] + a->bias[1] * length + a->bias[2] * speed;
-    force = clipped(force + a->direct[0] * control + (a->direct[1] != 0.0 ? a->direct[1] * rate : 0.0), a->force_range);
+    Timed control = evaluated(m->instruction, m->tables, a->control, w->time, w->q, rates);
+    double flow, force = actuator_force(a, control, state, length, speed, &flow);
     for (int k = 0; k < m->count; k++) w->applied[k] += gear[k] * m->coordinates[k].unit * force;
-    double flow = a->inflow[0] * control + a->inflow[1] * state + a->inflow[2] * length + a->inflow[3] * speed;
-    int leaving = (state <= a->state_range[0] && flow < 0.0) || (state >= a->state_range[1] && flow > 0.0);
-    return leaving ? 0.0 : flow;
+    return flow;
 }
 
 /* forces on coordinates; states of actuators follow the rates */

@@ -161,3 +161,31 @@ static Timed evaluated(const Instruction *all, const double *tables, Expression 
     }
     return stack[0];
 }
+
+/* force or torque on a coordinate */
+typedef struct {
+    int coordinate;
+    Expression effort;
+} Controller;
+
+/* force on a weighted sum of coordinates, as mechsim.model.actuators states */
+typedef struct {
+    Expression control;
+    int has_state;
+    double gain[3], bias[3], direct[2], inflow[4], control_range[2], state_range[2], force_range[2];
+} Actuator;
+
+static double clipped(double value, const double *range) {
+    return value < range[0] ? range[0] : value > range[1] ? range[1] : value;
+}
+
+/* force of an actuator on its length, and the rate of its state */
+static double actuator_force(const Actuator *a, Timed given, double state, double length, double speed, double *flow) {
+    double control = clipped(given.value, a->control_range), x = a->has_state ? state : control;
+    double rate = control == given.value ? given.rate : 0.0;
+    double force = (a->gain[0] + a->gain[1] * length + a->gain[2] * speed) * x;
+    force += a->bias[0] + a->bias[1] * length + a->bias[2] * speed;
+    *flow = a->inflow[0] * control + a->inflow[1] * state + a->inflow[2] * length + a->inflow[3] * speed;
+    if ((state <= a->state_range[0] && *flow < 0.0) || (state >= a->state_range[1] && *flow > 0.0)) *flow = 0.0;
+    return clipped(force + a->direct[0] * control + (a->direct[1] != 0.0 ? a->direct[1] * rate : 0.0), a->force_range);
+}

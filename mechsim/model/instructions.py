@@ -1,32 +1,32 @@
-"""Expressions, controllers and actuators as data of the C code in `c/expressions.c`."""
+"""Expressions and actuators as data of the C code in `expressions.c`, which both methods of dynamics run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.errors import MechsimError
-from mechsim.model.actuators import no_control
+from mechsim.model.actuators import Actuator, no_control
 from mechsim.model.expressions import Instruction, Table
 from mechsim.model.load_profile import LoadProfile
-from mechsim.numerics.arrays import Array
+from mechsim.model.motors import Controller
+from mechsim.model.nonlinear_springs import NonlinearSpring, SpringLaw
 
-# instructions of `c/expressions.c`, in its order; variables are times, coordinates and their rates
+# instructions of `expressions.c`, in its order; variables are times, coordinates and their rates
 VARIABLES = ("number", "time", "coordinate", "rate")
 CODES = (
     *VARIABLES,
     *("Neg", "Add", "Sub", "Mult", "Div", "Pow", "sin", "cos", "tan", "asin", "acos", "atan", "atan2"),
     *("sqrt", "exp", "log", "abs", "min", "max", "table"),
 )
-# what a table has beyond its ends, in the order of `c/expressions.c`
+# what a table has beyond its ends, in the order of `expressions.c`
 BEYOND = ("repeated", "undefined", "continued")
 # the largest number of values on its stack
 MAX_VALUES = 64
 INSTRUCTION = np.dtype([("code", "i4"), ("index", "i4"), ("value", "f8")], align=True)
 EXPRESSION = np.dtype([("first", "i4"), ("length", "i4")], align=True)
 CONTROLLER = np.dtype([("coordinate", "i4"), ("effort", EXPRESSION)], align=True)
-PRESCRIBED = np.dtype([("coordinate", "i4"), ("law", EXPRESSION)], align=True)
 ACTUATOR = np.dtype(
     [
         ("control", EXPRESSION),
@@ -58,7 +58,7 @@ class Instructions:
         self.numbers: list[float] = []
 
     def add_table(self, table: Table) -> int:
-        """Add a table, as `of_table` of `c/expressions.c` reads it, and return where it lies."""
+        """Add a table, as `of_table` of `expressions.c` reads it, and return where it lies."""
         first, integral = len(self.numbers), table.spline.antiderivative()
         order, count = integral.c.shape
         self.numbers += [float(count), float(order), float(BEYOND.index(table.beyond)), table.advance]
@@ -103,64 +103,54 @@ class Instructions:
             self.rows.append((CODES.index(kind), index, value))
         return first, len(self.rows) - first
 
+    def add_load(self, profile: LoadProfile, angle: Variable) -> list[tuple[int, int]]:
+        """Add the components of a load over time or angle, with the variable of the angle."""
+        variable = angle if profile.over == "angle" else TIME
+        return [
+            self.add(component, variable, f"a load over {profile.over}") for component in profile.instructions
+        ]
 
-def load_expressions(
-    equations: EquationsOfMotion, profile: LoadProfile, added: Instructions, what: str
-) -> list[tuple[int, int]]:
-    """Add the components of a load over time or angle and return where they lie."""
-    variable = TIME
-    if profile.over == "angle":
-        variable = ("number", 0, 0.0) if equations.crank is None else ("coordinate", equations.crank, 0.0)
-    return [
-        added.add(component, variable, f"{what} over {profile.over}") for component in profile.instructions
-    ]
+    def add_controller(
+        self, controller: Controller, variable: Callable[[str, str], Variable]
+    ) -> tuple[int, int]:
+        """Add the effort of a controller, with the variable of each coordinate and "q" or "v"."""
+        variables = {f"state_{k}_": variable(*pair) for k, pair in enumerate(controller.inputs)}
+        return self.add(controller.instructions, {**variables, "t": TIME}, "a controller")
 
+    def add_spring(self, spring: NonlinearSpring) -> dict[str, Any]:
+        """Add the law of a nonlinear spring and return its record."""
+        law = spring.law
+        row: dict[str, Any] = {"table": -1, "rest": law.reference}
+        row |= {"stiffness": law.stiffness, "damping": law.damping}
+        if isinstance(law, SpringLaw):
+            if law.table is not None:
+                row["table"], row["over_rate"] = self.add_table(law.continued_table), law.over == "v"
+            values = zip(law.names, law.values, strict=True)
+            variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
+            variables |= {name: ("number", 0, value) for name, value in values}
+            row["preload"] = law.preload
+            row["expression"] = self.add(law.instructions, variables, f"spring {spring.name}")
+        return row
 
-def controllers(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
-    """Return controllers, and a load on the crank that varies, as data of the C code."""
-    index_of, units = equations.loops.tree.index_of, equations.loops.units
-    kinds = {"q": "coordinate", "v": "rate"}
-    rows: list[tuple[int, tuple[int, int]]] = []
-    for controller in equations.model.forces.controllers:
-        variables: dict[str, Variable] = {
-            f"state_{k}_": (kinds[letter], index_of[name], float(units[index_of[name]]))
-            for k, (name, letter) in enumerate(controller.inputs)
-        }
-        effort = added.add(controller.instructions, {**variables, "t": TIME}, "a controller")
-        rows.append((index_of[controller.coordinate], effort))
-    load = equations.model.forces.crank_torque
-    if load is not None and load.over is not None and equations.crank is not None:
-        (effort,) = load_expressions(equations, load, added, "a load")
-        rows.append((equations.crank, effort))
-    return np.array(rows, CONTROLLER)
-
-
-def prescribed(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
-    """Return prescribed coordinates and their motion laws as data of the C code."""
-    return np.array(
-        [
-            (
-                equations.loops.tree.index_of[name],
-                added.add(getattr(law, "instructions", None), TIME, f"the motion law of {name}"),
-            )
-            for name, law in equations.prescribed.items()
-        ],
-        PRESCRIBED,
-    )
-
-
-def actuators(equations: EquationsOfMotion, added: Instructions) -> tuple[np.ndarray[Any, Any], Array]:
-    """Return actuators as data of the C code, and their weights of all coordinates, (actuators, count)."""
-    forces, tree = equations.model.forces, equations.loops.tree
-    table = np.zeros(len(forces.actuators), ACTUATOR)
-    for row, actuator in zip(table, forces.actuators, strict=True):
-        for name in ACTUATOR.names or ():
-            if hasattr(actuator, name) and name != "control":
-                row[name] = getattr(actuator, name) or 0.0
+    def add_control(self, actuator: Actuator) -> tuple[int, int]:
+        """Add the control of an actuator."""
         zero = (Instruction("number", 0.0),)
         control = actuator.control
         instructions = zero if control is no_control else getattr(control, "instructions", None)
-        row["control"] = added.add(instructions, TIME, f"the control of actuator {actuator.name}")
-        row["has_state"] = actuator.inflow is not None
-    gears = [tree.coupled(actuator.gear) for actuator in forces.actuators]
-    return table, np.reshape(np.array(gears, dtype=float), (-1, tree.count))
+        return self.add(instructions, TIME, f"the control of actuator {actuator.name}")
+
+    def add_actuators(self, actuators: Sequence[Actuator]) -> np.ndarray[Any, Any]:
+        """Add the controls of actuators and return the actuators."""
+        table = np.zeros(len(actuators), ACTUATOR)
+        for row, actuator in zip(table, actuators, strict=True):
+            for name in ACTUATOR.names or ():
+                if hasattr(actuator, name) and name != "control":
+                    row[name] = getattr(actuator, name) or 0.0
+            row["control"] = self.add_control(actuator)
+            row["has_state"] = actuator.inflow is not None
+        return table
+
+
+def c_source() -> str:
+    """Return the C code that evaluates expressions and actuators."""
+    return Path(__file__).with_name("expressions.c").read_text(encoding="utf-8")
