@@ -1,5 +1,6 @@
-"""What a wheel holds besides the package: models and reference data, of which the sources keep one copy."""
+"""What a wheel holds besides the package: models, reference data and tests; the sources keep one copy."""
 
+from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -15,3 +16,8 @@ class WithData(BuildHookInterface):
             stated = ("runs.toml", "datapackage.json", "SHA256SUMS", "README.md")
             for part in ("data", "mechanisms", "forward", "models", *stated):
                 build_data["force_include"][f"reference/{part}"] = f"mechsim/reference/{part}"
+            for entry in sorted(Path(self.root, "tests").iterdir()):
+                if entry.name not in ("repository", "validation", "__pycache__"):
+                    build_data["force_include"][f"tests/{entry.name}"] = f"mechsim/tests/{entry.name}"
+            # pytest reads its settings from here
+            build_data["force_include"]["pyproject.toml"] = "mechsim/tests/pyproject.toml"

@@ -75,17 +75,17 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
         groups = group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})
     except (InputError, AssemblyError) as error:
-        listed, reason = all_assembly_points(solver, angle), f"found from random starts: {error}"
-        return _assemblies_of(angle, listed, False, reason)
-    listed = all_assembly_points(solver, angle, groups.poses)
+        listed, families = all_assembly_points(solver, angle)
+        return _assemblies_of(angle, listed, False, f"found from random starts: {error}", families)
+    listed, _ = all_assembly_points(solver, angle, groups.poses)
     reason = "every pose" if groups.complete else f"the first {len(groups.poses)} of more poses"
     return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups", groups.families)
 
 
 def all_assembly_points(
     solver: KinematicSolver, angle: float, candidates: Sequence[Mapping[str, Pose]] | None = None
-) -> "list[AssemblyPoints]":
-    """Return every assembly of a mechanism without formulas at a crank angle, its own first.
+) -> "tuple[list[AssemblyPoints], tuple[str, ...]]":
+    """Return every assembly of a mechanism without formulas at a crank angle, its own first, and families.
 
     Args:
         solver: of the mechanism.
@@ -95,8 +95,8 @@ def all_assembly_points(
     own = solver.assembly_points(angle)
     links = [solver.whole_motion([angle]).links] if own else []
     path = driven_path(solver.mechanism, solver.motion_laws, solver.change_point)
-    others = other_assemblies(path, angle, solver.ranges, links, candidates)
-    return own + [({}, tracked_positions(path, poses)) for poses in others]
+    others, families = other_assemblies(path, angle, solver.ranges, links, candidates)
+    return own + [({}, tracked_positions(path, poses)) for poses in others], families
 
 
 def _assemblies_of(

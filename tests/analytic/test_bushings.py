@@ -87,6 +87,7 @@ def newton_euler(_, state):
 START = {"free.q": (0.6, 0.3, -0.5, 0.8), "free.x": 0.01, "free.y": 0.02, "free.w": (1.0, -2.0, 3.0)}
 
 
+@pytest.mark.long
 def test_a_body_on_a_bushing_moves_as_by_newton_and_euler():
     run = ms.dynamics.run(floating_block(), WITH_MOUNT, initial=START, duration=0.3)
     link = run.motion.links["block"]

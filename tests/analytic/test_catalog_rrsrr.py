@@ -53,6 +53,7 @@ def test_branch_selects_one_of_two_assembly_modes(linkage):
     assert [twin.branch for twin in linkage.assemblies(angles[0])] == [1, -1]
 
 
+@pytest.mark.long
 @settings(max_examples=8)
 @given(rrsrrs(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
 def test_the_path_and_the_rocker_motion_agree_with_fifty_digits(linkage, speed, acceleration):

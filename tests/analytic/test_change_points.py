@@ -187,6 +187,7 @@ FLAT_LOOPERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", FLAT_LOOPERS)
 def test_the_crank_range_of_a_looper_ends_at_change_points(which):
     linkage, count = FLAT_LOOPERS[which]

@@ -27,15 +27,12 @@ from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
 from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics import c_library
+from mechsim.subjects import catalog
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
 
 # the C code contains no laws of cams
 CAMS = {"cam_follower"}
-GALLERY = sorted(
-    path
-    for path in (Path(ms.__file__).parents[1] / "models" / "gallery").glob("*.toml")
-    if path.stem not in CAMS
-)
+GALLERY = sorted(path for path in (catalog.models() / "gallery").glob("*.toml") if path.stem not in CAMS)
 MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
 FREE_BODY = model_text("compiled_dynamics_free_body.xml")
 

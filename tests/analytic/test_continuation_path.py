@@ -376,6 +376,7 @@ def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(height
     assert solver.motion_laws.revolutions < 500.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("law", "height", "travel"),
     [
@@ -406,6 +407,7 @@ def test_a_pulse_of_the_driver_is_validated():
     assert ms.validate(solver, stepped=False).passed
 
 
+@pytest.mark.long
 def test_a_path_of_very_short_segments_ends_with_the_reason(tmp_path, monkeypatch):
     # with a lift of 1e9 m on a cam of 38 mm each segment is accepted, and a revolution takes millions of them
     text = (GALLERY / "cam_follower.toml").read_text(encoding="utf-8")

@@ -100,6 +100,7 @@ def test_a_self_locking_hoist_stays_at_rest(tmp_path):
     assert moving.motion.joints["pinion"].value[-1] < -0.1
 
 
+@pytest.mark.long
 def test_a_released_hoist_agrees_with_mujoco(tmp_path):
     source, start = hoist(tmp_path, 0.8), {"pinion.v": 40.0}
     run = ms.dynamics.run(source, initial=start, duration=0.02)

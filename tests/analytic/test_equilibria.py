@@ -1,17 +1,12 @@
 """Equilibria, holding efforts, natural frequencies and frequency response against closed solutions."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from pendulums import GRAVITY, WEIGHT, double_pendulum, pendulum, slider
 
 import mechsim as ms
 from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces, Friction, JointSpring
-
-sys.path.insert(0, str(Path(__file__).parent))
-from test_forward_dynamics import GRAVITY, WEIGHT, double_pendulum, pendulum, slider
 
 OSCILLATOR = Forces(friction=(Friction("s", viscous=8.0),), joint_springs=(JointSpring("s", 200.0),))
 

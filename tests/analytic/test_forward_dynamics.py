@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pendulums import GRAVITY, WEIGHT, double_pendulum, pendulum, point_mass, slider
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -15,47 +16,12 @@ from mechsim.analytic.dynamics.right_hand_side import crossing
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load
-from mechsim.model.links import Inertia
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "validation" / "published"))
 import a01_pendulum
 import a02_four_bars
 import a03_squeezer
 import a04_bricard
-
-GRAVITY = 9.81
-WEIGHT = Forces(gravity=(0.0, -GRAVITY, 0.0))
-
-
-def point_mass(mass=1.0, centre=(1.0, 0.0, 0.0), about=1e-20):
-    return Inertia(mass, centre, tuple(tuple(row) for row in about * np.eye(3)))
-
-
-def pendulum():
-    plain = a01_pendulum.pendulum()
-    return replace(plain, links=(replace(plain.links[0], inertia=point_mass()),))
-
-
-def double_pendulum():
-    tip = (1.0, 0.0, 0.0)
-    links = tuple(ms.Link(name, outline=(tip,), inertia=point_mass()) for name in ("first", "second"))
-    joints = (
-        ms.Joint("A", "revolute", ms.End("ground"), ms.End("first")),
-        ms.Joint("B", "revolute", ms.End("first", tip), ms.End("second")),
-    )
-    points = {"P": ("first", tip), "Q": ("second", tip)}
-    return ms.Mechanism("double pendulum", links, joints, ("A", "B"), points)
-
-
-def slider(**more):
-    """A block of 2 kg that slides along x."""
-    block = ms.Link(
-        "block", inertia=Inertia(2.0, (0.0, 0.0, 0.0), tuple(tuple(row) for row in 0.01 * np.eye(3)))
-    )
-    rail = ms.Joint(
-        "s", "prismatic", ms.End("ground", axis=(1.0, 0.0, 0.0)), ms.End("block", axis=(1.0, 0.0, 0.0))
-    )
-    return ms.Mechanism("slider", (block,), (rail,), "s", {"P": ("block", (1.0, 0.0, 0.0))}, **more)
 
 
 def test_a_pendulum_agrees_with_elliptic_functions():

@@ -67,6 +67,7 @@ def test_each_design_agrees_with_its_own_closed_form(name):
                     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VARIED)
 def test_crank_ranges_agree_with_the_exact_roots(name):
     solver, varied = designs(name, 0.8, 60)

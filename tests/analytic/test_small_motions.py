@@ -69,6 +69,7 @@ def test_a_small_motion_agrees_with_mujoco(tmp_path, mechsim):
     assert answer.code == 0, answer.out
 
 
+@pytest.mark.long
 def test_a_spring_at_rest_stores_nothing(tmp_path):
     path = tmp_path / "slide.toml"
     path.write_text(SLIDE.format(mass=1.0, stiffness=10.0, start=0.0, rest=0.1))

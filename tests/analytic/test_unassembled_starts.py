@@ -1,7 +1,6 @@
 """Unassembled starts: the nearest assembly is found and reported, or the loops that lock."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.simulation.mjcf_reader.reading import read_model
+from mechsim.subjects import catalog
 from mechsim.subjects.mjcf_source import read_mjcf
 
 # collinear joints, as in hand-written files: the residual acts along the line and rotates nothing
@@ -38,7 +38,7 @@ def test_an_unassembled_start_closes_at_the_nearest_values_and_reports_them(tmp_
 
 def test_reported_values_are_those_of_joints_of_the_file_without_rounding(tmp_path):
     # a cam whose follower is written a radian away; its contact has joints of its own
-    text = (Path(ms.__file__).parents[1] / "models" / "gallery" / "cam_follower.toml").read_text()
+    text = (catalog.models() / "gallery" / "cam_follower.toml").read_text()
     guess = "[guess]\ncam = {}\nfollower = { at = [1, 30, 0], turn = { axis = [0, 0, 1], angle = 60 } }\n"
     (tmp_path / "cam.toml").write_text(text.partition("[formula]")[0] + guess)
     note = ms.load(str(tmp_path / "cam.toml")).facts[-1]

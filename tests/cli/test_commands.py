@@ -151,6 +151,7 @@ def test_a_table_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> Non
     assert np.abs(table["crank"] - 0.5 * np.sin(30.0 * table["t"])).max() < 1e-4
 
 
+@pytest.mark.long
 def test_validate_prints_only_the_documented_json(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "four_bar", "--json")
     assert answer.code == 0
@@ -181,6 +182,7 @@ def test_validate_reports_an_unassemblable_mechanism(mechsim: Call) -> None:
     assert len(answer.err.strip().splitlines()) == 1
 
 
+@pytest.mark.long
 def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
     output = json.loads(mechsim("doctor", "--json").out)
     assert output["versions"]["mujoco"]

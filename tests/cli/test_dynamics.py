@@ -71,6 +71,7 @@ def test_gravity_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_pat
     assert other["power_balance"] <= 1e-12
 
 
+@pytest.mark.long
 def test_a_motor_too_weak_to_start_is_reported(capsys, monkeypatch, tmp_path):
     plot = tmp_path / "free.png"
     motor = ("--motor", "line:0.05,3000rpm", "--turns", "1", "--samples", "30", "--method", "none")

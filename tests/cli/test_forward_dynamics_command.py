@@ -79,6 +79,7 @@ def test_an_unreached_event_is_reported(facts):
     assert "was not reached" in run["reason"]
 
 
+@pytest.mark.long
 def test_equilibria_are_listed_with_their_stability(facts):
     code, result = facts("statics", "--initial", "crank.q=30deg")
     assert code == 0

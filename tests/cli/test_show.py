@@ -1,5 +1,6 @@
 """Output of `mechsim show` for user-defined mechanisms."""
 
+import pytest
 from model_files import model_text
 
 # a parallelogram that is collinear at the start, with couplings that constrain it
@@ -16,6 +17,7 @@ def test_rounding_is_printed_as_zero_and_negative_terms_with_minus(mechsim, tmp_
     assert row.split()[-3:] == ["0.151", "0", "0"]
 
 
+@pytest.mark.long
 def test_a_start_at_a_change_point_has_no_range(mechsim, tmp_path):
     """A four-bar that starts collinear: it leaves its start in two assembly modes."""
     collinear = model_text("show_collinear.toml")

@@ -106,6 +106,7 @@ def test_names_round_trip_through_tables_and_toml(tmp_path, name):
     assert [joint.name for joint in read.joints] == [joint.name for joint in mechanism.joints]
 
 
+@pytest.mark.long
 @every_name
 def test_names_round_trip_through_mjcf(name):
     mechanism = named(name)
@@ -188,6 +189,7 @@ def test_a_link_named_world_is_rejected():
         ms.simulate(world, turns=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("variables", "printed"),
     [

@@ -26,6 +26,7 @@ def test_without_a_browser_the_page_is_written_to_the_folder(folder, capsys):
     assert [path.name for path in folder.iterdir()] == ["four_bar.view.html"]
 
 
+@pytest.mark.long
 def test_a_page_that_reads_its_model_several_times_states_each_note_once(mechsim):
     text = model_text("planar_linkage_sim.json")
     Path("a.json").write_text(text.replace('"coupler_points":', '"seen": 1, "coupler_points":'))

@@ -168,6 +168,7 @@ def test_positions_follow_signals(tmp_path, standard):
         assert abs(row["rocker.a"] - rocker.acceleration[0]) < 10.0 * AGREED
 
 
+@pytest.mark.long
 def test_a_kept_state_continues_as_before(four_bar):
     instance, references = instantiated(four_bar, "CoSimulation")
     instance.enterInitializationMode()

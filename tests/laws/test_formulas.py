@@ -39,6 +39,7 @@ def test_every_mechanism_of_the_catalogue_has_a_test_case():
     assert CASES.keys() == {*catalog.MECHANISMS}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", EVERY)
 @given(st.data())
 def test_motions_satisfy_the_loop_equations_and_their_derivatives(name, data):

@@ -118,6 +118,7 @@ def profile(cam, q):
     return mp.lu_solve(mp.matrix([[n[0], n[1]], [dn[0], dn[1]]]), mp.matrix([h, dh]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CAMS)
 def test_profile_and_curvature_are_those_of_the_envelope(name):
     cam, q = CAMS[name], np.array([0.1, 1.3, 2.9, 4.4])

@@ -55,6 +55,7 @@ def test_visual_geoms_have_no_mass_and_no_contact(name):
         np.testing.assert_array_equal(getattr(drawn, array), getattr(plain, array))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(NAMES, ("rssr",)))
 def test_an_exported_picture_scene_shows_every_link_in_mujoco(name):
     try:

@@ -163,6 +163,7 @@ def test_a_planar_file_is_not_mirrored_against_mujoco(tmp_path, axis, azimuth):
     assert camera.right[0] * np.cross(up, back)[0] > 0.3
 
 
+@pytest.mark.long
 def test_loop_closures_are_marked(tmp_path):
     solver = loop(tmp_path, colour='rgba="0.2 0.2 0.2 1"')
     look = Look(**drawn_as(solver))

@@ -95,6 +95,7 @@ def test_an_idle_spin_is_no_error():
     assert max(np.abs(direction).max(), np.abs(rotation).max()) < 1e-14
 
 
+@pytest.mark.long
 @draws
 def test_the_ghost_is_visible_only_with_an_error(linkage, motion, monkeypatch):
     # a picture with a ghost has no shadow

@@ -115,6 +115,7 @@ def test_the_page_is_self_contained(section, tmp_path):
     assert not re.search(r"url\((?!data:)", page)
 
 
+@pytest.mark.long
 def test_failed_mechanisms_come_first_with_their_cause(section, tmp_path):
     cause = "rod = 0.199 m instead of 0.2 m, explains 100 % of the error"
     failed = {**bad(), "reason": "disagrees with rod.py:short", "findings": [{"message": cause}]}

@@ -66,6 +66,7 @@ def test_disagreeing_matrices_select_the_dense_ones(chain, study, monkeypatch) -
     assert settings.faster_matrices(model) == "dense"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(mujoco.__version__ != "4.0.0", reason="the fault was fixed in MuJoCo 4.0.1")
 def test_models_with_wrong_sparse_results_use_dense_matrices(study, monkeypatch) -> None:
     # no limits on size and fill: only the difference of the results decides

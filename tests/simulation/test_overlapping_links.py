@@ -42,6 +42,7 @@ def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(solver):
     assert "contacts do not act" in case.run.note
 
 
+@pytest.mark.long
 def test_bodies_independent_of_the_drivers_keep_their_contacts(solver):
     run = simulate(solver(BALL), method="step")
     assert "so are contacts" in run.note

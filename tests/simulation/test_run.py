@@ -315,6 +315,7 @@ def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
 
 
 # at 100 N m the position errors are 1 to 3 mm, depending on the linear-algebra kernel
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "loss"), [("rssr", 1.0), ("rssr", 10.0), ("bennett", 10.0), ("looper", 10.0)]
 )

@@ -84,6 +84,7 @@ def test_controllers_in_a_prescribed_motion_are_rejected():
         ms.dynamics.prescribed(model, speed=1.0)
 
 
+@pytest.mark.long
 def test_a_body_that_only_translates_agrees_with_mujoco_and_another_spring_is_rejected(tmp_path):
     path = tmp_path / "block.toml"
 

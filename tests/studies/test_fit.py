@@ -178,6 +178,7 @@ def test_fewer_values_than_dimensions_are_rejected():
         ms.fit("four_bar", table, [*TRUE])
 
 
+@pytest.mark.long
 def test_a_start_that_cannot_reach_the_measurements_is_rejected():
     with pytest.raises(AssemblyError, match="does not close"):
         ms.fit(catalog.make("four_bar", rocker=0.035), measured(), ["coupler"])

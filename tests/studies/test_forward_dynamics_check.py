@@ -1,12 +1,11 @@
 """Forward dynamics by both methods: MuJoCo agrees from equal initial values and rejects a wrong mass."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from model_files import model_text
+from pendulums import WEIGHT, double_pendulum, point_mass, slider
 
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
@@ -15,9 +14,6 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "analytic"))
-from test_forward_dynamics import WEIGHT, double_pendulum, point_mass, slider
 
 OSCILLATOR = Forces(joint_springs=(JointSpring("s", 200.0),), friction=(Friction("s", viscous=3.0),))
 

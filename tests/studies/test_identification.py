@@ -217,6 +217,7 @@ def normalised_errors(simulated, seeds):
     return np.array(squares), np.array(errors)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MACHINES)
 def test_true_values_are_recovered_without_noise(name, tmp_path):
     model, motion, torques, truth = MACHINES[name](tmp_path)

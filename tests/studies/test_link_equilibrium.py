@@ -157,6 +157,7 @@ def test_every_link_is_in_equilibrium_under_its_reported_forces(case, method):
     assert equilibrium.largest_slip(case_data.mechanism, motion, record) <= BALANCED
 
 
+@pytest.mark.long
 def test_the_cases_cover_every_kind_of_joint_and_coupling():
     case_data = [CASES[case]().mechanism for case in CASES]
     kinds = {joint.kind for mechanism in case_data for joint in mechanism.joints}

@@ -48,6 +48,7 @@ def platform(height: float) -> Mechanism:
     return Mechanism("platform", tuple(links), tuple(joints), drivers, {"C": ("plate", up)}, guess=guess)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("height", [0.25, -0.25])
 def test_a_stated_pose_is_kept_if_the_other_links_can_follow(height):
     pose = start_poses(platform(height))[0]["plate"]
@@ -64,7 +65,7 @@ def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
         'D = { link = "tie", at = [4, 0, 0] }\n'
     )
     path.write_text(model_text("one_assembly_four_bar.toml", start="").replace("[points]\n", more))
-    listed = [points for _, points in all_assembly_points(ms.load(path), np.pi / 6)]
+    listed = [points for _, points in all_assembly_points(ms.load(path), np.pi / 6)[0]]
     assert len(listed) == 4
 
     def intersections(first, radius, second, other):
@@ -110,6 +111,7 @@ def test_a_requested_start_selects_the_assembly(tmp_path):
 FOUR_BAR_XML = model_text("one_assembly_four_bar.xml")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("requested", [2.0, 2.5, 4.0, -2.0, -3.7])
 def test_the_assembly_nearest_to_a_requested_angle_is_chosen_by_every_command(tmp_path, requested):
     path = tmp_path / "loop.xml"

@@ -6,6 +6,7 @@ import jsonschema
 import mujoco
 import numpy as np
 import pytest
+from valid_scene import changed
 
 import mechsim as ms
 from mechsim.cli.schema import output_schema
@@ -13,7 +14,6 @@ from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.scene.own_settings import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of
-from tests.valid_scene import changed
 
 LAW, DURATION = "0.3*sin(2*pi*t)", 0.5
 

@@ -75,6 +75,7 @@ def test_the_pendulum_agrees_with_jacobi_functions():
             assert abs(theta - mp.pi / 2 - mpf(row["crank.q"])) < mpf(10) ** -24
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "digits"), [("pendulum", 33)])
 def test_the_script_reproduces_released_motion_without_mechsim(name, digits):
     script = (

@@ -76,6 +76,7 @@ def test_a_prescribed_joint_follows_its_motion_law_from_a_closed_start(driven):
     assert driven.closure.errors(run.qpos, run.points).max() < 1e-10  # second order in the step
 
 
+@pytest.mark.long
 def test_stiffer_loops_and_smaller_steps_converge_to_the_reference(driven):
     limit = compute_reference(driven, 1e-8)
     assert not limit.broken

@@ -55,6 +55,7 @@ def test_all_points_are_measured_and_the_front_is_timed_again(tradeoff):
     assert (tradeoff.costs > 0.0).all()
 
 
+@pytest.mark.long
 def test_rk4_has_fourth_order_and_the_defaults_first(tradeoff):
     hard = tradeoff.order(tradeoff.curves()["RK4, turn/5, 1e-08"])
     assert hard is not None
@@ -91,6 +92,7 @@ def test_the_seed_determines_the_trials_of_a_short_budget():
     assert [p.as_dict()["method"] for p in repeated.points] == [p.as_dict()["method"] for p in stiff.points]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fast_timers")
 def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     table, plot = tmp_path / "out.csv", tmp_path / "out.svg"

@@ -58,12 +58,14 @@ def test_a_wrong_formula_is_rejected(name, tmp_path):
     assert failures(path) == {"formula"}
 
 
+@pytest.mark.long
 def test_a_wrong_model_in_mujoco_is_rejected(name, monkeypatch):
     wrong, cut = wrong_mechanism(name), generator.cut_loops
     monkeypatch.setattr(generator, "cut_loops", lambda _, *a, **options: cut(wrong, *a, **options))
     assert failures(name) == {"pose"}
 
 
+@pytest.mark.long
 def test_wrong_loop_equations_are_rejected(name, monkeypatch):
     wrong, path = wrong_mechanism(name), solvers.driven_path
     monkeypatch.setattr(solvers, "driven_path", lambda _, *a: path(wrong, *a))

@@ -69,6 +69,7 @@ def test_a_description_alone_runs_no_code_and_is_solved_by_its_loop_equations(wr
     assert np.abs(own.joints["lever"].rate - exact.joints["lever"].rate).max() <= 1e-13
 
 
+@pytest.mark.long
 def test_validation_runs_the_formulas_of_a_description(written, tmp_path):
     written()
     assert "formula" in str({check.method for check in validate(str(tmp_path / "inverted.toml")).checks})

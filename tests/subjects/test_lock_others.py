@@ -23,6 +23,7 @@ def robot(file):
     return file(ROBOT)
 
 
+@pytest.mark.long
 def test_undriven_joints_outside_the_driven_loop_are_locked(robot):
     laws = {"motor": "0.2*t"}
     with pytest.raises(MobilityError, match="underdetermined"):

@@ -121,6 +121,7 @@ def test_the_followers_of_the_window_keep_their_distance_on_the_rail():
     assert ((pin - ends[0]) * along).sum(0) == pytest.approx(0.05 * np.ones(2), abs=1e-13)
 
 
+@pytest.mark.long
 def test_the_ram_of_the_cam_press_lifts_off_on_its_way_back():
     speed, span = 70.0, np.deg2rad(120.0)
     model = dynamic_model(ms.load("cam_press"))

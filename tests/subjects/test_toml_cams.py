@@ -142,6 +142,7 @@ def test_laws_of_contacts_are_named_without_virtual_bodies(name):
     assert not [law for law in ms.load(name).mechanism.named_laws if "~" in law]
 
 
+@pytest.mark.long
 def test_a_driven_cam_is_stepped_with_the_fourth_order():
     model, errors = ms.load("cam_follower"), []
     for steps in (100, 200):

@@ -200,6 +200,7 @@ def test_a_bead_bounces_at_the_end_of_its_wire_as_an_independent_integration(tmp
     assert ms.load(str(tmp_path / "bead.toml"), still=True).ranges == {"rail": (-0.4, 0.9)}
 
 
+@pytest.mark.long
 def test_a_window_on_a_rail_of_the_frame_stops_at_its_end():
     model = ms.load(str(FOLDER / "window_regulator.toml"))
     run = ms.dynamics.run(model, duration=0.3)

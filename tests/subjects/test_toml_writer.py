@@ -42,6 +42,7 @@ def identical(item: Mechanism, other: Mechanism) -> bool:
     return poses and bare[0] == bare[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VARIANTS)
 def test_catalogue_mechanisms_are_read_back_exactly(name, tmp_path):
     mechanism = VARIANTS[name].mechanism

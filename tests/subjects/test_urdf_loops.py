@@ -232,6 +232,7 @@ def test_what_is_not_read_is_a_finding_with_its_line(written, element, what):
     assert any(what in fact for fact in ms.load(path, still=True).facts)
 
 
+@pytest.mark.long
 def test_a_sensor_is_a_note_and_a_complete_file_has_no_finding(written):
     text = robot(
         "<gazebo reference='rod'><mu1>1</mu1></gazebo><transmission name='a'/><gz:a/>", DIALECTS["URDF+"]

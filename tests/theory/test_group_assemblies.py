@@ -1,6 +1,7 @@
 """Every assembly by Assur groups, compared with circles, published poses and random starts."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.subjects.gallery import machines
 from mechsim.theory.assemblies import all_assembly_points
 from mechsim.theory.group_assemblies import group_assemblies
 
@@ -79,7 +81,7 @@ def test_a_turning_slide_has_both_tangents_of_its_circle(tmp_path, angle):
 def test_random_starts_find_the_same_assemblies(name):
     solver = ms.load(name)
     every = ms.assemblies(name, 0.2)
-    searched = all_assembly_points(solver, 0.2)
+    searched = all_assembly_points(solver, 0.2)[0]
     assert every.complete
     assert len(every) == len(searched)
     for _, points in searched:
@@ -146,3 +148,15 @@ def test_many_dyads_list_their_first_assemblies_only(count):
     mechanism = ms.Mechanism("dyads", tuple(links), tuple(joints), "A", {}, guess=poses)
     groups = group_assemblies(mechanism, {GROUND: IDENTITY, **poses})
     assert (len(groups.poses), groups.complete) == (64, count == 6)
+
+
+def test_assemblies_that_move_while_the_crank_holds_are_reported_once(tmp_path):
+    text = machines()["peaucellier_rods"].read_text()
+    (tmp_path / "rods.toml").write_text(re.sub(r", limits = \{.*?\} \}", "", text))
+    every = ms.assemblies(ms.load(tmp_path / "rods.toml"), 0.0)
+    # A is above or below with B opposite, and P on either side of both; with A on B, P turns about them
+    x = [points["P"] for points in every.points]
+    np.testing.assert_allclose(sorted(p[0] for p in x), [0.06, 0.06, 0.275 / 3.0, 0.275 / 3.0], atol=1e-12)
+    np.testing.assert_allclose([p[1:] for p in x], 0.0, atol=1e-9)
+    (moving,) = every.families
+    assert "plane_p.x" in moving

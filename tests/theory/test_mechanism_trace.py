@@ -97,6 +97,7 @@ def points_at_angle(curve, angle):
         yield {name: position[0] for name, position in pose.points.items()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(name for name in SOLVERS if SOLVERS[name].dead_centres()))
 def test_swinging_cranks_reverse_at_the_dead_centres(name):
     dead = SOLVERS[name].dead_centres()
@@ -186,6 +187,7 @@ def test_the_length_of_a_curve_is_the_integral_of_twists():
     assert abs(trace(linkage, starts=0).curves[0].length - REVOLUTION * np.sqrt(squares).mean()) <= 1e-8
 
 
+@pytest.mark.long
 def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
     linkage = catalog.make("rrsrr")
     for curve in trace(linkage, starts=STARTS).curves:
@@ -323,6 +325,7 @@ def test_invalid_traces_are_rejected():
         trace(None)
 
 
+@pytest.mark.long
 def test_a_dwell_is_one_turning_point_at_its_middle():
     curve = trace(load("cam_follower"), starts=0).curves[0]
     turns = [point for point in curve.turning_points if point.coordinate == "guide.q"]

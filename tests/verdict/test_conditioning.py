@@ -42,6 +42,7 @@ def close_to_a_dead_centre(name):
     return linkage, simulate(linkage.mechanism, profile=profile, method="pose", samples=72)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 def test_configurations_near_a_dead_centre_pass(name):
     linkage, run = close_to_a_dead_centre(name)
@@ -94,6 +95,7 @@ def test_a_tolerance_of_zero_allows_no_error():
     assert not check_of("position", "A", np.array([0.0, 1e-300]), np.zeros(2), nothing).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", grid(["four_bar", "rssr", "slider_crank", "rrsrr"], ("four_bar",)))
 def test_both_methods_report_the_conditioning_of_the_loops(name):
     """The methods use different coordinates: conditionings are similar, and fall at a dead centre."""

@@ -44,6 +44,7 @@ def revolution_of(name: str, route: str = "step") -> Motion:
 # correct mechanisms
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LINKAGES)
 def test_the_loop_equations_can_be_the_analytic_motion(name: str) -> None:
     mechanism = LINKAGES[name].mechanism
@@ -86,6 +87,7 @@ def test_the_other_assembly_mode_is_reported(name: str, route: str) -> None:
     assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage), "changed assembly")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rotated", ["gamma1", "gamma2"])
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(rotated: str, route: str) -> None:

@@ -62,6 +62,7 @@ def test_swinging_cranks_are_validated_within_their_range(name):
     assert case.passed, case.verdict.reason
 
 
+@pytest.mark.long
 def test_variants_of_a_mechanism_are_validated():
     case = case_of(catalog.make("rssr"))
     assert any(check.title == "guided, step: orientation of coupler" for check in case.verdict.checks)

@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.analytic.loops.mobility import undetermined_names
 from mechsim.analytic.loops.motion import spinning_links
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.start import all_closed, random_poses
@@ -17,6 +18,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import loop_solver
 
 # random starts in a batch; the search ends after two batches without another assembly, or after MAX_BATCHES
 BATCH, MAX_BATCHES = 128, 16
@@ -33,11 +35,12 @@ def other_assemblies(
     ranges: Ranges,
     excluded: Sequence[Mapping[str, LinkMotion]],
     candidates: Sequence[Mapping[str, Pose]] | None = None,
-) -> list[dict[str, Pose]]:
-    """Return the link poses of the assemblies at a path parameter that are not excluded.
+) -> tuple[list[dict[str, Pose]], tuple[str, ...]]:
+    """Return the link poses of the assemblies at a path parameter that are not excluded, and what else moves.
 
     Assemblies are distinct if a joint or a tracked point differs; the spin of a rod about its own axis does
-    not count, nor do other revolutions of a nut on its screw.
+    not count, nor do other revolutions of a nut on its screw. A configuration that moves while the drivers
+    hold is one of a continuous family: it is not listed, but the sentences say what moves.
 
     Args:
         path: of one assembly.
@@ -54,9 +57,10 @@ def other_assemblies(
     screws = [joint for joint in loops.tree.original.joints if KINDS[joint.kind].helical]
     threads = _threads(screws, excluded[0]) if excluded else np.zeros(len(screws))
     others: list[dict[str, Pose]] = []
+    families: dict[str, None] = {}
 
     def add(batch: Coordinates) -> None:
-        for poses in _within(loops, batch, ranges):
+        for q, poses in _within(loops, batch, ranges):
             signature = _points(compared, poses)
             other_threads = excluded and np.abs(_threads(screws, poses) - threads).max(initial=0.0) > 0.5
             if not other_threads and all(
@@ -64,12 +68,15 @@ def other_assemblies(
                 for previous in signatures
             ):
                 signatures.append(signature)
-                others.append(poses)
+                if moving := undetermined_names(loop_solver(loops, q)):
+                    families[f"while the drivers hold, {', '.join(moving)} can move"] = None
+                else:
+                    others.append(poses)
 
     if candidates is not None:
         for poses in candidates:
             add(all_closed(loops, loops.read(poses)))
-        return others
+        return others, tuple(families)
     without_new = 0
     for seed in range(MAX_BATCHES):
         count = len(others)
@@ -78,11 +85,13 @@ def other_assemblies(
         without_new = 0 if len(others) > count else without_new + 1
         if without_new == 2:
             break
-    return others
+    return others, tuple(families)
 
 
-def _within(loops: TreeLoops, q: Coordinates, ranges: Ranges) -> Iterator[dict[str, Pose]]:
-    """Yield the link poses of the configurations whose joints are in their ranges, in any revolution."""
+def _within(
+    loops: TreeLoops, q: Coordinates, ranges: Ranges
+) -> Iterator[tuple[Coordinates, dict[str, Pose]]]:
+    """Yield the configurations whose joints are in their ranges, in any revolution, and their link poses."""
     inside = np.ones(len(q), dtype=np.bool_)
     for name, (low, high) in ranges.items():
         if (index := loops.tree.index_of.get(name)) is None:
@@ -91,9 +100,10 @@ def _within(loops: TreeLoops, q: Coordinates, ranges: Ranges) -> Iterator[dict[s
         if not loops.tree.slides[index]:
             value = low + (value - low + LIMIT_TOLERANCE) % REVOLUTION - LIMIT_TOLERANCE
         inside &= (value > low - LIMIT_TOLERANCE) & (value < high + LIMIT_TOLERANCE)
-    poses = link_poses(loops.tree, q.select(inside)).by_link(loops.tree.links)
-    for i in range(int(inside.sum())):
-        yield {name: pose.select(i) for name, pose in poses.items()}
+    q = q.select(inside)
+    poses = link_poses(loops.tree, q).by_link(loops.tree.links)
+    for i in range(len(q)):
+        yield q.select(np.array([i])), {name: pose.select(i) for name, pose in poses.items()}
 
 
 def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) -> Array:

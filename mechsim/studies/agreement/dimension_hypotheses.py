@@ -306,7 +306,8 @@ def _searched_assemblies(solver: KinematicSolver) -> list[tuple[str, KinematicSo
     own = path.start
     drivers = {name: x for name, x in mechanism.guess_coordinates.items() if name in mechanism.drivers}
     others: list[tuple[str, KinematicSolver]] = []
-    for poses in other_assemblies(path, start, solver.ranges, [solver.whole_motion([start]).links]):
+    links = [solver.whole_motion([start]).links]
+    for poses in other_assemblies(path, start, solver.ranges, links)[0]:
         q = path.loops.read(poses)
         with suppress(MechsimError):
             other = solver.with_mechanism(replace(mechanism, guess=poses, guess_coordinates=drivers))

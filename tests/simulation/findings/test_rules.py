@@ -103,6 +103,7 @@ def test_piped_text_has_one_line_per_finding(tmp_path, monkeypatch, capsys):
     assert out.out.splitlines()[1].startswith("    MuJoCo closes it")
 
 
+@pytest.mark.long
 def test_a_compliant_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
     path, copy = written(tmp_path, SOFT), tmp_path / "fixed.xml"
     code, out = run(monkeypatch, capsys, path, "--fix", str(copy))
@@ -126,6 +127,7 @@ ONE_REMEDY = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rules", ONE_REMEDY)
 def test_a_finding_with_one_remedy_is_repaired(rules, tmp_path, monkeypatch, capsys):
     path, copy = written(tmp_path, ONE_REMEDY[rules]), tmp_path / "fixed.xml"

@@ -131,6 +131,7 @@ def test_a_phase_error_of_a_motion_law_is_reported():
     assert first.value == pytest.approx(0.01, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "slip"), [("warp_knitter", 2.0), ("warp_knitter", -0.5), ("planetary_gear", 0.75)]
 )

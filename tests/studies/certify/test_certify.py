@@ -258,6 +258,7 @@ def test_only_smooth_motion_laws_are_certified(tmp_path):
     assert ms.certify("four_bar", drive={"crank": str(tmp_path / "law.csv")}, duration=1.0).certified
 
 
+@pytest.mark.long
 def test_a_nonmonotonic_dimension_through_a_singularity_is_rejected(tmp_path):
     # the ground has its nominal length at the ends of the tolerance and is longer in between
     text = (reference_data.folder() / "mechanisms" / "hoeken.toml").read_text().split("[formula]")[0]

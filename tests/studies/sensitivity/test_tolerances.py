@@ -33,6 +33,7 @@ def test_worst_case_adds_and_root_sum_of_squares_combines_contributions():
     )
 
 
+@pytest.mark.long
 def test_the_deviation_is_that_of_solved_mechanisms():
     bounds = {"crank": 1e-4, "coupler": 2e-4}
     study = tolerance_study(table(), bounds)
