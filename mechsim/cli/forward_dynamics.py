@@ -7,10 +7,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, FreeRun
+from mechsim.analytic.dynamics import DynamicModel, DynamicRun
+from mechsim.analytic.dynamics.crank_turns import TURNS_BUDGET
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET
-from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
 from mechsim.analytic.dynamics.gaps import released
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
@@ -33,7 +33,7 @@ from mechsim.model.progress import Progress
 from mechsim.model.quantities import quantity_names
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
-from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward, crosscheck_free
+from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward
 from mechsim.studies.release import Release
 from mechsim.subjects.law_text import with_controls
 from mechsim.units import option
@@ -48,7 +48,7 @@ class ForwardOptions(InitialOptions):
     budget: int | None = option(
         None,
         f"Work budget: largest number of states that a run evaluates before it ends. Default: {BUDGET:,}; "
-        f"with --turns {FREE_BUDGET:,}.",
+        f"with --turns {TURNS_BUDGET:,}.",
         metavar="N",
     )
     samples: int = option(361, "Rows, both ends included.", metavar="N")
@@ -110,9 +110,8 @@ def forward(
     """
     options.check()
     model = released_model(source, loads)
-    model = model.with_forces(with_controls(model.forces, dict(options.ctrl)))
+    model = released(model.with_forces(with_controls(model.forces, dict(options.ctrl))))
     turning = options.turns is not None
-    model = model if turning else released(model)
     if kept := model.mechanism.one_sided_curves:
         notes.append(f"{', '.join(kept)}: kept in contact, even where the force changes its sign")
     stated.exclude(["drive"], "with --turns, which counts turns of a free crank", turning)
@@ -143,7 +142,7 @@ def forward(
     extents = {
         quantity.name: _extent(column) | {"unit": quantity.unit} for quantity, column in values.items()
     }
-    return with_masses(model, _result(model, result, extents, verdict, verbose), verbose)
+    return with_masses(model, _result(release, result, extents, verdict, verbose), verbose)
 
 
 def _verdict(
@@ -153,21 +152,19 @@ def _verdict(
     ended = result.outcome in ("done", "stopped") and compared_segments(result)
     if options.method == "none" or not ended:
         return None
-    if isinstance(result, FreeRun):
-        return crosscheck_free(result, release.model, progress=report)
     values = initial_values(release.model, release.initial)
     return crosscheck_forward(result, release.model, values, progress=report)
 
 
 def _result(
-    model: DynamicModel,
+    release: Release,
     result: DynamicRun,
     quantities: Mapping[str, dict[str, Any]],
     verdict: Verdict | None,
     verbose: bool,
 ) -> Result:
     """Return data and text of a run from an initial state."""
-    name = model.mechanism.name
+    model = release.model
     data: dict[str, Any] = {
         "outcome": result.outcome,
         "reason": result.reason,
@@ -187,9 +184,10 @@ def _result(
         "checks": () if verdict is None else verdict.checks,
     }
     turns = ""
-    if isinstance(result, FreeRun):
-        revolutions = float(result.angle[-1] - result.angle[0]) / (2.0 * np.pi)
-        end = {"seconds": data["duration"], "turns": revolutions, "speed": float(result.speed[-1])}
+    if release.turns is not None:
+        crank = result.motion.joints[model.mechanism.crank.name]
+        revolutions = float(crank.value[-1] - crank.value[0]) / (2.0 * np.pi)
+        end = {"seconds": data["duration"], "turns": revolutions, "speed": float(crank.rate[-1])}
         data["free"] = end | {
             name: data[name] for name in ("outcome", "reason", "work", "lost", "energy_error")
         }
@@ -197,7 +195,7 @@ def _result(
 
     def text() -> None:
         end = f": {result.reason}" if result.reason else ""
-        print_text(f"{name}: {result.outcome} at {number(result.time[-1])} s{turns}{end}")
+        print_text(f"{model.mechanism.name}: {result.outcome} at {number(result.time[-1])} s{turns}{end}")
         print_text(
             f"energy error {result.energy_error:.1e} (relative), work {number(result.work[-1])} J, lost "
             f"{number(result.lost[-1])} J, {result.steps} steps in {result.executed}"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, FreeRun, prescribed
+from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, prescribed
 from mechsim.analytic.dynamics.dynamic_run import RunSegment
 from mechsim.analytic.dynamics.gaps import released, without_gaps
 from mechsim.analytic.dynamics.initial_state import InitialValues
@@ -97,24 +97,6 @@ def crosscheck_driven(
         bounds=bounds,
         conditioning=conditioning_of(model.solver.mechanism, motion),
     )
-
-
-def crosscheck_free(
-    run: FreeRun,
-    model: DynamicModel,
-    *,
-    progress: Progress = no_progress,
-) -> Verdict:
-    """Compare the run of a free crank with MuJoCo, as `crosscheck_forward` does.
-
-    Args:
-        run: of the analytic side.
-        model: the model of the run, or another one that the check is to reject.
-        progress: called with a text and the finished fraction of a run in MuJoCo.
-    """
-    name = model.mechanism.crank.name
-    initial = InitialValues({name: float(run.angle[0])}, {name: float(run.speed[0])})
-    return crosscheck_forward(run, model, initial, progress=progress)
 
 
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:

@@ -10,15 +10,11 @@ from numpy.typing import NDArray
 from mechsim.analytic.dynamics import (
     DynamicModel,
     DynamicRun,
-    FreeRun,
-    free_run,
     nearest_equilibrium,
     response,
     run,
 )
-from mechsim.analytic.dynamics.dynamic_run import Initial, initial_values
-from mechsim.analytic.dynamics.forward_dynamics import BUDGET
-from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
+from mechsim.analytic.dynamics.dynamic_run import Initial
 from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.state_quantities import motion_of
@@ -237,37 +233,16 @@ class Release:
 
     def run(self, samples: int, progress: Progress = no_progress) -> DynamicRun:
         """Return the run at instants after the first."""
-        if self.turns is not None:
-            return self._crank_run(samples, progress)
         return run(
             self.model,
             initial=self.initial,
             prescribed=self.prescribed,
-            duration=self.duration,
+            duration=self.duration if self.duration < np.inf else None,
             until=self.until,
+            turns=self.turns,
             samples=samples,
             restitution=self.restitution,
-            budget=self.budget or BUDGET,
-            progress=progress,
-        )
-
-    def _crank_run(self, samples: int, progress: Progress) -> FreeRun:
-        """Return the run of a crank from its initial angle and speed."""
-        name, values = self.model.mechanism.crank.name, initial_values(self.model, self.initial)
-        if others := [*{*values.coordinates, *values.rates} - {name}]:
-            raise InputError(
-                f"turns of the crank are counted from {name}.q and {name}.v, and an initial value of "
-                f"{others[0]} is given; leave it out"
-            )
-        angle = values.coordinates.get(name)
-        return free_run(
-            self.model,
-            angle=None if angle is None else float(angle),
-            speed=float(values.rates.get(name, 0.0)),
-            turns=self.turns,
-            duration=self.duration if self.duration < np.inf else None,
-            samples=samples + 1,
-            budget=self.budget or FREE_BUDGET,
+            budget=self.budget,
             progress=progress,
         )
 

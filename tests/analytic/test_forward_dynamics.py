@@ -162,14 +162,6 @@ def test_bricards_overconstrained_linkage_keeps_its_energy():
     assert run.energy_error <= 1e-10
 
 
-def test_a_run_agrees_with_the_reduced_equation():
-    solver = ms.catalog.make("four_bar")
-    run = ms.dynamics.run(solver, WEIGHT, initial={"crank.q": "30deg"}, duration=0.25, samples=13)
-    model = ms.dynamics.dynamic_model(solver, WEIGHT)
-    reduced = ms.dynamics.free_run(model, angle=np.deg2rad(30.0), duration=0.25, times=run.time)
-    assert np.abs(reduced.angle - run.motion.joints["crank"].value).max() <= 1e-9
-
-
 def test_a_run_ends_at_its_event():
     run = ms.dynamics.run(pendulum(), WEIGHT, duration=5.0, until="P.x=0", samples=10)
     assert run.time[-1] == pytest.approx(a01_pendulum.PERIOD / 4.0, abs=1e-12)

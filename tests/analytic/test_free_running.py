@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, dynamics, load_profile, motors
-from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Inertia, Link
@@ -32,8 +31,8 @@ def pendulum(**forces):
 
 def test_the_bearing_of_a_pendulum_carries_three_times_its_weight():
     model = pendulum(gravity=DOWN)
-    run = dynamics.free_run(model, angle=0.0, times=np.linspace(0.0, PERIOD / 4.0, 5))
-    study = dynamics.prescribed(model, run.angle, run.speed, run.acceleration)
+    run = dynamics.run(model, initial={"crank.q": 0.0}, duration=PERIOD / 4.0, samples=4)
+    study = dynamics.prescribed(model, run.motion.angle, run.motion.speed, run.motion.acceleration)
     # free motion needs no drive torque
     assert np.abs(study.forces.torque).max() <= 1e-10
     assert np.abs(study.second_torque).max() <= 1e-10
@@ -49,39 +48,41 @@ def test_the_bearing_of_a_pendulum_carries_three_times_its_weight():
 )
 def test_a_model_without_losses_keeps_its_energy(name, turns):
     model = dynamics.dynamic_model(catalog.make(name), Forces(gravity=DOWN))
-    run = dynamics.free_run(model, angle=0.3, speed=40.0, turns=turns, samples=81)
+    run = dynamics.run(model, initial={"crank.q": 0.3, "crank.v": 40.0}, turns=turns, samples=80)
     assert run.outcome == "done"
     assert run.energy_error <= 1e-10
-    assert run.angle[-1] - run.angle[0] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
+    assert run.motion.angle[-1] - run.motion.angle[0] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
 
 
 def test_the_period_without_forces_follows_from_the_reduced_inertia():
     model = dynamics.dynamic_model(catalog.make("rrsrr"), Forces())
     angle = np.arange(512) * (2.0 * np.pi / 512)
     inertia = dynamics.reduced(model, angle).inertia
-    run = dynamics.free_run(model, angle=0.0, speed=30.0, turns=2.0, samples=3)
+    run = dynamics.run(model, initial={"crank.q": 0.0, "crank.v": 30.0}, turns=2.0, samples=2)
     exact = 2.0 * 2.0 * np.pi * np.mean(np.sqrt(inertia / inertia[0])) / 30.0
     assert run.time[-1] == pytest.approx(exact, rel=1e-11)
-    assert run.speed[-1] == pytest.approx(30.0, rel=1e-11)
+    assert run.motion.speed[-1] == pytest.approx(30.0, rel=1e-11)
 
 
 def test_damped_and_motor_driven_wheels_follow_exponentials():
     drag = (Friction("crank", 0.2),)
     wheel = pendulum(friction=drag)
-    run = dynamics.free_run(wheel, angle=0.0, speed=5.0, duration=8.0, samples=17)
-    assert run.speed == pytest.approx(5.0 * np.exp(-0.2 * run.time), rel=1e-10)
+    run = dynamics.run(wheel, initial={"crank.q": 0.0, "crank.v": 5.0}, duration=8.0, samples=16)
+    assert run.motion.speed == pytest.approx(5.0 * np.exp(-0.2 * run.time), rel=1e-10)
     motor = motors.DCMotor(12.0, 1.0, 0.5)
-    driven = dynamics.free_run(pendulum(friction=drag, motor=motor), angle=0.0, duration=30.0, samples=5)
-    assert driven.speed[-1] == pytest.approx(0.5 * 12.0 / (0.25 + 0.2), rel=1e-5)
-    assert driven.speed == pytest.approx(6.0 / 0.45 * (1.0 - np.exp(-0.45 * driven.time)), rel=1e-9)
+    driven = dynamics.run(
+        pendulum(friction=drag, motor=motor), initial={"crank.q": 0.0}, duration=30.0, samples=4
+    )
+    assert driven.motion.speed[-1] == pytest.approx(0.5 * 12.0 / (0.25 + 0.2), rel=1e-5)
+    assert driven.motion.speed == pytest.approx(6.0 / 0.45 * (1.0 - np.exp(-0.45 * driven.time)), rel=1e-9)
 
 
 def test_coulomb_friction_stops_a_wheel_and_locks_it():
     wheel = pendulum(friction=(Friction("crank", 0.0, 2.0),))
-    run = dynamics.free_run(wheel, angle=0.0, speed=5.0, duration=4.0, samples=41)
+    run = dynamics.run(wheel, initial={"crank.q": 0.0, "crank.v": 5.0}, duration=4.0, samples=40)
     assert run.outcome == "stopped"
-    assert run.speed == pytest.approx(np.maximum(5.0 - 2.0 * run.time, 0.0), abs=1e-9)
-    assert run.angle[-1] == pytest.approx(25.0 / 4.0, rel=1e-11)
+    assert run.motion.speed == pytest.approx(np.maximum(5.0 - 2.0 * run.time, 0.0), abs=1e-9)
+    assert run.motion.angle[-1] == pytest.approx(25.0 / 4.0, rel=1e-11)
     assert run.lost[-1] == pytest.approx(12.5, rel=1e-11)
 
 
@@ -102,25 +103,30 @@ def test_coulomb_friction_stops_a_wheel_and_locks_it():
     ],
 )
 def test_a_motor_too_weak_to_start_is_reported(forces, output):
-    run = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), forces), turns=3.0)
+    run = dynamics.run(dynamics.dynamic_model(catalog.make("four_bar"), forces), turns=3.0)
     assert run.outcome == "cannot start"
     assert output in run.reason
 
 
 def test_incomplete_runs_report_their_outcome():
-    rising = dynamics.free_run(pendulum(gravity=DOWN), angle=-np.pi / 2, speed=6.0, turns=1.0)
+    rising = dynamics.run(pendulum(gravity=DOWN), initial={"crank.q": -np.pi / 2, "crank.v": 6.0}, turns=1.0)
     assert rising.outcome == "turned back"
     # a full revolution needs v2 = 4 g l; 36 = 2 g (1 - cos t) gives the reversal
-    assert rising.angle[-1] + np.pi / 2 == pytest.approx(np.arccos(1.0 - 36.0 / (2.0 * 9.81)), rel=1e-10)
-    braked = dynamics.free_run(
-        pendulum(friction=(Friction("crank", 0.0, 1.0),)), angle=0.0, speed=2.0, turns=1.0
+    assert rising.motion.angle[-1] + np.pi / 2 == pytest.approx(
+        np.arccos(1.0 - 36.0 / (2.0 * 9.81)), rel=1e-10
+    )
+    braked = dynamics.run(
+        pendulum(friction=(Friction("crank", 0.0, 1.0),)), initial={"crank.q": 0.0, "crank.v": 2.0}, turns=1.0
     )
     assert braked.outcome == "stopped"
-    creeping = dynamics.free_run(
-        pendulum(friction=(Friction("crank", 1.0),)), angle=0.0, speed=2.0, turns=1.0, duration=20.0
+    creeping = dynamics.run(
+        pendulum(friction=(Friction("crank", 1.0),)),
+        initial={"crank.q": 0.0, "crank.v": 2.0},
+        turns=1.0,
+        duration=20.0,
     )
     assert creeping.outcome == "time over"
-    short = dynamics.free_run(pendulum(), angle=0.0, speed=1.0, turns=1.0, duration=1.0)
+    short = dynamics.run(pendulum(), initial={"crank.q": 0.0, "crank.v": 1.0}, turns=1.0, duration=1.0)
     assert short.outcome == "time over"
     assert short.reason.startswith("0.159155 of 1 turns")
 
@@ -128,12 +134,15 @@ def test_incomplete_runs_report_their_outcome():
 def test_a_crank_turns_back_at_its_dead_centre():
     linkage = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
     start = linkage.mechanism.start
-    run = dynamics.free_run(
-        dynamics.dynamic_model(linkage, Forces()), angle=start, speed=5.0, turns=1.0, samples=5
+    run = dynamics.run(
+        dynamics.dynamic_model(linkage, Forces()),
+        initial={"crank.q": start, "crank.v": 5.0},
+        turns=1.0,
+        samples=4,
     )
     assert run.outcome == "turned back"
     ahead = min((end - start) % (2.0 * np.pi) for end in linkage.dead_centres())
-    assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-9)
+    assert run.motion.angle[-1] - start == pytest.approx(ahead, abs=1e-9)
     assert run.energy_error <= 1e-9
 
 
@@ -142,9 +151,9 @@ def test_a_run_ends_at_a_simultaneous_reversal_of_friction():
     linkage = catalog.make("four_bar")
     friction = tuple(Friction(joint.name, 1e-5, 1e-5) for joint in linkage.mechanism.joints)
     model = dynamics.dynamic_model(linkage, Forces(gravity=DOWN, friction=friction))
-    run = dynamics.free_run(model, angle=0.0, speed=40.0, turns=1.0, samples=3)
+    run = dynamics.run(model, initial={"crank.q": 0.0, "crank.v": 40.0}, turns=1.0, samples=2)
     assert run.outcome == "done"
-    assert run.angle[-1] == pytest.approx(2.0 * np.pi, rel=1e-12)
+    assert run.motion.angle[-1] == pytest.approx(2.0 * np.pi, rel=1e-12)
     assert run.energy_error <= 1e-10
 
 
@@ -154,18 +163,10 @@ def test_friction_torques_of_several_joints_add_up():
     linkage = catalog.make("rrsrr")
     friction = tuple(Friction(joint.name, 1e-5, 3e-6) for joint in linkage.mechanism.joints)
     model = dynamics.dynamic_model(linkage, Forces(gravity=DOWN, friction=friction))
-    run = dynamics.free_run(model, angle=0.0, speed=40.0, turns=1.0, samples=3)
+    run = dynamics.run(model, initial={"crank.q": 0.0, "crank.v": 40.0}, turns=1.0, samples=2)
     assert run.outcome == "stopped"
-    reduced = dynamics.reduced(model, run.angle[-1:])
+    reduced = dynamics.reduced(model, run.motion.angle[-1:])
     assert 3e-6 < abs(reduced.static[0]) < reduced.coulomb[0]
-
-
-def test_friction_on_a_passive_spin_is_rejected():
-    linkage = catalog.make("rssr")
-    friction = tuple(Friction(joint.name, 1e-5) for joint in linkage.mechanism.joints)
-    model = dynamics.dynamic_model(linkage, Forces(friction=friction))
-    with pytest.raises(InputError, match="acts about the axis of a passive rotation"):
-        dynamics.free_run(model, speed=40.0, turns=1.0)
 
 
 def root_of_inertia(model, lengths, short, angle):
@@ -209,7 +210,7 @@ def test_a_crank_passes_close_to_a_singular_configuration():
         "four_bar", **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True))
     )
     model = dynamics.dynamic_model(linkage, Forces())
-    run = dynamics.free_run(model, angle=2.0, speed=60.0, turns=1.0, samples=3)
+    run = dynamics.run(model, initial={"crank.q": 2.0, "crank.v": 60.0}, turns=1.0, samples=2)
     assert run.outcome == "done"
     nodes, weights = np.polynomial.legendre.leggauss(60)
     total = 0.0
@@ -227,8 +228,8 @@ def test_a_load_on_a_point_does_its_work():
     linkage = catalog.make("slider_crank")
     against = load_profile.constant((-3.0, 0.0, 0.0))
     model = dynamics.dynamic_model(linkage, Forces(loads=(Load("B", against),)))
-    run = dynamics.free_run(model, angle=0.2, speed=30.0, turns=1.3, samples=50)
-    path = linkage.solve(run.angle).points["B"].position[:, 0]
+    run = dynamics.run(model, initial={"crank.q": 0.2, "crank.v": 30.0}, turns=1.3, samples=49)
+    path = linkage.solve(run.motion.angle).points["B"].position[:, 0]
     assert run.work == pytest.approx(-3.0 * (path - path[0]), abs=1e-10)
     assert run.energy_error <= 1e-10
 
@@ -236,9 +237,9 @@ def test_a_load_on_a_point_does_its_work():
 def test_mirrored_forces_give_the_mirrored_run():
     model = pendulum(gravity=DOWN, motor=motors.ConstantTorque(12.0))
     mirrored = model.with_forces(replace(model.forces, motor=motors.ConstantTorque(-12.0)))
-    item = dynamics.free_run(model, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
-    other = dynamics.free_run(mirrored, angle=-np.pi / 2 - 0.4, times=np.linspace(0.0, 2.0, 9))
-    assert item.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)
+    item = dynamics.run(model, initial={"crank.q": -np.pi / 2 + 0.4}, duration=2.0, samples=8)
+    other = dynamics.run(mirrored, initial={"crank.q": -np.pi / 2 - 0.4}, duration=2.0, samples=8)
+    assert item.motion.angle + np.pi / 2 == pytest.approx(-(other.motion.angle + np.pi / 2), rel=1e-9)
 
 
 @pytest.mark.long

@@ -57,10 +57,10 @@ def test_dynamics_accept_speeds_and_sizes_as_text():
         driven(model.mechanism, model.forces, speed=ONE_TURN, samples=4).forces,
     )
     assert ms.dynamics.fluctuation(model, "60rpm").mean == ONE_TURN
-    free = ms.dynamics.free_run(model, speed="60rpm", duration="5 ms")
+    free = ms.dynamics.run(model, initial={"crank.v": "60rpm"}, duration="5 ms")
     assert free.time[-1] == 0.005
     # rates are projected onto the loops: rounding
-    assert free.speed[0] == pytest.approx(ONE_TURN, rel=1e-14)
+    assert free.motion.speed[0] == pytest.approx(ONE_TURN, rel=1e-14)
 
 
 def test_studies_accept_speeds_as_text():

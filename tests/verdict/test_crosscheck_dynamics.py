@@ -8,6 +8,7 @@ import pytest
 from grids import grid
 
 from mechsim import catalog, dynamics, load_profile
+from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
@@ -15,9 +16,10 @@ from mechsim.simulation import Settings, swing
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
-from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 
 SPEED = 20.0 * np.pi
+AT_REST = InitialValues({}, {})
 GRAVITY = (0.3, -9.81, 0.5)
 
 
@@ -94,9 +96,9 @@ def without_friction(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
 def test_every_wrong_model_fails_in_a_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     model = model_of("four_bar", forces)
-    run = dynamics.free_run(model, turns=0.1, samples=13)
+    run = dynamics.run(model, turns=0.1, samples=12)
     for wrong in (with_heavier_link, with_reversed_gravity, without_friction):
-        assert crosscheck_free(run, wrong(model)).outcome == "failed", wrong
+        assert crosscheck_forward(run, wrong(model), AT_REST).outcome == "failed", wrong
 
 
 def test_free_runs_under_an_angle_dependent_load_agree():
@@ -106,17 +108,17 @@ def test_free_runs_under_an_angle_dependent_load_agree():
         flywheel=0.01,
     )
     model = model_of("four_bar", forces)
-    run = dynamics.free_run(model, turns=0.5, samples=31)
-    verdict = crosscheck_free(run, model)
+    run = dynamics.run(model, turns=0.5, samples=30)
+    verdict = crosscheck_forward(run, model, AT_REST)
     assert verdict.passed, verdict
     assert mujoco.get_mjcb_control() is None
 
 
 def test_a_motor_that_is_too_weak_cannot_start():
     locked = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
-    assert dynamics.free_run(model_of("four_bar", locked), turns=1.0).outcome == "cannot start"
+    assert dynamics.run(model_of("four_bar", locked), turns=1.0).outcome == "cannot start"
     weak = Forces(gravity=(0.0, -9.81, 0.0), motor=ConstantTorque(1e-3))
-    run = dynamics.free_run(model_of("four_bar", weak), turns=1.0)
+    run = dynamics.run(model_of("four_bar", weak), turns=1.0)
     assert run.outcome == "cannot start"
     assert "turns back" in run.reason
 

@@ -8,6 +8,7 @@ from driven_mechanisms import nonlinear_rocker
 from mechanisms import rscr, three_cranks
 
 from mechsim import catalog, dynamics, load, load_profile, motors
+from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.joints import End, Joint
@@ -17,7 +18,7 @@ from mechsim.model.motion_laws import constant, within_range
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 from mechsim.verdict.record_errors import of_reactions
 
 LINKAGE = catalog.make("rrsrr")
@@ -108,11 +109,12 @@ def test_a_free_run_with_another_motor_fails():
     linkage = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)
     model = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
-    result = dynamics.free_run(model, angle=0.3, speed=20.0, duration=0.05, samples=11)
-    verdict = crosscheck_free(result, model)
+    result = dynamics.run(model, initial={"crank.q": 0.3, "crank.v": 20.0}, duration=0.05, samples=10)
+    initial = InitialValues({"crank": 0.3}, {"crank": 20.0})
+    verdict = crosscheck_forward(result, model, initial)
     assert verdict.passed, verdict
     weaker = model.with_forces(replace(model.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
-    assert crosscheck_free(result, weaker).outcome == "failed"
+    assert crosscheck_forward(result, weaker, initial).outcome == "failed"
 
 
 def three_armed(position):
@@ -240,8 +242,8 @@ def test_stepped_torques_near_dead_centres_pass(name):
 def test_free_runs_with_redundant_loops_pass():
     bennett = dynamics.dynamic_model(catalog.make("bennett"), Forces())
     for model, turns in ((three_armed((0.05, 0.03)), 0.2), (bennett, 0.1)):
-        result = dynamics.free_run(model, speed=60.0, turns=turns, samples=31)
-        verdict = crosscheck_free(result, model)
+        result = dynamics.run(model, initial={"crank.v": 60.0}, turns=turns, samples=30)
+        verdict = crosscheck_forward(result, model, InitialValues({}, {"crank": 60.0}))
         assert verdict.passed, verdict
 
 
@@ -249,14 +251,14 @@ def test_free_runs_with_redundant_loops_pass():
 def test_a_free_run_with_nonlinear_couplings_has_fourth_order():
     model = dynamics.dynamic_model(nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []
-    result = dynamics.free_run(model, speed=40.0, duration=0.06, samples=41)
-    verdict = crosscheck_free(result, model)
+    result = dynamics.run(model, initial={"crank.v": 40.0}, duration=0.06, samples=40)
+    verdict = crosscheck_forward(result, model, InitialValues({}, {"crank": 40.0}))
     assert verdict.passed, verdict
     name = model.mechanism.crank.name
-    start = {name: float(result.angle[0])}, {name: float(result.speed[0])}
+    start = {name: float(result.motion.angle[0])}, {name: 40.0}
     for substeps in (1, 2):
         run = stepped_run(model.mechanism, model.forces, *start, result.time, substeps)
-        errors.append(float(np.abs(run.motion.angle - result.angle).max()))
+        errors.append(float(np.abs(run.motion.angle - result.motion.angle).max()))
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.0, errors
 
 
@@ -275,11 +277,11 @@ def test_poor_conditioning_is_reported_with_stepped_forces():
 def test_a_start_with_a_stiff_motor_conserves_energy():
     motor = motors.TorqueSpeedLine(100.0, 60.0)
     model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
-    result = dynamics.free_run(model, turns=0.1, samples=11)
-    verdict = crosscheck_free(result, model)
+    result = dynamics.run(model, turns=0.1, samples=10)
+    verdict = crosscheck_forward(result, model, InitialValues({}, {}))
     assert verdict.passed, verdict
     # the motor is at its speed before the second record
-    assert result.speed[1] == pytest.approx(60.0, rel=1e-2)
+    assert result.motion.speed[1] == pytest.approx(60.0, rel=1e-2)
     assert result.energy_error <= 1e-6
     weaker = model.with_forces(replace(model.forces, motor=motors.TorqueSpeedLine(100.0, 59.99)))
-    assert not crosscheck_free(result, weaker).passed
+    assert not crosscheck_forward(result, weaker, InitialValues({}, {})).passed

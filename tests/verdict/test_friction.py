@@ -7,11 +7,12 @@ import pytest
 from mechanisms import rscr, rsup
 
 from mechsim import catalog, dynamics, load_profile
+from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 
 GRAVITY = (0.3, -9.81, 0.5)
 SLEEVE = Friction("sleeve", 0.2, 0.5, 1e-3, 4e-3)
@@ -105,16 +106,17 @@ def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
 def test_a_free_run_loses_the_energy_of_the_reduced_equation(kind):
     model = model_of(kind)
     model = model.with_forces(replace(model.forces, flywheel=1e-3))
-    run = dynamics.free_run(model, speed=60.0, duration=0.01, samples=21)
-    verdict = crosscheck_free(run, model)
+    run = dynamics.run(model, initial={"crank.v": 60.0}, duration=0.01, samples=20)
+    initial = InitialValues({}, {"crank": 60.0})
+    verdict = crosscheck_forward(run, model, initial)
     assert verdict.passed, verdict
-    assert crosscheck_free(run, with_changed_friction(model, coulomb=0.0)).outcome == "failed"
+    assert crosscheck_forward(run, with_changed_friction(model, coulomb=0.0), initial).outcome == "failed"
 
 
 def test_a_crank_locked_by_ball_friction_cannot_start():
     forces = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
     model = dynamics.dynamic_model(catalog.make("rrsrr"), forces)
-    assert dynamics.free_run(model, turns=1.0).outcome == "cannot start"
+    assert dynamics.run(model, turns=1.0).outcome == "cannot start"
 
 
 def test_a_couple_on_another_link_fails():
@@ -136,11 +138,11 @@ def test_a_geared_motor_with_a_wrong_ratio_fails(motor):
     model = dynamics.dynamic_model(
         catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
     )
-    run = dynamics.free_run(model, duration=0.02, samples=21)
-    verdict = crosscheck_free(run, model)
+    run = dynamics.run(model, duration=0.02, samples=20)
+    verdict = crosscheck_forward(run, model, InitialValues({}, {}))
     assert verdict.passed, verdict
     wrong = model.with_forces(replace(model.forces, motor=Geared(motor, 9.01)))
-    assert crosscheck_free(run, wrong).outcome == "failed"
+    assert crosscheck_forward(run, wrong, InitialValues({}, {})).outcome == "failed"
     geared = Geared(motor, 9.0)
     assert geared.torque(geared.no_load) == pytest.approx(0.0, abs=1e-12)
     assert geared.derivative == pytest.approx((geared.torque(2.0) - geared.torque(1.0)).item())

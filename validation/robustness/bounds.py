@@ -18,6 +18,7 @@ import numpy as np
 from random_catalog_mechanisms import SPEED, random_catalog_mechanisms
 
 from mechsim import dynamics, load_profile
+from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces, Friction, Load
@@ -25,7 +26,7 @@ from mechsim.model.motion_laws import within_range
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.crosscheck import crosscheck
@@ -108,8 +109,9 @@ def free_run_checks(solver: KinematicSolver) -> list[Check]:
         return []
     forces = replace(applied_forces(solver), flywheel=FLYWHEEL, motor=ConstantTorque(MOTOR))
     model = dynamics.dynamic_model(solver, forces)
-    run = dynamics.free_run(model, speed=SPEED, turns=1.0, samples=61)
-    return with_method(crosscheck_free(run, model), "free")
+    name = solver.mechanism.crank.name
+    run = dynamics.run(model, initial={f"{name}.v": SPEED}, turns=1.0, samples=60)
+    return with_method(crosscheck_forward(run, model, InitialValues({}, {name: SPEED})), "free")
 
 
 def with_method(verdict: Verdict, method: str) -> list[Check]:

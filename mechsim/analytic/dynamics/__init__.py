@@ -1,7 +1,6 @@
 """Dynamics of any mechanism, from its closed form or its loop equations, without a simulator."""
 
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
-from mechsim.analytic.dynamics.free_motion import FreeRun, free_run
 from mechsim.analytic.dynamics.linearization import Mode
 from mechsim.analytic.dynamics.load_balance import LoadCurve, load_curve
 from mechsim.analytic.dynamics.many_runs import run_many
@@ -28,7 +27,6 @@ __all__ = [
     "DynamicRun",
     "Equilibrium",
     "Fluctuation",
-    "FreeRun",
     "InverseDynamics",
     "LoadCurve",
     "Mode",
@@ -40,7 +38,6 @@ __all__ = [
     "equilibria",
     "fluctuation",
     "flywheel_for",
-    "free_run",
     "holding",
     "holding_range",
     "joint_reactions",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import groupby
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from mechsim import units
 from mechsim.analytic.dynamics.compiled_model import CompiledModel
 from mechsim.analytic.dynamics.compiled_motion import DenseSteps, evaluated
 from mechsim.analytic.dynamics.contacts import CLOSED_GAP, ContactMode, Stop, gap_indices, stops_of
+from mechsim.analytic.dynamics.crank_turns import TURNS_BUDGET, CrankTurns
 from mechsim.analytic.dynamics.equations_of_motion import (
     EquationsOfMotion,
     Kinematics,
@@ -51,7 +52,6 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import EPS
 
-Run = TypeVar("Run", bound="DynamicRun")
 # an initial value: in SI, text with units, or the numbers of a rotation or angular velocity
 Initial = float | str | Sequence[float]
 # relative error of a step; the error of a pendulum after a hundred periods is then 2e-11 of its amplitude in
@@ -98,7 +98,8 @@ class DynamicRun:
         lost: energy lost in friction, dampers and impacts since the start, (n,) in [J].
         driving: prescribed coordinate -> its drive force or torque, (n,) in [N] or [N m].
         outcome: "done", "stopped", "time over", "diverged", "dead centre", "failed" (a joint beyond its
-            range), "too stiff" or "work budget spent".
+            range), "too stiff" or "work budget spent"; with turns of the crank also "cannot start" (it did
+            not move, or came back) and "turned back" (it moved, but did not make the turns).
         reason: one sentence if the outcome is not "done".
         events: instants of impacts and of changes between sticking and sliding, in [s].
         segments: the motion between them, in order.
@@ -171,12 +172,13 @@ def run(
     *,
     initial: Mapping[str, Initial] | None = None,
     prescribed: Sequence[str] = (),
-    duration: float | str,
+    duration: float | str | None = None,
     until: str | None = None,
+    turns: float | None = None,
     samples: int = 500,
     tolerance: float = TOLERANCE,
     restitution: float = 0.0,
-    budget: int = BUDGET,
+    budget: int | None = None,
     progress: Progress = no_progress,
 ) -> DynamicRun:
     """Integrate the motion of a mechanism from an initial state under forces.
@@ -192,14 +194,16 @@ def run(
             {"crank.q": "10deg"}; of spherical and floating joints axis and angle `J.q`, (4,), and angular
             velocity `J.w`, (3,), of side b in side a's frame. Others start as assembled, at rest.
         prescribed: coordinates that follow the motion laws of the source.
-        duration: longest time in [s], or text.
+        duration: longest time in [s], or text; may be left out with `turns`.
         until: an event that ends the run, such as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm"; both
             directions of crossing count.
+        turns: revolutions of the crank that end the run; negative for backwards.
         samples: instants after the first at which the result is evaluated.
         tolerance: relative error of an integration step.
         restitution: coefficient of restitution of joint stops: rate after an impact divided by that before
             it, 0 to 1.
-        budget: largest number of states that the run evaluates; then it ends.
+        budget: largest number of states that the run evaluates; then it ends. None takes twenty times as many
+            with `turns` as without.
         progress: called after each integration step with a text and the finished fraction.
 
     Returns:
@@ -220,6 +224,9 @@ def run(
     model = released(model)
     values = initial_values(model, initial or {})
     end = units.si(duration, "s", "the duration")
+    if turns is None and end is None:
+        raise InputError("a run needs a duration, or turns of the crank, after which to end")
+    budget = (BUDGET if turns is None else TURNS_BUDGET) if budget is None else budget
     require_settings(end, samples, tolerance, restitution, budget)
     laws = _prescribed_laws(model, prescribed)
     ranges = getattr(model.solver, "ranges", {})
@@ -238,6 +245,10 @@ def run(
         integration = Integration(
             equations, q, rates, tolerance, stops, restitution, progress, budget, displacement
         )
+        if turns is not None:
+            crank = CrankTurns.from_state(equations, turns, integration.kinematics())
+            return crank.trajectory(integration, end)
+        assert end is not None
         return integration.run(end) if event is None else _run_until(integration, end, event, until)
 
     trajectory, layout = integrated(1.0), StateLayout(equations)
@@ -269,7 +280,7 @@ def _displacement(trajectory: Trajectory, layout: StateLayout, tolerance: float)
     return max(largest, rounding / tolerance) if largest > 0.0 else 1.0
 
 
-def with_ranges_checked(result: Run, mechanism: Mechanism, ranges: Ranges) -> Run:
+def with_ranges_checked(result: DynamicRun, mechanism: Mechanism, ranges: Ranges) -> DynamicRun:
     """Return a run, with the outcome "failed" if a joint leaves its range.
 
     Joints at which a loop is cut have no stop in the equations of motion.
@@ -552,10 +563,10 @@ def _require_later(event: Event, text: str | None, equations: EquationsOfMotion,
 
 
 def require_settings(
-    duration: float, samples: int, tolerance: float, restitution: float = 0.0, budget: int = BUDGET
+    duration: float | None, samples: int, tolerance: float, restitution: float = 0.0, budget: int = BUDGET
 ) -> None:
     """Raise InputError for invalid settings of a run."""
-    if not 0.0 < duration < np.inf:
+    if duration is not None and not 0.0 < duration < np.inf:
         raise InputError(f"duration of a run is {duration} s; give a finite number above 0")
     if not budget >= 1:
         raise InputError(f"budget of a run is {budget} states; give at least 1")
