@@ -59,6 +59,7 @@ GATES = {
     ("model.motion_laws", "numerics.balls"): "motion laws",
     ("numerics.collocation", "numerics.balls"): "a table of a motion law, enclosed",
     ("subjects.toml_reader", "model.forces"): "forces in TOML",
+    ("simulation.mjcf.generator", "simulation.mjcf.force_elements"): "a scene with forces",
     ("subjects.toml_coordinates", "model.nonlinear_springs"): "soft stops in TOML",
     ("subjects.toml_values", "model.coupling_functions"): "functions in TOML",
     ("model.forces", "model.nonlinear_springs"): "soft stops",

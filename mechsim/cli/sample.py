@@ -1,35 +1,18 @@
 """Command `mechsim sample`: random closed configurations of a MuJoCo model."""
 
 from dataclasses import MISSING
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result, Without, command
-from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import ModelOptions, changed_parameters
+from mechsim.cli.closed_model import ClosedModelOptions, closed_model
+from mechsim.cli.command import Result, command
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
-from mechsim.studies.robots.mujoco_models import notes_on
-from mechsim.subjects.mujoco_inputs import with_loops
 from mechsim.units import option
-
-# options of commands that solve configurations of a MuJoCo model
-ClosedModelOptions = Annotated[ModelOptions, Without("drive", "track", "duration")]
-
-
-def closed_model(source: ModelOptions) -> tuple[Any, dict[str, Any]]:
-    """Return a model with its loop closures, and how its paths start; note what of it is not read."""
-    if [*source.lock] not in ([], [("others", None)]):
-        raise InputError("--lock takes only `others` here, for every actuator moves; leave other joints out")
-    model, start = with_loops(source.model, source.loops), source.as_arguments()["start"]
-    options: dict[str, Any] = {"set": changed_parameters(source.sets), "key": source.key, "start": start}
-    notes.extend(notes_on(model, **options))
-    return model, options | {"fix_base": source.fix_base}
 
 
 @command

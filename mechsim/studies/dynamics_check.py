@@ -23,7 +23,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import EPS
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
-from mechsim.simulation.mjcf.force_elements import with_accepted_inertia
+from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict, check_of, concluded
 from mechsim.verdict.crosscheck import crosscheck_forces

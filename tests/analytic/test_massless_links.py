@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.links import Inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.mjcf.force_elements import with_accepted_inertia
+from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 GROUND, CRANK, COUPLER, ROCKER = 0.3, 0.1, 0.3, 0.2

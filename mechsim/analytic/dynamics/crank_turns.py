@@ -60,7 +60,7 @@ class CrankTurns:
         return crank
 
     def trajectory(self, integration: Integration, duration: float | None) -> Trajectory:
-        """Return the trajectory to the last revolution, or to a time in [s]; its outcome tells which."""
+        """Return the trajectory to the last revolution, or to a time in [s], with its outcome."""
         expected = self.expected_time(integration.kinematics()) if duration is None else duration
         latest = PATIENCE * expected if duration is None else duration
         trajectory = integration.run(latest, self.functions(expected), expected)

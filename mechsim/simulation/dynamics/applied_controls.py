@@ -18,8 +18,9 @@ from mechsim.simulation.dynamics.compiled_controls import CompiledControls, comp
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
-from mechsim.simulation.mjcf.force_elements import MASSLESS, native
+from mechsim.simulation.mjcf.force_elements import native
 from mechsim.simulation.mjcf.joints import model_names
+from mechsim.simulation.mjcf.link_inertias import MASSLESS
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.velocity_products import nonlinear_rows, velocity_products

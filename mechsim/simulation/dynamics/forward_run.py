@@ -29,12 +29,9 @@ from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import with_placeholders
 from mechsim.simulation.mjcf.compiling import compiled, quiet
-from mechsim.simulation.mjcf.force_elements import (
-    MASSLESS_FREE,
-    actuator_slices,
-    with_accepted_inertia,
-)
+from mechsim.simulation.mjcf.force_elements import actuator_slices
 from mechsim.simulation.mjcf.joints import UNLIMITED, model_names
+from mechsim.simulation.mjcf.link_inertias import MASSLESS_FREE, with_accepted_inertia
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.recording import States, add_sensors

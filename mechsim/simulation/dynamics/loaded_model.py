@@ -32,8 +32,8 @@ from mechsim.simulation.mjcf.force_elements import (
     Actuators,
     actuator_slices,
     motor_control,
-    with_accepted_inertia,
 )
+from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.simulation.recording import States
 from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.simulation.state import ONE_THREAD

@@ -15,13 +15,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.mjcf.equalities import add_equality, add_rod, lock_joint
-from mechsim.simulation.mjcf.force_elements import (
-    PLACEHOLDER,
-    add_forces,
-    set_inertia,
-    set_placeholder,
-    with_accepted_inertia,
-)
 from mechsim.simulation.mjcf.joints import (
     CRANK,
     add_joint,
@@ -29,6 +22,12 @@ from mechsim.simulation.mjcf.joints import (
     model_names,
     seated_pose,
     zero_pose,
+)
+from mechsim.simulation.mjcf.link_inertias import (
+    PLACEHOLDER,
+    set_inertia,
+    set_placeholder,
+    with_accepted_inertia,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.state import quaternion
@@ -100,6 +99,8 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
                 add_rod(spec, joint, bodies, frames)
         _couple(spec, mechanism)
         if forces is not None:
+            from mechsim.simulation.mjcf.force_elements import add_forces
+
             add_forces(spec, mechanism, tree, bodies, forces)
     return spec
 
