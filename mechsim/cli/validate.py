@@ -206,7 +206,7 @@ def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
 
 
 # processor time of drawing the default report, in times of its validation
-DRAWING = 9.0
+DRAWING = 5.0
 
 
 def _cases(
@@ -260,7 +260,7 @@ def _validated(
     """
     speed = crank_speed(chosen.speed)
     with progress("validate", None) as report:
-        check, draw = sections(report, {"check": 1.0, "draw": 0.0 if folder is None else DRAWING})
+        check, draw = sections(report, {"check": 1.0, "draw": _drawing(folder, len(designs))})
         cases = _cases(designs, chosen, speed, quick, check, as_json)
         passed = all(case.passed for case in cases.values())
         data: dict[str, Any] = {
@@ -280,6 +280,15 @@ def _validated(
         _print_folders(chosen)
 
     return Result(data, text, passed), cases
+
+
+def _drawing(folder: Path | None, count: int) -> float:
+    """Return the time of drawing the report of several mechanisms, in times of their validation."""
+    if folder is None:
+        return 0.0
+    from mechsim.report.validation import drawing_processes
+
+    return DRAWING / drawing_processes(count)
 
 
 def _print_folders(chosen: ValidateOptions) -> None:

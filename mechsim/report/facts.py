@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mechsim.theory.assur import AssurGroup
 
 
-def facts(solver: KinematicSolver, angle: float | None = None) -> dict[str, Any]:
+def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool = True) -> dict[str, Any]:
     """Return all properties of a mechanism that need no simulation, for JSON.
 
     For several drivers: only properties that need no crank.
@@ -33,6 +33,7 @@ def facts(solver: KinematicSolver, angle: float | None = None) -> dict[str, Any]
     Args:
         solver: the mechanism.
         angle: crank angle at which assemblies are listed, in [rad]; None takes the start of the assembly.
+        searched: whether assemblies are searched from random starts where nothing else lists them.
     """
     from mechsim.theory.assur import assur_groups
     from mechsim.theory.mobility_count import mobility
@@ -46,7 +47,7 @@ def facts(solver: KinematicSolver, angle: float | None = None) -> dict[str, Any]
             or record["outcome"] != "determined"
         ):
             started = record["outcome"] == "determined" and not solver.motion_laws.crank
-            return record | (assembly_facts(solver, 0.0) if started else {})
+            return record | (assembly_facts(solver, 0.0, searched) if started else {})
     mechanism = solver.mechanism
     try:
         arcs = solver.crank_range()
@@ -78,7 +79,7 @@ def facts(solver: KinematicSolver, angle: float | None = None) -> dict[str, Any]
         "turns_to_come_round": round(solver.period / REVOLUTION),
         "transmission_angle": _least_transmission(solver),
         "angle": listed_angle,
-        **assembly_facts(solver, listed_angle),
+        **assembly_facts(solver, listed_angle, searched),
         "assur_groups": groups,
         "assur_explained": explained,
     }
@@ -144,11 +145,11 @@ def _mobility(solver: KinematicSolver) -> dict[str, Any]:
     }
 
 
-def assembly_facts(solver: KinematicSolver, angle: float) -> dict[str, Any]:
+def assembly_facts(solver: KinematicSolver, angle: float, searched: bool) -> dict[str, Any]:
     """Return every assembly at a crank angle, with the parameters that select it and its points in [m]."""
     from mechsim.theory.assemblies import assemblies
 
-    every = assemblies(solver, angle)
+    every = assemblies(solver, angle, searched=searched)
     return {
         "assemblies": [
             {**chosen, "points": {name: position.tolist() for name, position in points.items()}}

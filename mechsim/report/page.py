@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -110,8 +111,9 @@ def write_report(
     return directory / "index.html"
 
 
+@cache
 def environment() -> Any:
-    """Return what fills the templates."""
+    """Return what fills the templates, with those already read."""
     with needs("pictures"):
         import jinja2
 

@@ -7,10 +7,11 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import quantity_text
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
+from mechsim.pictures.render import Look, still
+from mechsim.pictures.render.drawn_model import drawn_as
+from mechsim.pictures.render.gl_backend import choose
 from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.report.facts import about, facts
 from mechsim.report.page import Section, write_report
@@ -30,7 +34,10 @@ from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
-from mechsim.studies.validate import Validation
+from mechsim.studies.validate import Validation, finished_fractions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Drawing = TypeVar("Drawing")
 # pixels of a picture
@@ -71,10 +78,11 @@ def write_validation_report(
     folder.mkdir(exist_ok=True)
     notes: dict[str, None] = {}
     sections: list[Section] = []
+    finished = finished_fractions([case.quick for case in cases.values()])
     for section, own in _sections(folder, cases):
         sections.append(section)
         notes.update(dict.fromkeys(own))
-        progress(section.name, len(sections) / len(cases))
+        progress(section.name, finished[len(sections)])
     write_report(folder, results, sections, notes=[*notes])
     return [*notes]
 
@@ -85,15 +93,24 @@ def _sections(folder: Path, cases: Mapping[str, Validation]) -> Iterator[tuple[S
     A forked process has the mechanisms already; they contain functions, which cannot be sent to another one.
     """
     _CASES.update(cases)
-    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1
-    if cores == 1 or len(cases) < MIN_SHARED:
+    processes = drawing_processes(len(cases))
+    if processes == 1:
         yield from (_section(folder, name) for name in cases)
         return
-    with ProcessPoolExecutor(cores, get_context("fork")) as pool, warnings.catch_warnings():
+    # found and imported once, not in each process
+    with suppress(MissingToolError):
+        choose()
+    plots.blank(1, 1, (1.0, 1.0))
+    with ProcessPoolExecutor(processes, get_context("fork")) as pool, warnings.catch_warnings():
         # the threads of the linear algebra are idle
         warnings.filterwarnings("ignore", ".*multi-threaded", DeprecationWarning)
         drawn = [pool.submit(_section, folder, name) for name in cases]
         yield from (section.result() for section in drawn)
+
+
+def drawing_processes(count: int) -> int:
+    """Return how many processes draw a page of several mechanisms."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" and count >= MIN_SHARED else 1
 
 
 # the mechanisms of a page, for the processes that draw it
@@ -129,9 +146,6 @@ def _drawn(draw: Callable[[], Drawing], notes: list[str]) -> Drawing | None:
 
 def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes | None:
     """Return a picture of the clearest pose as WebP; None where it cannot be drawn, and a note says why."""
-    from mechsim.pictures.render import Look, still
-    from mechsim.pictures.render.drawn_model import drawn_as
-
     look = Look(size=RESOLUTION, **drawn_as(solver))
     return _drawn(lambda: _webp(still(solver.mechanism, motion, look, paths="whole")), notes)
 
@@ -151,17 +165,24 @@ def _write_view(folder: Path, name: str, case: Validation) -> str:
     return path.name
 
 
-def _webp(picture: bytes | NDArray[np.uint8]) -> bytes:
-    """Return a picture of pixels in lossy WebP, a plot in PNG as lossless WebP of few colours."""
+def _webp(picture: NDArray[np.uint8]) -> bytes:
+    """Return a picture in lossy WebP."""
     with needs("pictures"):
         from PIL import Image
 
     out = io.BytesIO()
-    if isinstance(picture, bytes):
-        few = Image.open(io.BytesIO(picture)).convert("RGB").quantize(PLOT_COLOURS)
-        few.convert("RGB").save(out, "WEBP", lossless=True)
-    else:
-        Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY, method=6)
+    Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY)
+    return out.getvalue()
+
+
+def _drawn_plot(figure: "Figure") -> bytes:
+    """Return a plot as lossless WebP of few colours."""
+    with needs("pictures"):
+        from PIL import Image
+
+    out = io.BytesIO()
+    few = Image.fromarray(plots.pixels(figure)).quantize(PLOT_COLOURS, Image.Quantize.FASTOCTREE)
+    few.convert("RGB").save(out, "WEBP", lossless=True, method=2)
     return out.getvalue()
 
 
@@ -184,7 +205,7 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
     ]
     # the first stands left of the picture; the page fills its columns in this order, tall ones last
     figures[1:] = sorted(figures[1:], key=lambda drawn: drawn[1].get_figheight())
-    return [(caption, _webp(plots.drawn(figure, "png"))) for caption, figure in figures]
+    return [(caption, _drawn_plot(figure)) for caption, figure in figures]
 
 
 def _position_tolerance(case: Validation, method: Literal["step", "pose"]) -> float:
@@ -193,7 +214,7 @@ def _position_tolerance(case: Validation, method: Literal["step", "pose"]) -> fl
 
 
 def _facts(case: Validation) -> dict[str, Any]:
-    known_facts = facts(case.solver)
+    known_facts = facts(case.solver, searched=False)
     joints = known_facts["joints"]
     rows: dict[str, Any] = {
         "mobility": known_facts["mobility_explained"],
@@ -264,7 +285,7 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
         facts=rows | error_of_a_run(agreement),
         picture=_picture(agreement.solver, agreement.evaluation.motion, notes),
         plots=[
-            (f"{curves.name}: exact and claimed", _webp(plots.drawn(agreement_plot(curves), "png")))
+            (f"{curves.name}: exact and claimed", _drawn_plot(agreement_plot(curves)))
             for curves in worst_first(agreement)[:MAX_PLOTS]
         ],
         checks=agreement.checks,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -436,10 +436,11 @@ def validate_all(
         progress: called with a text and the finished fraction of all mechanisms.
     """
     cases: dict[str, Validation] = {}
+    finished = finished_fractions([name in quick for name in models])
     for i, (name, model) in enumerate(models.items()):
 
         def case_progress(what: str, _: float, i: int = i, name: str = name) -> None:
-            progress(f"{i + 1} of {len(models)}, {name}: {what}", i / len(models))
+            progress(f"{i + 1} of {len(models)}, {name}: {what}", finished[i])
 
         cases[name] = case_of(
             model,
@@ -449,8 +450,26 @@ def validate_all(
             budget=budget,
             progress=case_progress,
         )
-        progress(f"{i + 1} of {len(models)}, {name}", (i + 1) / len(models))
+        progress(f"{i + 1} of {len(models)}, {name}", finished[i + 1])
     return cases
+
+
+# work on a mechanism whose run is stepped, also that of drawing it, in times of the work on others
+STEPPED_WORK = 3.0
+
+
+def finished_fractions(quick: Sequence[bool]) -> list[float]:
+    """Return the finished fraction of the work before the first and after each of several mechanisms.
+
+    Args:
+        quick: whether the run of each is left out.
+
+    Example:
+        >>> finished_fractions([False, True])
+        [0.0, 0.75, 1.0]
+    """
+    work = np.cumsum([0.0, *(1.0 if left_out else STEPPED_WORK for left_out in quick)])
+    return (work / work[-1]).tolist()
 
 
 # distance from a change point in [rad] within which steps are not compared

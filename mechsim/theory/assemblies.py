@@ -44,7 +44,7 @@ class Assemblies:
         return len(self.points)
 
 
-def assemblies(model: "Model", angle: float) -> Assemblies:
+def assemblies(model: "Model", angle: float, *, searched: bool = True) -> Assemblies:
     """Return every assembly of a mechanism at a crank angle.
 
     The formulas of the catalogue have all of theirs. Another planar mechanism is solved by its Assur groups
@@ -54,6 +54,7 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
     Args:
         model: as in `load`.
         angle: crank angle in [rad], or path parameter of the motion laws.
+        searched: whether to search from random starts where nothing else lists them; else none are listed.
 
     Example:
         >>> ms.assemblies("jansen", 0.1).complete, len(ms.assemblies("jansen", 0.1))
@@ -75,7 +76,7 @@ def assemblies(model: "Model", angle: float) -> Assemblies:
         poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
         groups = group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})
     except (InputError, AssemblyError) as error:
-        listed, families = all_assembly_points(solver, angle)
+        listed, families = all_assembly_points(solver, angle) if searched else ([], ())
         return _assemblies_of(angle, listed, False, f"found from random starts: {error}", families)
     listed, _ = all_assembly_points(solver, angle, groups.poses)
     reason = "every pose" if groups.complete else f"the first {len(groups.poses)} of more poses"

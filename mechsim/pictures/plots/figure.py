@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
+# dots per inch of a plot in pixels
+DPI = 160
 # colour of lines outside the palette
 INK = "#222831"
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
@@ -126,9 +128,20 @@ def drawn(figure: Figure, file_format: Format = "svg") -> bytes:
             layout.execute(figure)
             figure.set_layout_engine("none")
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[file_format]
-        figure.savefig(out, format=file_format, dpi=160, metadata=dated)
+        figure.savefig(out, format=file_format, dpi=DPI, metadata=dated)
     figure.set_layout_engine(layout)
     return out.getvalue()
+
+
+def pixels(figure: Figure) -> NDArray[np.uint8]:
+    """Return a figure as pixels, (height, width, 3); laid out and drawn once, where saving draws twice."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas = FigureCanvasAgg(figure)
+    figure.set_dpi(DPI)
+    with styled():
+        canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3]
 
 
 def write(path: str | Path, figure: Figure) -> None:

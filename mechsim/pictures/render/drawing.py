@@ -18,7 +18,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import gl_backend as backends
-from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
+from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel, faded
 from mechsim.pictures.render.frame_poses import (
     FramePoses,
     Ghost,
@@ -65,17 +65,20 @@ class Trace:
         now, trace = self.drawn.frames, self.drawn.look.trace
         for fixed in self.fixed:
             fixed.put(scene)
+        every = self.drawn.frames_shown(frame)
+        frame = every[-1]
         for name in now.starts.keys() & {*self.drawn.look.closures}:
-            for shown in self.drawn.frames_shown(frame):
+            for shown in every:
                 self._put_mark(scene, now.starts[name][shown])
         nearer = BEFORE * self.drawn.radius * self.drawn.camera.back
         for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}
             arrows.put(scene, starts, frame, 0.45 * self.drawn.radius)
         for ends in self.drawn.look.springs:
-            for shown in self.drawn.frames_shown(frame):
+            for copy, shown in enumerate(every):
                 a, b = (now.position(link, point, shown) for link, point in ends)
-                coil(a, b, 2.0 * self.drawn.radius, 1.5 * self.width, STEEL).put(scene)
+                colour = faded(STEEL, (copy + 1) / len(every))
+                coil(a, b, 2.0 * self.drawn.radius, 1.5 * self.width, colour).put(scene)
         last = int(now.passed[frame]) - 1
         for name, path in self.paths.items() if trace in ("grow", "tail") else ():
             first = last - len(path) // 4 if trace == "tail" else 0
@@ -221,7 +224,7 @@ def draw(drawn: DrawnModel, backend: backends.Backend, start: int = 0) -> Genera
             drawing.update_scene(drawn.data, CAMERA)
             trace.put(drawing.scene, frame)
             picture = drawing.render()
-            labels = named(drawn, frame) if look.labels else {}
+            labels = named(drawn, drawn.frames_shown(frame)[-1]) if look.labels else {}
             instant = drawn.frames.instant(frame) if look.overlay == 1 else ""
             yield (
                 written(picture, drawn.camera, labels, clear, notes, instant, stood)

@@ -203,6 +203,8 @@ GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
 # parallel projection does not show depth: a ghost lies this many rod radii behind the solid links, so that
 # only its differences are visible; see also `overlays.BEFORE`
 BEHIND = 1.5
+# share of its own colour that the first of overlaid positions keeps
+LIGHTEST_POSITION = 0.1
 
 
 class DrawnModel:
@@ -248,6 +250,9 @@ class DrawnModel:
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
         self.grid_step = cameras.nice(self.camera.height / 9.0)
         self.wall = backdrop(mechanism, self.camera, self.up, self.low, self.high, self.grid_step)
+        self.depth = self._depth_of_positions()
+        behind = (look.overlay - 1) * self.depth * self.camera.back
+        self.wall = replace(self.wall, point=self.wall.point - behind)
         self.model = plainly_compiled(self._spec())
         scenery.set_height(self.model, CAMERA, self.camera)
         self.data = mujoco.MjData(self.model)
@@ -264,7 +269,7 @@ class DrawnModel:
         ]
 
     def frames_shown(self, frame: int) -> list[int]:
-        """Return the frames that a picture shows together: one, or those of the overlaid positions."""
+        """Return the frames that a picture shows together, in order; the last has its full colours."""
         overlay = self.look.overlay
         if overlay == 1:
             return [frame]
@@ -276,13 +281,30 @@ class DrawnModel:
         """Set the links to the poses of a frame; overlaid positions do not move."""
         shown = self.frames_shown(frame)
         for (name, copy), slot in self._slots.items():
-            self._put(slot, self.frames.poses[name].select(shown[copy]))
+            pose = self.frames.poses[name].select(shown[copy])
+            behind = (len(shown) - 1 - copy) * self.depth * self.camera.back
+            self._put(slot, Pose(pose.position - behind, pose.rotation))
         for name, slot in self._ghost_slots.items():
             assert self.ghost is not None
             pose, deeper = self.ghost.poses[name].select(frame), BEHIND * self.radius * self.camera.back
             self._put(slot, Pose(pose.position - deeper, pose.rotation))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
+
+    def _depth_of_positions(self) -> float:
+        """The distance of an overlaid position behind the next one in [m], so that the last is in front.
+
+        It is not visible along the view; where the view is slanted, positions stay where they are.
+        """
+        if self.look.overlay == 1 or float(self.wall.normal @ self.camera.back) < 1.0 - 1e-9:
+            return 0.0
+        levels = [
+            float(point @ self.camera.back)
+            for link in self.links
+            for shape in self.shapes[link]
+            for point in shape.bounds[0]
+        ]
+        return min(float(np.ptp(levels)) + 2.0 * self.radius, 4.0 * self.camera.height / self.look.overlay)
 
     def _shapes(self) -> dict[str, list[Shape]]:
         """The bodies of links that the look gives, else those drawn from the joints."""
@@ -344,7 +366,8 @@ class DrawnModel:
             for copy in range(look.overlay):
                 body = spec.worldbody.add_body(name=_body(link, copy), mocap=True)
                 for shape in self.shapes[link]:
-                    scenery.add_shape(spec, body, shape)
+                    colour = faded(shape.rgba, (copy + 1) / look.overlay)
+                    scenery.add_shape(spec, body, replace(shape, rgba=colour))
         for name in self.ghost.poses if self.ghost else ():
             body = spec.worldbody.add_body(name=_ghost(name), mocap=True)
             for shape in self.shapes[name]:
@@ -361,6 +384,13 @@ class DrawnModel:
         if self.normals:
             return abs(float(self.normals[GROUND] @ self.wall.normal)) > 0.9
         return self.look.camera == "iso" and abs(float(self.up @ self.wall.normal)) > 0.9
+
+
+def faded(rgba: Rgba, share: float) -> Rgba:
+    """Return a colour mixed with that of the paper: lightest at share 0, itself at 1."""
+    kept = LIGHTEST_POSITION + (1.0 - LIGHTEST_POSITION) * share
+    r, g, b = (kept * own + (1.0 - kept) * paper for own, paper in zip(rgba, scenery.PAPER, strict=False))
+    return (r, g, b, rgba[3])
 
 
 def _body(link: str, copy: int) -> str:

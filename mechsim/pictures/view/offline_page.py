@@ -4,6 +4,7 @@ import base64
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +39,9 @@ def page(view: View, library: str = "") -> str:
     Raises:
         MissingToolError: where jinja2 is not installed.
     """
-    with needs("pictures"):
-        import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined
-    )
     data = json.dumps(_data(view), separators=(",", ":"), allow_nan=False)
     # no name of a mechanism, in a string or a comment of the script, may end its element
-    return environment.get_template("view.html").render(
+    return _template().render(
         title=view.title,
         version=__version__,
         facts=view.facts,
@@ -56,6 +51,17 @@ def page(view: View, library: str = "") -> str:
         library=library,
         live=view.live.code.replace("</", "<\\/").replace("<!", "<\\!") if view.live else "",
     )
+
+
+@cache
+def _template() -> Any:
+    """Return the template of a page, which is read once."""
+    with needs("pictures"):
+        import jinja2
+
+    loader = jinja2.FileSystemLoader(TEMPLATES)
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    return environment.get_template("view.html")
 
 
 def three_js() -> str:
