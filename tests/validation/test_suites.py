@@ -8,8 +8,8 @@ import pytest
 import yaml
 from model_files import model_text
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
-import mechsim as ms
 from validation.suites import __main__ as command
 from validation.suites import chrono, gepetto, modelica, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, kept
@@ -105,8 +105,7 @@ def test_printed_answers_of_textbooks(monkeypatch):
 @pytest.mark.long
 def test_the_double_pendulum_in_which_dymola_errs_agrees_with_an_independent_integration():
     """Two boxes of 0.5 m, moments about their centres, in coordinates of the joints; DOP853."""
-    model = modelica.tip_pendulum()
-    run = ms.dynamics.run(model.mechanism, model.forces, initial=model.initial, duration=5.0, samples=1)
+    run = modelica.run_of("Examples/Elementary/DoublePendulumInitTip", 5.0)
     m, length, g = 7700.0 * 0.06**2 * 0.5, 0.5, 9.80665
     c, inertia = 0.5 * length, 7700.0 * 0.06**2 * 0.5 * (0.5**2 + 0.06**2) / 12.0
 
@@ -122,13 +121,36 @@ def test_the_double_pendulum_in_which_dymola_errs_agrees_with_an_independent_int
         first, second = np.linalg.solve(mass, right)
         return [u, v, first, second - first]
 
-    start = [model.initial["first.q"], model.initial["second.q"], 0.0, 0.0]
+    first, second = (run.motion.joints[name].value for name in ("revolute1", "revolute2"))
+    start = [first[0], second[0], 0.0, 0.0]
+    # both bars of 0.5 m, their tip at (0.7, 0.3)
+    assert np.allclose(0.5 * np.exp(1j * start[0]) * (1.0 + np.exp(1j * start[1])), 0.7 + 0.3j)
     exact = solve_ivp(rates, (0.0, 5.0), start, "DOP853", rtol=1e-12, atol=1e-13).y[:2, -1]
-    own = [run.motion.joints[name].value[-1] for name in ("first", "second")]
-    assert np.abs(exact - own).max() < 1e-8
+    assert np.abs(exact - [first[-1], second[-1]]).max() < 1e-8
     # Dymola's table ends 0.02 rad off
-    assert modelica.compared("Elementary/DoublePendulumInitTip", None).outcome == "source wrong"
-    assert modelica.compared("Loops/PlanarFourbar", None).outcome == "right"
+    assert modelica.compared("Examples/Elementary/DoublePendulumInitTip", None).outcome == "source wrong"
+    assert modelica.compared("Examples/Loops/PlanarFourbar", None).outcome == "right"
+
+
+@pytest.mark.long
+def test_the_orbit_in_which_dymola_errs_agrees_with_kepler():
+    """Body 2 passes the centre at 0.07 m; Lagrange's f and g of the eccentric anomaly."""
+    run = modelica.run_of("Examples/Elementary/PointGravity", 5.0)
+    start, speed = np.array([0.6, 0.6]), np.array([0.6, 0.0])
+    radius, inward = np.hypot(*start), start @ speed
+    a = 1.0 / (2.0 / radius - speed @ speed)
+    times = run.time
+
+    def time_of(change):
+        sine, cosine = np.sin(change), 1.0 - np.cos(change)
+        return a**1.5 * (change - sine) + radius * a**0.5 * sine + inward * a * cosine
+
+    change = np.array([brentq(lambda x, t=t: time_of(x) - t, 0.0, 20.0, xtol=1e-15) for t in times])
+    f = 1.0 - a / radius * (1.0 - np.cos(change))
+    g = times - a**1.5 * (change - np.sin(change))
+    exact = f[:, None] * start + g[:, None] * speed
+    assert np.abs(run.motion.points["B"].position[:, :2] - exact).max() < 1e-9
+    assert modelica.compared("Examples/Elementary/PointGravity", None).outcome == "source wrong"
 
 
 def test_a_coarse_step_misses_the_digits_of_the_squeezer(monkeypatch):

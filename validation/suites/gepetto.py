@@ -25,7 +25,7 @@ from validation.suites.case import Case, Clone, Suite
 SWING, INSTANTS = 0.02, 9
 TOLERANCE = 1e-11
 # characters of a sentence
-MAX_REASON = 160
+MAX_REASON = 120
 REASON = "in m and rad: loops close to 1e-12 of a link, and a chain of 50 links adds its rounding"
 # files that are no input: a sidecar without its file, or names that the file does not have
 FAULTS = {

@@ -13,15 +13,16 @@ PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "outside_evidence.md
 HEAD = """# Evidence from others
 
 Others have published answers. `python -m validation.suites --source FOLDER` solves their cases and writes
-this page; FOLDER holds git clones. Without it, figures in `validation/suites/figures` are compared. The
-tables list cases with a remark, and the right one nearest to its tolerance; `--json` prints
-all.
+this page; FOLDER holds git clones. Without it, kept figures are compared. The
+tables list cases that are not right, and the right one nearest to its tolerance; `--json` prints all.
 
 Written on {day} with mechsim {mechsim}, numpy {numpy}.
 
 | suite | tried | right | source wrong | mechsim wrong | rejected | unexplained |
 |---|---|---|---|---|---|---|
 """
+# cases of a suite of which every one has a row
+FEW = 4
 COUNTED = ("right", "source wrong", "mechsim wrong", "rejected", "unexplained")
 
 
@@ -54,11 +55,17 @@ def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
         "| case | quantities | worst | difference | tolerance | remark |\n|---|---|---|---|---|---|\n"
     )
     for case in cases:
-        if case is not nearest and not case.remark and case.outcome == "right":
-            continue
         row = case.worst
-        worst = (row.quantity, f"{row.error:.1e} {row.unit}", f"{row.tolerance:.0e}") if row else ("", "", "")
-        lines.append(f"| {case.name} | {len(case.rows)} | {' | '.join(worst)} | {case.remark} |\n")
+        if row and (case is nearest or case.outcome != "right" or len(cases) <= FEW):
+            worst = f"{row.quantity} | {row.error:.1e} {row.unit} | {row.tolerance:.0e}"
+            lines.append(f"| {case.name} | {len(case.rows)} | {worst} | {case.remark} |\n")
+    by_reason: dict[str, list[str]] = {}
+    for case in cases:
+        if case.rejected:
+            by_reason.setdefault(case.rejected, []).append(case.name)
+    if by_reason:
+        lines.append("\n| rejected | reason |\n|---|---|\n")
+        lines += [f"| {', '.join(names)} | {reason} |\n" for reason, names in by_reason.items()]
     reasons = sorted({row.reason for case in cases for row in case.rows})
     return "".join(lines) + "\nTolerances: " + "; ".join(reasons) + ".\n"
 

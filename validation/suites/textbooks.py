@@ -209,6 +209,6 @@ def cases(_: Clone | None) -> Iterator[Case]:
 SUITE = Suite(
     "Textbooks: worked examples",
     "",
-    "Typed from memory, so the book decides in doubt; Khurmi 13.4, 13.6 and Beer 16.10, 17.5 were looked up.",
+    "Typed from memory, so the book decides; Khurmi 13.4, 13.6 and Beer 16.10, 17.5 were looked up.",
     cases,
 )
