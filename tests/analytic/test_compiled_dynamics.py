@@ -22,6 +22,7 @@ from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling
+from mechsim.model.links import Pose
 from mechsim.model.load_profile import constant, function, table
 from mechsim.model.masses import slender_rod
 from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
@@ -293,6 +294,17 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
     run = run_of(Forces(crank_torque=function(lambda time: 1e-3 * time, over="time")))
     assert run.executed == "numpy"
     assert "a load over time given by a function" in run.note
+
+
+def test_a_body_on_a_rod_runs_in_numpy():
+    """A point mass on a rod of 1 m, released horizontally, has the period 4 K(1/2) sqrt(l / g)."""
+    bob = ms.Link("bob", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), ((0.0,) * 3,) * 3))
+    rod = ms.Joint("rod", "distance", ms.End("ground"), ms.End("bob"), length=1.0)
+    pose = {"bob": Pose(np.array([1.0, 0.0, 0.0]), np.eye(3))}
+    pendulum = ms.Mechanism("pendulum", (bob,), (rod,), (), {"P": ("bob", (0.0, 0.0, 0.0))}, guess=pose)
+    run = ms.dynamics.run(pendulum, duration=2.367841947576237, samples=1)
+    assert (run.executed, run.note) == ("numpy", "the C code does not contain the length of joint rod")
+    assert np.abs(run.motion.points["P"].position[-1] - [1.0, 0.0, 0.0]).max() < 1e-8
 
 
 @pytest.mark.long

@@ -262,6 +262,9 @@ def _require_supported(equations: EquationsOfMotion) -> None:
     rows = sum(cut.rows for cut in loops.cuts) + len(loops.couplings)
     if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
         raise NotCompiledError("its loop equations")
+    rod = next((cut.joint.name for cut in loops.cuts if KINDS[cut.joint.kind].rod), None)
+    if rod is not None:
+        raise NotCompiledError(f"the length of joint {rod}")
     for friction in forces.friction:
         if friction.coupling:
             raise NotCompiledError(f"the efficiency of coupling {friction.coupling}")
