@@ -315,7 +315,7 @@ def _against(
     if folder is not None:
         from mechsim.report.validation import write_agreement_report
 
-        for note in write_agreement_report(folder, agreement, data):
+        for note in write_agreement_report(folder, agreement, design, data):
             print_stderr(note)
 
     def text() -> None:

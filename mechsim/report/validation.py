@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.designs import DesignFamily, placed_designs
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import MissingToolError, OutputError, needs
+from mechsim.errors import MechsimError, MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion
 from mechsim.model.progress import Progress, no_progress
@@ -34,6 +35,7 @@ from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
+from mechsim.studies.agreement.dimension_hypotheses import with_changed
 from mechsim.studies.validate import Validation, finished_fractions
 
 if TYPE_CHECKING:
@@ -53,6 +55,8 @@ MIN_SHARED = 4
 MAX_POINTS = 2
 # plots of a comparison: of the quantities with the largest error / tolerance
 MAX_PLOTS = 4
+# options of a picture without a ghost
+NO_GHOST: Mapping[str, Any] = {}
 # fraction of a difference from which a single component is not drawn: it is the whole difference
 ONE_SHARE = 0.99
 
@@ -144,10 +148,15 @@ def _drawn(draw: Callable[[], Drawing], notes: list[str]) -> Drawing | None:
         return None
 
 
-def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes | None:
-    """Return a picture of the clearest pose as WebP; None where it cannot be drawn, and a note says why."""
+def _picture(
+    solver: KinematicSolver, motion: Motion, notes: list[str], ghost: Mapping[str, Any] = NO_GHOST
+) -> bytes | None:
+    """Return a picture as WebP, of the clearest pose unless the options of a ghost name another one.
+
+    Where it cannot be drawn, the result is None and a note says why.
+    """
     look = Look(size=RESOLUTION, **drawn_as(solver))
-    return _drawn(lambda: _webp(still(solver.mechanism, motion, look, paths="whole")), notes)
+    return _drawn(lambda: _webp(still(solver.mechanism, motion, look, paths="whole", **ghost)), notes)
 
 
 def _write_view(folder: Path, name: str, case: Validation) -> str:
@@ -258,12 +267,15 @@ def _settings(case: Validation) -> dict[str, Any]:
     }
 
 
-def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str, Any]) -> list[str]:
+def write_agreement_report(
+    folder: Path, agreement: Agreement, designs: DesignFamily, results: dict[str, Any]
+) -> list[str]:
     """Write a page into a folder: the model, the curves, their difference, where it comes from.
 
     Args:
         folder: made if it is not there.
         agreement: result of the comparison.
+        designs: the parametric model that was compared.
         results: as `mechsim validate --json` prints them.
 
     Returns:
@@ -283,7 +295,7 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
         title=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
         facts=rows | error_of_a_run(agreement),
-        picture=_picture(agreement.solver, agreement.evaluation.motion, notes),
+        picture=_picture(agreement.solver, agreement.evaluation.motion, notes, _ghost(agreement, designs)),
         plots=[
             (f"{curves.name}: exact and claimed", _drawn_plot(agreement_plot(curves)))
             for curves in worst_first(agreement)[:MAX_PLOTS]
@@ -297,6 +309,28 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
         }
     write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes)
     return notes
+
+
+def _ghost(agreement: Agreement, designs: DesignFamily) -> dict[str, Any]:
+    """Return the options of a picture with the motion of the wrong dimension that explains a difference.
+
+    It is shown where the difference is the largest; nothing where another cause explains it.
+    """
+    evaluation, cause = agreement.evaluation, next(iter(agreement.findings), None)
+    families = (designs, placed_designs(agreement.solver))
+    family = next((f for f in families if cause and cause.object in f.dimensions), None)
+    if cause is None or family is None:
+        return {}
+    try:
+        wrong = with_changed(evaluation, family, cause.object, cause.value).motion
+    except MechsimError:
+        return {}
+    worst = max(agreement.checks, key=lambda check: check.severity)
+    return {
+        "exact": replace(wrong, source=Path(agreement.source).name),
+        "angle": worst.instant if worst.at_unit == "rad" else None,
+        "caption": cause.message.partition(" (")[0],
+    }
 
 
 def worst_first(agreement: Agreement) -> list[TwoCurves]:

@@ -49,7 +49,7 @@ def test_a_position_error_is_measured_and_magnified(linkage, motion):
     np.testing.assert_allclose(result["rocker"][0], np.tile(-displacement, (25, 1)), atol=1e-15)
     assert np.abs(result["crank"][0]).max() == 0.0
     by = ghost.factor(linkage.mechanism, result)
-    assert np.log10(by) == pytest.approx(round(np.log10(by)))
+    assert f"{by:e}".partition("e")[0] in ("1.000000", "2.000000", "5.000000")
     assert (
         0.1 * ghost.MAX_GHOST_DISTANCE * span(linkage.mechanism)
         < 2e-9 * by

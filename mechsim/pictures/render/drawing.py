@@ -31,12 +31,14 @@ from mechsim.pictures.render.frame_poses import (
 )
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
-from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil
+from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil, put_arrow
 from mechsim.shapes.body import point_colours
 from mechsim.shapes.camera import clearest_pose
 from mechsim.shapes.shape import STEEL
 
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+# colour of the arrows from points to those of a ghost
+ERROR = (0.75, 0.05, 0.05, 1.0)
 # colour of the mark of a loop closure
 CLOSURE = np.array([0.85, 0.11, 0.60, 1.0], dtype=np.float32)
 
@@ -70,18 +72,33 @@ class Trace:
         for name in now.starts.keys() & {*self.drawn.look.closures}:
             for shown in every:
                 self._put_mark(scene, now.starts[name][shown])
-        nearer = BEFORE * self.drawn.radius * self.drawn.camera.back
-        for arrows in self.drawn.arrows:
-            starts = {name: path[frame] + nearer for name, path in now.starts.items()}
-            arrows.put(scene, starts, frame, 0.45 * self.drawn.radius)
+        self._put_arrows(scene, frame)
         for ends in self.drawn.look.springs:
             for copy, shown in enumerate(every):
                 a, b = (now.position(link, point, shown) for link, point in ends)
                 colour = faded(STEEL, (copy + 1) / len(every))
                 coil(a, b, 2.0 * self.drawn.radius, 1.5 * self.width, colour).put(scene)
+        if trace in ("grow", "tail"):
+            self._put_passed(scene, frame, trace == "tail")
+
+    def _put_arrows(self, scene: mujoco.MjvScene, frame: int) -> None:
+        """Add the arrows of a frame, and those from tracked points to the same points of a ghost."""
+        drawn = self.drawn
+        nearer = BEFORE * drawn.radius * drawn.camera.back
+        starts = {name: path[frame] + nearer for name, path in drawn.frames.starts.items()}
+        for arrows in drawn.arrows:
+            arrows.put(scene, starts, frame, 0.45 * drawn.radius)
+        for name, (link, point) in drawn.mechanism.points.items() if drawn.ghost else ():
+            if drawn.ghost and link in drawn.ghost.poses:
+                tip = drawn.ghost.poses[link].select(frame).point(point) + nearer
+                put_arrow(scene, starts[name], tip - starts[name], 0.6 * drawn.radius, ERROR)
+
+    def _put_passed(self, scene: mujoco.MjvScene, frame: int, tail: bool) -> None:
+        """Add the paths that the tracked points have passed, or only the last quarter of a turn."""
+        now = self.drawn.frames
         last = int(now.passed[frame]) - 1
-        for name, path in self.paths.items() if trace in ("grow", "tail") else ():
-            first = last - len(path) // 4 if trace == "tail" else 0
+        for name, path in self.paths.items():
+            first = last - len(path) // 4 if tail else 0
             if now.closed and first < 0:
                 path.put(scene, len(path) + first)
             path.put(scene, max(0, first), last)

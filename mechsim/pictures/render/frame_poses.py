@@ -14,9 +14,10 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes.body import span
+from mechsim.shapes.camera import nice
 
 # largest displacement of the ghost, relative to the mechanism's size, and its largest rotation in [rad]
-MAX_GHOST_DISTANCE, MAX_GHOST_ANGLE = 0.06, 0.25
+MAX_GHOST_DISTANCE, MAX_GHOST_ANGLE = 0.15, 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,8 @@ class Ghost:
         """Text about the ghost in a picture."""
         exponent = int(np.floor(np.log10(self.by) + 1e-9))
         lead, power = self.by / 10.0**exponent, power_of_ten(exponent)
-        return f"{self.source} dark, error × {power if round(lead, 6) == 1.0 else f'{self.by:.3g}'}"  # noqa: RUF001
+        large = power if round(lead, 6) == 1.0 else f"{lead:.3g}·{power}"
+        return f"ghost: {self.source}, error × {large if exponent > 3 else f'{self.by:.3g}'}"  # noqa: RUF001
 
 
 def errors(
@@ -72,13 +74,13 @@ def errors(
 
 
 def factor(mechanism: Mechanism, deviations: Mapping[str, tuple[Array, Array]]) -> float:
-    """Return the power of ten that makes errors visible and keeps the ghost in the picture."""
+    """Return the round factor that makes errors visible and keeps the ghost in the picture."""
     shift = max(float(np.abs(shift).max()) for shift, _ in deviations.values()) / (
         MAX_GHOST_DISTANCE * span(mechanism)
     )
     rotation = max(float(np.abs(rotation).max()) for _, rotation in deviations.values()) / MAX_GHOST_ANGLE
     worst = max(shift, rotation)
-    return 1.0 if not worst > 0.0 else float(10.0 ** np.floor(-np.log10(worst)))
+    return 1.0 if not worst > 0.0 else nice(1.0 / worst)
 
 
 def magnified(

@@ -44,7 +44,7 @@ class Look:
         arrows: what arrows show: "velocity" and "acceleration" of tracked points, "force" and "moment"
             where they were given.
         magnify: factor on the error between a run and the ghost of the closed form; None takes the
-            power of ten that makes it plain to see.
+            round number, 1, 2 or 5 times a power of ten, that makes it plain to see.
         caption: a line at the bottom of the picture.
         bodies: link -> its body from a user's file; None draws bodies from the joints.
         closures: joints that close the loops of a user's file, which are marked.

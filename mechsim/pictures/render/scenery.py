@@ -78,23 +78,21 @@ class Arrows:
     def put(self, scene: mujoco.MjvScene, starts: Mapping[str, Array], frame: int, width: float) -> None:
         """Add the arrows of a frame to a scene, from their starts, as far as it has room."""
         for name, vectors in self.vectors.items():
-            arrow = self.scale * vectors[frame]
-            # arrows shorter than their thickness are left out
-            if float(np.linalg.norm(arrow)) < 2.0 * width:
-                continue
+            arrow, colour = self.scale * vectors[frame], COLOURS[self.kind]
             for share in (1.0, SECOND_HEAD) if self.kind == "moment" else (1.0,):
-                if scene.ngeom < scene.maxgeom:
-                    self._put(scene, starts[name], share * arrow, width)
+                put_arrow(scene, starts[name], share * arrow, width, colour)
 
-    def _put(self, scene: mujoco.MjvScene, start: Array, arrow: Array, width: float) -> None:
-        geom = scene.geoms[scene.ngeom]
-        rgba = np.array(COLOURS[self.kind], dtype=np.float32)
-        mujoco.mjv_initGeom(geom, ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-        # MuJoCo draws an arrow with half of the given length
-        mujoco.mjv_connector(geom, ARROW, width, start, start + 2.0 * arrow)
-        geom.specular, geom.emission = 0.1, 0.3
-        geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-        scene.ngeom += 1
+
+def put_arrow(scene: mujoco.MjvScene, start: Array, arrow: Array, width: float, rgba: Rgba) -> None:
+    """Add an arrow to a scene if it has room, and if the arrow is longer than twice its width."""
+    if float(np.linalg.norm(arrow)) < 2.0 * width or scene.ngeom >= scene.maxgeom:
+        return
+    geom, colour = scene.geoms[scene.ngeom], np.array(rgba, dtype=np.float32)
+    mujoco.mjv_initGeom(geom, ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+    # MuJoCo draws an arrow with half of the given length
+    mujoco.mjv_connector(geom, ARROW, width, start, start + 2.0 * arrow)
+    geom.specular, geom.emission, geom.category = 0.1, 0.3, DECOR
+    scene.ngeom += 1
 
 
 def arrows(kind: str, vectors: Mapping[str, Array], extent: float) -> Arrows:

@@ -159,16 +159,11 @@ def _first_order(hypothesis: Hypothesis) -> Values | None:
 
 def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: float) -> Hypothesis:
     evaluation, dimension = misfit.evaluation, designs.dimensions[name]
-    whole = misfit.length if dimension.unit == "m" else 1.0
-    scale = abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
+    scale = _scale(dimension, misfit.length)
 
     def predict(change: float) -> Values:
         _require_small(change)
-        before, solver = evaluation.solver, designs.make({name: dimension.value + scale * change})
-        solver = solver.with_change_point(before.change_point)
-        if not before.motion_laws.crank:
-            solver = solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
-        return misfit.predicted(_resolved(evaluation, solver))
+        return misfit.predicted(with_changed(evaluation, designs, name, change))
 
     def derivative() -> Values:
         motion = misfit.by_dimension(designs, name)
@@ -186,6 +181,28 @@ def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: flo
 
     kind = _kind(designs, dimension, evaluation.solver)
     return sized(kind, name, predict, text, STEP, tier=tier, derivative=derivative)
+
+
+def with_changed(
+    evaluation: EvaluationPoints, designs: DesignFamily, name: str, change: float
+) -> EvaluationPoints:
+    """Return evaluation points with one dimension changed by a fraction, as the value of a finding states it.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    before, dimension = evaluation.solver, designs.dimensions[name]
+    scale = _scale(dimension, before.mechanism.characteristic_length)
+    solver = designs.make({name: dimension.value + scale * change}).with_change_point(before.change_point)
+    if not before.motion_laws.crank:
+        solver = solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
+    return _resolved(evaluation, solver)
+
+
+def _scale(dimension: Dimension, length: float) -> float:
+    """Return what changes of a dimension are relative to: its value, or a mechanism's size if it is 0."""
+    whole = length if dimension.unit == "m" else 1.0
+    return abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
 
 
 def _require_small(change: float) -> None:
