@@ -12,6 +12,7 @@ from mechsim.model.link_poses import with_rods
 from mechsim.model.links import GROUND
 from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations, upright_end
 from mechsim.shapes.gears import draw_gears
@@ -187,6 +188,8 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
             canvas.carry()
 
 
+# turns and chords of a spring in a revolute joint
+SPIRAL_TURNS, SPIRAL_CHORDS = 2.5, 50
 # radius of the disc between slides, in rod radii
 DISC = 9.0
 DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
@@ -213,6 +216,7 @@ def link_shapes(
     mechanism: Mechanism,
     travel: Mapping[str, tuple[float, float]] | None = None,
     outward: Mapping[str, float] | None = None,
+    sprung: Sequence[str] = (),
 ) -> dict[str, list[Shape]]:
     """Return the shapes of every link, "ground" included.
 
@@ -222,6 +226,7 @@ def link_shapes(
             other sliding joints get rails long enough for any motion from the guess.
         outward: joint -> direction along its axis from which its shaft extends to a bearing, +1 or -1; see
             `free_sides`. The default is the side that is free in the guess.
+        sprung: revolute joints with a spring.
     """
     mechanism = with_rods(mechanism, {})[0]
     if outward is None:
@@ -234,6 +239,8 @@ def link_shapes(
     for joint in mechanism.joints:
         if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
+    for name in sprung:
+        draw_torsion_spring(canvas, mechanism.joint(name))
     draw_gears(canvas)
     if any(coupling.belt or coupling.rope for coupling in mechanism.couplings):
         from mechsim.shapes.belts import draw_belts, draw_ropes
@@ -294,6 +301,20 @@ def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
     for position in positions:
         if min(float(np.linalg.norm(position - joint)) for joint in joint_points) > 0.1 * canvas.r:
             canvas.add(link, "sphere", position + lift, position + lift, 1.5 * canvas.r, colour)
+
+
+def draw_torsion_spring(canvas: Canvas, joint: Joint) -> None:
+    """Draw a spiral over a joint, from its pin to the second link."""
+    end = joint.b if joint.b.link != GROUND else joint.a
+    upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+    heights = [canvas.height(link) for link in joint.links if link != GROUND]
+    axis, side = np.asarray(upright.axis), end.frame[:, 0]
+    angle = np.linspace(0.0, SPIRAL_TURNS * REVOLUTION, SPIRAL_CHORDS + 1)[:, None]
+    out = np.cos(angle) * side + np.sin(angle) * np.cross(axis, side)
+    radius = canvas.r * (1.0 + 4.0 * angle / angle[-1])
+    points = np.asarray(end.point) + (max(heights) + 1.6 * canvas.r) * axis + radius * out
+    for frm, to in pairwise(points):
+        canvas.add(end.link, "capsule", frm, to, 0.35 * canvas.r, STEEL)
 
 
 def spring_mounts(springs: Sequence[tuple[LinkPoint, LinkPoint]], radius: float) -> list[Shape]:

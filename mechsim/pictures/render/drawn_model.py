@@ -11,7 +11,7 @@ from typing import Any, TypedDict
 import mujoco
 import numpy as np
 
-from mechsim.model.forces import LinkPoint, spring_ends
+from mechsim.model.forces import LinkPoint, spring_ends, torsion_springs
 from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
@@ -58,18 +58,26 @@ class Drawn(TypedDict):
     closures: tuple[str, ...]
     angles: Angles | None
     springs: tuple[tuple[LinkPoint, LinkPoint], ...]
+    torsion_springs: tuple[str, ...]
 
 
 def drawn_as(solver: Any) -> Drawn:
     """Return the look of a model: its springs, and for MJCF its bodies, closures and camera."""
-    read, springs = solver.source, spring_ends(solver.mechanism, solver.forces)
+    read, drawn = solver.source, (solver.mechanism, solver.forces)
+    plain: Drawn = {
+        "bodies": None,
+        "closures": (),
+        "angles": None,
+        "springs": spring_ends(*drawn),
+        "torsion_springs": torsion_springs(*drawn),
+    }
     bodies = file_bodies(read) if isinstance(read, MjcfModel) else None
     if bodies is None or not isinstance(read, MjcfModel):
-        return {"bodies": None, "closures": (), "angles": None, "springs": springs}
+        return plain
     tree, view = {joint.name for joint in read.spec.joints}, read.spec.visual.global_
     closures = tuple(joint.name for joint in read.mechanism.joints if joint.name not in tree)
     angles = float(view.azimuth), float(view.elevation)
-    return {"bodies": bodies, "closures": closures, "angles": angles, "springs": springs}
+    return {**plain, "bodies": bodies, "closures": closures, "angles": angles}
 
 
 def without_geoms(solver: Any, bodies: Mapping[str, Sequence[Shape]] | None) -> list[str]:
@@ -311,7 +319,8 @@ class DrawnModel:
         links = [GROUND, *self.links]
         if self.look.bodies:
             return {link: list(self.look.bodies.get(link, ())) for link in links}
-        shapes = link_shapes(self.mechanism, travels(self.mechanism, self.frames.poses), self._free_sides())
+        travel, sprung = travels(self.mechanism, self.frames.poses), self.look.torsion_springs
+        shapes = link_shapes(self.mechanism, travel, self._free_sides(), sprung)
         shapes[GROUND] += spring_mounts(self.look.springs, 1.2 * self.radius)
         return shapes
 

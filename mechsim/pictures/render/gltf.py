@@ -56,7 +56,8 @@ def write_gltf(
     """
     look = look or Look()
     poses = frame_poses(mechanism, motion, every=every).poses
-    bodies = look.bodies or link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
+    travel, sides = travels(mechanism, poses), free_sides(mechanism, poses)
+    bodies = look.bodies or link_shapes(mechanism, travel, sides, look.torsion_springs)
     file = _File()
     stated = look.up or mechanism.up
     up = unit_vector(stated) if stated else upright(mechanism)

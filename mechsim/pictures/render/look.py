@@ -50,6 +50,7 @@ class Look:
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
         springs: the ends of springs, each as a link and a point in its frame in [m].
+        torsion_springs: revolute joints with a spring.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
@@ -70,6 +71,7 @@ class Look:
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
     springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
+    torsion_springs: tuple[str, ...] = ()
     up: Up | None = option(
         None,
         "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",

@@ -76,7 +76,8 @@ def _data(view: View) -> dict[str, Any]:
     if view.bodies:
         shapes = {link: list(view.bodies.get(link, ())) for link in poses}
     else:
-        shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
+        travel, sides = travels(mechanism, poses), free_sides(mechanism, poses)
+        shapes = link_shapes(mechanism, travel, sides, view.torsion_springs)
         shapes[GROUND] += spring_mounts(view.springs, 1.2 * rod_radius(mechanism))
     radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)

@@ -150,6 +150,7 @@ class View:
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
         springs: the ends of springs, each as a link and a point in its frame in [m].
+        torsion_springs: revolute joints with a spring.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
             only.
@@ -163,6 +164,7 @@ class View:
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
     springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
+    torsion_springs: tuple[str, ...] = ()
     up: Up | None = None
     live: LivePage | None = None
 
