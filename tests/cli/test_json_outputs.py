@@ -49,7 +49,7 @@ compile slider_crank -o {folder}/solver.fmu
 """.strip().splitlines()
 SLOW = [
     "dynamics statics four_bar --initial crank.q=30deg --method none",
-    "certify elliptic_trammel --angles 80:100deg",
+    "certify reference/mechanisms/elliptic_trammel.toml --angles 80:100deg",
     "trace four_bar --set crank=90mm",
     "export slider_crank --style menagerie -o {folder}/servo.xml",
     "tradeoff slider_crank --budget 3s",

@@ -5,7 +5,7 @@ import pytest
 from valid_scene import changed
 
 from mechsim import files
-from mechsim.subjects import gallery
+from mechsim.subjects import reference_data
 
 SWINGS = ("four_bar", "--set", "crank=90mm", "--starts", "20")
 FLAT = ("four_bar", "--set", "crank=50mm", "--set", "rocker=50mm", "--set", "coupler=100mm")
@@ -55,7 +55,9 @@ def test_json_numbers_components_from_one_and_lists_branch_points(trace):
 
 @pytest.mark.long
 def test_a_user_defined_mechanism_is_traced(trace):
-    code, out, err = trace(str(gallery.files()["elliptic_trammel"]), "--starts", "10")
+    code, out, err = trace(
+        str(reference_data.folder() / "mechanisms/elliptic_trammel.toml"), "--starts", "10"
+    )
     assert code == 0, err
     assert out.count("assemblies meet at crank ") == 2
 

@@ -120,8 +120,10 @@ def test_change_points_and_dead_centres_are_enclosed():
             assert abs(point.parameter - angle) <= point.width + 4e-15
             assert point.width < 1e-9
 
-    enclosed("change point", [np.pi / 2], "elliptic_trammel", angles="80:100deg")
-    assert ms.certify("elliptic_trammel", "0:80deg").certified
+    # with one slide the assemblies meet where the crank is perpendicular to it; the other slide avoids that
+    one_slide = str(reference_data.folder() / "mechanisms/elliptic_trammel.toml")
+    enclosed("change point", [np.pi / 2], one_slide, angles="80:100deg")
+    assert ms.certify(one_slide, "0:80deg").certified
     # ground and crank span coupler plus rocker, in a triangle of known sides
     four_bar = ms.catalog.make("four_bar", crank=0.09)
     ground, crank = four_bar.ground, four_bar.crank

@@ -8,6 +8,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import derivative_table
+from mechsim.subjects import reference_data
 from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 4.1])
@@ -75,7 +76,7 @@ def test_instants_of_a_swinging_crank_lie_between_its_dead_centres():
 
 
 def test_instants_avoid_change_points():
-    designs = parametric_model("elliptic_trammel")
+    designs = parametric_model(str(reference_data.folder() / "mechanisms/elliptic_trammel.toml"))
     instants = spread_instants(designs.make({}))
     assert len(instants) == 71
     assert np.abs(np.cos(instants)).min() > 1e-3
