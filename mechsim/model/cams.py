@@ -86,14 +86,15 @@ class SegmentedLaw:
         """Return the lift and its first two derivatives at angles (n,) in [rad]."""
         ends, levels = np.array(self.ends), np.array(self.levels)
         q = q - REVOLUTION * np.floor((np.real(q) - np.real(ends[0])) / REVOLUTION)
-        segment = np.clip(np.searchsorted(np.real(ends), np.real(q), "right") - 1, 0, len(self.kinds) - 1)
+        # not below the first end, by the line above
+        segment = np.searchsorted(np.real(ends[1:-1]), np.real(q), "right")
         width = (ends[1:] - ends[:-1])[segment]
         u = Jet((q - ends[segment]) / width, 1.0 / width, 0.0 * width)
-        results = [LAWS[kind](u) for kind in self.kinds]
-        chosen = [segment == i for i in range(len(self.kinds))]
-        unit = (
-            np.select(chosen, [getattr(r, name) for r in results]) for name in ("value", "rate", "second")
-        )
+        unit = np.empty((3, *q.shape), u.value.dtype)
+        for i in {*segment.tolist()}:
+            within = segment == i
+            law = LAWS[self.kinds[i]](Jet(u.value[within], u.rate[within], u.second[within]))
+            unit[:, within] = law.value, law.rate, law.second
         lift = (levels[1:] - levels[:-1])[segment]
         value, rate, second = (lift * entry for entry in unit)
         return levels[segment] + value, rate, second

@@ -42,7 +42,6 @@ from mechsim.simulation.settings import Settings
 from mechsim.simulation.state import SCALAR, is_disabled
 from mechsim.simulation.stepping import (
     SAMPLES,
-    NotSteppedError,
     Progress,
     Steps,
     functions_in_loops,
@@ -176,6 +175,10 @@ MAX_DRIVE_ERROR = np.pi
 MIN_CONDITIONING = 1e-7
 
 
+# steps a revolution are a multiple of this where a cam is stepped
+DEGREES = 360.0
+
+
 @dataclass(frozen=True, slots=True)
 class DrivenRun:
     """A closed model and the crank motion of its run.
@@ -285,12 +288,6 @@ class DrivenRun:
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = replace(self.closed.loops, model=copy.copy(self.closed.model))
-        # a step evaluates them five times in Python, in 1 ms to 3 ms
-        if self.budget is not None and (functions := functions_in_loops(loops)):
-            raise NotSteppedError(
-                f"coupling {functions[0]!r} is a function between coordinates that move with a loop, whose "
-                "steps are slow; take simulate --method step"
-            )
         total, every = self._counts(settings)
         steps = step(loops, settings, self.profile, self.start, total, every, progress=self._report_progress)
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
@@ -309,6 +306,15 @@ class DrivenRun:
             what = f"a motion of {self.profile.turns:g} turns with the given time step"
         require_steps(what, self.total or steps, "take fewer turns or a shorter duration, or longer steps")
         total = self.total or interval_count(self.profile, settings.steps_per_turn)
+        degrees = DEGREES * self.profile.turns
+        if (
+            self.total is None
+            and self.profile.steady
+            and degrees.is_integer()
+            and functions_in_loops(self.closed.loops)
+        ):
+            # laws of cams change at whole degrees, mostly: the order is the fourth if a step ends there
+            total = int(np.ceil(total / degrees) * degrees)
         interval = record_interval(self.profile, total, self.samples)
         return (total if self.samples is None else interval * self.samples), interval
 

@@ -155,6 +155,15 @@ def test_a_driven_cam_is_stepped_with_the_fourth_order():
     assert errors[0] / errors[1] > 10.0
 
 
+@pytest.mark.long
+def test_validation_steps_a_cam_from_one_whole_degree_to_the_next():
+    case = ms.validate("needle_drive")
+    assert case.passed
+    assert case.run.method == "step"
+    # the segments of its law end at 130, 180 and 330 deg: within a step they would reduce the order
+    assert case.run.steps % 360 == 0
+
+
 def test_forces_of_a_stepped_cam_are_rejected():
     with pytest.raises(InputError, match="no forces in steps along drivers; take --method pose"):
         driven(ms.load("cam_follower").mechanism, Forces(), speed=5.0, turns=1, method="step")
