@@ -36,6 +36,11 @@ class Contact:
         """What link b touches: "cam" or "curve"."""
         return "cam" if isinstance(self.shape, Cam) else "curve"
 
+    @property
+    def roller_radius(self) -> float:
+        """The radius of the roller of link b, in [m]; 0 for a point."""
+        return self.shape.radius if isinstance(self.shape, Cam) else abs(self.shape.offset)
+
     def normals(self, values: Array) -> Array:
         """Return unit normals towards link b at values of the coordinate, (n, 3); of a curve to the left."""
         zero = 0.0 * values

@@ -295,7 +295,9 @@ def write_agreement_report(
         title=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
         facts=rows | error_of_a_run(agreement),
-        picture=_picture(agreement.solver, agreement.evaluation.motion, notes, _ghost(agreement, designs)),
+        picture=_picture(
+            agreement.solver, agreement.evaluation.motion, notes, ghost_of_cause(agreement, designs)
+        ),
         plots=[
             (f"{curves.name}: exact and claimed", _drawn_plot(agreement_plot(curves)))
             for curves in worst_first(agreement)[:MAX_PLOTS]
@@ -311,18 +313,18 @@ def write_agreement_report(
     return notes
 
 
-def _ghost(agreement: Agreement, designs: DesignFamily) -> dict[str, Any]:
+def ghost_of_cause(agreement: Agreement, designs: DesignFamily) -> dict[str, Any]:
     """Return the options of a picture with the motion of the wrong dimension that explains a difference.
 
     It is shown where the difference is the largest; nothing where another cause explains it.
     """
     evaluation, cause = agreement.evaluation, next(iter(agreement.findings), None)
-    families = (designs, placed_designs(agreement.solver))
-    family = next((f for f in families if cause and cause.object in f.dimensions), None)
-    if cause is None or family is None:
+    described = (designs, placed_designs(agreement.solver))
+    varied = next((d for d in described if cause and cause.object in d.dimensions), None)
+    if cause is None or varied is None:
         return {}
     try:
-        wrong = with_changed(evaluation, family, cause.object, cause.value).motion
+        wrong = with_changed(evaluation, varied, cause.object, cause.value).motion
     except MechsimError:
         return {}
     worst = max(agreement.checks, key=lambda check: check.severity)

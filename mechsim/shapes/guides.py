@@ -43,7 +43,7 @@ def draw_contacts(canvas: Canvas) -> None:
         for frm, to in pairwise(points):
             canvas.add(contact.carrier, "capsule", frm, to, 0.6 * canvas.r, colour)
         end = canvas.mechanism.joint(contact.force_joint).b
-        radius = contact.shape.radius if isinstance(contact.shape, Cam) else abs(contact.shape.offset)
+        radius = contact.roller_radius
         if radius and end.link != GROUND:
             upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
             height = canvas.level(contact.carrier) if canvas.normals else 0.0

@@ -11,7 +11,8 @@ from grids import grid
 
 from mechsim import catalog, load_profile
 from mechsim.errors import InputError, OutputError
-from mechsim.model.forces import Forces
+from mechsim.model.belts import belts_of
+from mechsim.model.forces import Forces, spring_ends
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
@@ -252,6 +253,29 @@ def test_a_schematic_shows_the_legs_of_a_platform():
         # it ends at a joint of the plate, farther than a symbol is wide
         assert min(np.hypot(*(legs[0][1] - symbol)) for symbol in symbols) < 1e-12
         assert np.hypot(*(legs[0][1] - foot)) > 0.05
+
+
+def test_a_schematic_shows_profiles_rollers_belts_and_springs():
+    cam = load("cam_follower")
+    figure = plots.schematic_plot(cam.mechanism, cam.solve(np.linspace(0.0, 6.0, 20)))
+    profile, roller = (line for line in lines_of(figure) if len(line) > 60)
+    radius = 0.5 * float(np.ptp(roller[:, 0]))
+    # the roller touches the profile
+    gaps = np.linalg.norm(profile - 0.5 * (roller.min(0) + roller.max(0)), axis=1)
+    assert gaps.min() == pytest.approx(radius, rel=0.02)
+    belt = load("belt_drive")
+    figure = plots.schematic_plot(belt.mechanism, belt.solve(np.linspace(0.0, 6.0, 20)))
+    strand, *pulleys = (line for line in lines_of(figure) if len(line) > 60)
+    paths = list(belts_of(belt.mechanism))
+    length = np.linalg.norm(np.diff(strand, axis=0), axis=1).sum()
+    assert length == pytest.approx(paths[0].length, rel=1e-3)
+    assert 1 + len(pulleys) == sum(1 + len(path.radii) for path in paths)
+    suspension = load("bicycle_suspension")
+    ends = spring_ends(suspension.mechanism, suspension.forces)
+    figure = plots.schematic_plot(suspension.mechanism, suspension.solve([0.0, 0.1]), ends)
+    (zigzag,) = (line for line in lines_of(figure) if len(line) == 12)
+    names = {text.get_text(): text.xy for text in figure.axes[0].texts}
+    np.testing.assert_allclose(sorted(zigzag[[0, -1]].tolist()), sorted([names["shock"], names["frame"]]))
 
 
 def test_a_schematic_is_not_mirrored():

@@ -2,12 +2,18 @@
 
 import json
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mechsim import validate
 from mechsim.cli import main
 from mechsim.pictures.render import gl_backend
 from mechsim.report import validation
+from mechsim.subjects.readers import parametric_model
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def validated(monkeypatch, tmp_path, capsys, *arguments):
@@ -59,3 +65,20 @@ def test_without_opengl_a_report_notes_the_missing_package(monkeypatch, tmp_path
     page = (tmp_path / "out" / "index.html").read_text()
     assert 0 < page.index(' href="four_bar.view.html"') < page.index(' href="slider_crank.view.html"')
     assert not list((tmp_path / "out").glob("*.mp4"))
+
+
+def test_the_ghost_of_a_failed_page_is_the_motion_of_the_wrong_formula(monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import gripper_kinematics
+
+    designs = parametric_model("parallel_gripper")
+    wrong = validate("parallel_gripper", against=gripper_kinematics.short_arm, stepped=False)
+    shown = validation.ghost_of_cause(wrong, designs)
+    claimed = gripper_kinematics.short_arm(shown["exact"].angle)
+    for name, positions in claimed.items():
+        assert np.abs(shown["exact"].points[name].position - positions).max() < 1e-9
+    assert shown["caption"] == "arm is 0.056 m instead of 0.057 m"
+    # the error is the largest where the gripper is closed
+    assert shown["angle"] == shown["exact"].angle.max()
+    right = validate("parallel_gripper", against=gripper_kinematics.pads, stepped=False)
+    assert validation.ghost_of_cause(right, designs) == {}

@@ -1,11 +1,16 @@
 """Curves and cams are drawn where they are."""
 
+from pathlib import Path
+
 import numpy as np
 from model_files import model_text
 
 import mechsim as ms
+from mechsim.model.forces import spring_ends, torsion_springs
 from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.shape import STEEL
 
+ELEMENTS = Path(__file__).parents[2] / "docs/elements"
 MODEL = model_text("guides_model.toml")
 
 
@@ -61,3 +66,27 @@ def test_a_polygon_is_drawn_in_the_order_of_its_corners():
     drawn = np.array([shape.frm[:2] for shape in bars[: len(corners)]])
     assert np.abs(drawn - np.array(corners)[:, :2]).max() < 1e-15
     assert np.abs(np.array(bars[15].to[:2]) - corners[0][:2]).max() < 1e-15
+
+
+def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):
+    pivot = ms.load(str(ELEMENTS / "torsion_spring.toml"), still=True)
+    assert torsion_springs(pivot.mechanism, pivot.forces) == ("hip",)
+    spiral = [
+        shape
+        for shape in link_shapes(pivot.mechanism, sprung=("hip",))["arm"]
+        if shape.kind == "capsule" and shape.rgba == STEEL
+    ]
+    radii = [float(np.hypot(*shape.to[:2])) for shape in spiral]
+    assert len(radii) == 50
+    assert (np.diff(radii) > 0.0).all()
+    text = (ELEMENTS / "damper.toml").read_text().partition("[forces")[0]
+    (tmp_path / "slide.toml").write_text(
+        f"{text}[forces]\njoint_springs.slide = {{stiffness = 400, rest = 0.1}}\n"
+    )
+    slide = ms.load(str(tmp_path / "slide.toml"), still=True)
+    assert torsion_springs(slide.mechanism, slide.forces) == ()
+    ((a, start), (b, end)) = spring_ends(slide.mechanism, slide.forces)[0]
+    assert (a, b) == ("ground", "block")
+    # unloaded, the block is half of the mechanism's size from the other end
+    length = slide.mechanism.characteristic_length
+    assert np.abs(np.add(end, [0.0, 0.1, 0.0]) - start - [0.0, 0.5 * length, 0.0]).max() < 1e-15

@@ -1,12 +1,15 @@
 """Paths of points, assemblies and kinematic diagrams."""
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechsim.model.belts import belts_of
+from mechsim.model.forces import LinkPoint
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
+from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import hinged_normals, moved_links
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
@@ -26,6 +29,8 @@ from mechsim.pictures.plots.figure import (
 from mechsim.shapes.body import edges, point_colours, span, stations, travels
 from mechsim.shapes.camera import clearest_pose, directions, nice
 from mechsim.shapes.gears import racks_of, wheels_of
+from mechsim.shapes.guides import CHORDS, contact_points, hidden_links
+from mechsim.shapes.shape import vector
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,15 +40,21 @@ if TYPE_CHECKING:
 PAPER, SHADE = "#ffffff", "#dfe3e9"
 # sizes of symbols, relative to the span of the mechanism
 RADIUS, BLOCK, FOOT = 0.018, 0.045, 0.05
+# keeps names readable over lines
+BEHIND_NAMES: dict[str, Any] = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5}
+# corners of the zigzag of a spring
+ZIGZAGS = 8
 
 
 @styled()
-def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
-    """Draw a mechanism as a kinematic diagram in a clear pose, with a scale bar.
+def schematic_plot(
+    mechanism: Mechanism, motion: Motion, springs: Sequence[tuple[LinkPoint, LinkPoint]] = ()
+) -> "Figure":
+    """Draw a mechanism as a kinematic diagram in a clear pose, with a scale bar (symbols of ISO 3952).
 
     Revolute joints are circles, on the ground with a hatched foot; sliding joints are blocks on a line;
-    spherical and universal joints are filled circles; gears are pitch circles, racks pitch lines. Points and
-    joints on the ground bear their names.
+    spherical and universal joints are filled circles; gears are pitch circles, racks pitch lines; cams have
+    their profiles, belts their strands; springs are zigzags. Points and joints on the ground have names.
     """
     poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
     back, up = directions(mechanism, "iso")
@@ -54,12 +65,23 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
     shown = {link: pose if pose.position.ndim == 1 else pose.select(frame) for link, pose in poses.items()}
     figure, axes = blank(1, 1, (4.8, 3.6))
     ax, length_scale = axes[0, 0], span(mechanism)
+    hidden = hidden_links(mechanism)
     for link in mechanism.links:
-        _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
+        if link.polygon:
+            corners = np.array([shown[link.name].point(vector(corner)) @ view for corner in link.outline])
+            ax.fill(*corners.T, facecolor=SHADE, edgecolor=INK, lw=1.8, zorder=1)
+        elif link.name not in hidden:
+            _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
     sliding = travels(mechanism, poses)
-    for line in [*_pitch_lines(mechanism, shown), *_legs(mechanism, shown)]:
+    joints = [joint for joint in mechanism.joints if not hidden.intersection(joint.links)]
+    for line in [*_pitch_lines(mechanism, shown), *_profiles(mechanism, shown), *_legs(joints, shown)]:
         ax.plot(*(line @ view).T, color=INK, lw=0.9 if len(line) > 2 else 1.8, zorder=2)
-    for joint in mechanism.joints:
+    # a profile can be larger than all links
+    length_scale = max(length_scale, 0.4 * float(ax.dataLim.size.max()))
+    for ends in springs:
+        a, b = (shown[link].point(point) @ view for link, point in ends)
+        ax.plot(*_zigzag(a, b, 0.6 * BLOCK * length_scale).T, color=INK, lw=1.0, zorder=2)
+    for joint in joints:
         _draw_joint(ax, joint, shown, view, sliding, length_scale)
     names = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
     grounded = {name: joint.a.point for name, joint in _ground_pivots(mechanism).items()}
@@ -68,8 +90,10 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
     for name, point in names.items():
         right, above = point[0] >= middle[0], name in grounded or point[1] >= middle[1]
         offset = (7.0 if right else -7.0, 7.0 if above else -7.0)
-        aligned = {"ha": "left" if right else "right", "va": "center"}
-        ax.annotate(label_of(name), tuple(point), offset, textcoords="offset points", **aligned)
+        aligned = {"ha": "left" if right else "right", "va": "center", "zorder": 5}
+        ax.annotate(
+            label_of(name), tuple(point), offset, textcoords="offset points", bbox=BEHIND_NAMES, **aligned
+        )
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1)
     ax.set_axis_off()
@@ -84,7 +108,12 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
 
 
 def _ground_pivots(mechanism: Mechanism) -> dict[str, Joint]:
-    return {j.name: j for j in mechanism.joints if j.a.link == GROUND and KINDS[j.kind].pivot}
+    hidden = hidden_links(mechanism)
+    return {
+        j.name: j
+        for j in mechanism.joints
+        if j.a.link == GROUND and KINDS[j.kind].pivot and j.b.link not in hidden
+    }
 
 
 def _pitch_lines(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array]:
@@ -100,10 +129,8 @@ def _pitch_lines(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Ar
         meet = np.asarray(pinion.a.point) + radius * out
         yield _placed(poses[pinion.a.link], meet + np.linspace(-3.0, 3.0, 3)[:, None] * radius * along)
         circles.append((pinion.b, radius, 0.0))
-    angle = np.linspace(0.0, REVOLUTION, 73)
     for end, radius, height in circles:
-        ring = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, height)])
-        yield _placed(poses[end.link], np.asarray(end.point) + ring @ end.frame.T)
+        yield _placed(poses[end.link], _circle(end, radius, height))
 
 
 def _placed(pose: Pose, points: Array) -> Array:
@@ -111,9 +138,39 @@ def _placed(pose: Pose, points: Array) -> Array:
     return pose.position + points @ pose.rotation.T
 
 
-def _legs(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array]:
+def _profiles(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array]:
+    """Yield the profiles of cams and curves with their rollers, and belts with their pulleys, (n, 3)."""
+    for name, contact in mechanism.contacts.items():
+        yield _placed(poses[contact.carrier], contact_points(mechanism.joint(name).a, contact, CHORDS))
+        roller = mechanism.joint(contact.force_joint).b
+        yield _placed(poses[roller.link], _circle(roller, contact.roller_radius))
+    for belt in belts_of(mechanism):
+        end, plane = belt.carrier, belt.carrier.frame[:, :2]
+        strands = np.concatenate([*belt.points(REVOLUTION / CHORDS)])
+        yield _placed(poses[end.link], end.point + np.vstack([strands, strands[:1]]) @ plane.T)
+        for centre, radius in zip(belt.centres, np.abs(belt.radii), strict=True):
+            pulley = replace(end, point=vector(end.point, plane @ centre))
+            yield _placed(poses[end.link], _circle(pulley, radius))
+
+
+def _circle(end: End, radius: float, height: float = 0.0) -> Array:
+    """Return a circle about the axis of a joint end, (n, 3) in the frame of its link."""
+    angle = np.linspace(0.0, REVOLUTION, 73)
+    ring = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, height)])
+    return np.asarray(end.point) + ring @ end.frame.T
+
+
+def _zigzag(a: Array, b: Array, half: float) -> Array:
+    """Return the zigzag of a spring between two points, (n, 2), with straight ends."""
+    share = np.array([0.0, 0.15, *np.linspace(0.2, 0.8, ZIGZAGS), 0.85, 1.0])
+    side = half * np.array([0.0, 0.0, *np.where(np.arange(ZIGZAGS) % 2, -1.0, 1.0), 0.0, 0.0])
+    along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-300)
+    return a + share[:, None] * (b - a) + side[:, None] * np.array([-along[1], along[0]])
+
+
+def _legs(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> Iterator[Array]:
     """Yield the lines of sliding joints between moving links, from point to point, (2, 3)."""
-    for joint in mechanism.joints:
+    for joint in joints:
         if KINDS[joint.kind].slides and GROUND not in (joint.a.link, joint.b.link):
             yield np.array([poses[end.link].point(end.point) for end in (joint.a, joint.b)])
 
