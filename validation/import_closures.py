@@ -17,6 +17,7 @@ GATES = {
     ("subjects.toml_reader", "subjects.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("subjects.scene_findings", "simulation.findings"): "a MODEL in MJCF",
+    ("simulation.stepping", "simulation.velocity_products"): "a driven cam",
     ("simulation.source", "simulation.mjcf_reader.reading"): "a MODEL in MJCF",
     ("subjects.mjcf_source", "subjects.requested_start"): "--start",
     ("subjects.prescription", "subjects.requested_start"): "--start",

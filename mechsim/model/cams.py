@@ -18,6 +18,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.coupling_functions import PlainFunction
+from mechsim.model.expressions import Instruction
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
@@ -98,6 +99,11 @@ class SegmentedLaw:
         lift = (levels[1:] - levels[:-1])[segment]
         value, rate, second = (lift * entry for entry in unit)
         return levels[segment] + value, rate, second
+
+    @property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """Its evaluation."""
+        return Instruction("variable", "q"), Instruction("segments", self, 1)
 
 
 LiftLaw = PlainFunction | SegmentedLaw

@@ -7,7 +7,7 @@
 /* in the order of `CODES` of compiled_expressions.py */
 enum {
     NUMBER, TIME, COORDINATE, RATE, NEGATIVE, SUM, DIFFERENCE, PRODUCT, QUOTIENT, POWER, SINE, COSINE, TANGENT,
-    ARCSINE, ARCCOSINE, ARCTANGENT, DIRECTION, ROOT, EXPONENTIAL, LOGARITHM, ABSOLUTE, LEAST_OF, LARGEST_OF, TABLE
+    ARCSINE, ARCCOSINE, ARCTANGENT, DIRECTION, ROOT, EXPONENTIAL, LOGARITHM, ABSOLUTE, LEAST_OF, LARGEST_OF, TABLE, SEGMENTS
 };
 /* the largest number of values on the stack: `MAX_VALUES` of compiled_expressions.py */
 #define MAX_VALUES 64
@@ -65,6 +65,35 @@ static Timed of_table(const double *table, Timed x, double *integral) {
     }
     if (integral) *integral = p[0];
     return timed(p[1] + table[3] * x.value, 2.0 * p[2] + table[3], 6.0 * p[3], x);
+}
+
+/* in the order of `LAWS` of cams.py */
+enum { DWELL, CYCLOIDAL, MODIFIED_SINE, POLYNOMIAL_345 };
+
+/* lift of a cam, repeated each revolution: `law` holds the number of segments, and of each the first angle, the width,
+   the level, the lift and its kind */
+static Timed of_segments(const double *law, Timed x) {
+    const double pi = acos(-1.0), *first = law + 1, *segment = first + 5 * ((int)law[0] - 1);
+    double at = x.value - 2.0 * pi * floor((x.value - first[0]) / (2.0 * pi)), value = 0.0, rate = 0.0, second = 0.0;
+    while (segment > first && at < segment[0]) segment -= 5;
+    double width = segment[1], u = (at - segment[0]) / width;
+    switch ((int)segment[4]) {
+    case CYCLOIDAL:
+        value = u - sin(2.0 * pi * u) / (2.0 * pi), rate = 1.0 - cos(2.0 * pi * u), second = 2.0 * pi * sin(2.0 * pi * u);
+        break;
+    case MODIFIED_SINE: {
+        int middle = u >= 0.125 && u <= 0.875;
+        double angle = middle ? pi / 3.0 + 4.0 * pi / 3.0 * u : 4.0 * pi * u, factor = middle ? 2.25 : 0.25;
+        value = pi * u - factor * sin(angle) + (middle ? 2.0 : u > 0.5 ? 4.0 : 0.0);
+        rate = pi - (middle ? 3.0 : 1.0) * pi * cos(angle), second = 4.0 * pi * pi * sin(angle);
+        value /= 4.0 + pi, rate /= 4.0 + pi, second /= 4.0 + pi;
+        break;
+    }
+    case POLYNOMIAL_345:
+        value = u * u * u * (10.0 - u * (15.0 - 6.0 * u)), rate = 30.0 * u * u * (1.0 - u) * (1.0 - u);
+        second = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u);
+    }
+    return timed(segment[2] + segment[3] * value, segment[3] * rate / width, segment[3] * second / (width * width), x);
 }
 
 static Timed of_one(int code, Timed x) {
@@ -155,6 +184,7 @@ static Timed evaluated(const Instruction *all, const double *tables, Expression 
         top -= one->index - 1;
         Timed result = stack[top - 1];
         if (one->code == TABLE) result = of_table(tables + (size_t)one->value, result, NULL);
+        else if (one->code == SEGMENTS) result = of_segments(tables + (size_t)one->value, result);
         else if (one->index == 1 && one->code != LEAST_OF && one->code != LARGEST_OF) result = of_one(one->code, result);
         for (int k = 1; k < one->index; k++) result = of_two(one->code, result, stack[top - 1 + k]);
         stack[top - 1] = result;

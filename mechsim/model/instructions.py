@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.model.actuators import Actuator, no_control
+from mechsim.model.cams import LAWS, SegmentedLaw
 from mechsim.model.expressions import Instruction, Table
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.motors import Controller
@@ -18,7 +19,7 @@ VARIABLES = ("number", "time", "coordinate", "rate")
 CODES = (
     *VARIABLES,
     *("Neg", "Add", "Sub", "Mult", "Div", "Pow", "sin", "cos", "tan", "asin", "acos", "atan", "atan2"),
-    *("sqrt", "exp", "log", "abs", "min", "max", "table"),
+    *("sqrt", "exp", "log", "abs", "min", "max", "table", "segments"),
 )
 # what a table has beyond its ends, in the order of `expressions.c`
 BEYOND = ("repeated", "undefined", "continued")
@@ -65,6 +66,13 @@ class Instructions:
         self.numbers += [*integral.x.tolist(), *integral.c.T.ravel().tolist()]
         return first
 
+    def add_segments(self, law: SegmentedLaw) -> int:
+        """Add the law of a cam, as `of_segments` of `expressions.c` reads it, and return where it lies."""
+        first, kinds = len(self.numbers), [[*LAWS].index(kind) for kind in law.kinds]
+        rows = zip(law.ends, np.diff(law.ends), law.levels, np.diff(law.levels), kinds, strict=False)
+        self.numbers += [float(len(kinds)), *(float(value) for row in rows for value in row)]
+        return first
+
     def add(
         self,
         instructions: Sequence[Instruction] | None,
@@ -94,6 +102,8 @@ class Instructions:
                 )
             elif instruction.name == "table":
                 kind, index, value = "table", 1, float(self.add_table(instruction.value))
+            elif instruction.name == "segments":
+                kind, index, value = "segments", 1, float(self.add_segments(instruction.value))
             else:
                 kind, index, value = (
                     instruction.name,

@@ -14,7 +14,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint
-from mechsim.simulation.equality_rows import CouplingConstraint
+from mechsim.simulation.equality_rows import CouplingConstraint, RelativeFunction
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.equalities import lock_joints
 from mechsim.simulation.mjcf.joints import CRANK
@@ -97,14 +97,9 @@ def _with_function(row: CouplingConstraint, law: Coupling | None) -> CouplingCon
     """Return a constraint with the function of its coupling, both sides relative to the reference."""
     if law is None or law.function is None or row.right is None:
         return row
-    reference = float(row.right.zeros @ row.right.weights)
-    difference = row.coefficients[0] - law.polynomial(np.array([reference]))[0]
-
-    def function(right: Array) -> tuple[Array, Array, Array]:
-        value, rate, second = law.polynomial(reference + right)
-        return value + difference, rate, second
-
-    return replace(row, function=function)
+    offset = float(row.right.zeros @ row.right.weights) - law.zeros[1]
+    difference = row.coefficients[0] - float(law.function(np.array([offset]))[0][0])
+    return replace(row, function=RelativeFunction(law.function, offset, difference))
 
 
 def closed_state(loops: ModelLoops, guess: Array) -> Array:

@@ -1,7 +1,8 @@
 """The equality constraints that close a model's loops, read from the compiled model."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array, polynomial
 from mechsim.simulation.state import cross_matrices, rotation_matrix
+
+if TYPE_CHECKING:
+    from mechsim.model.curves import CouplingFunction
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 # 4 cos²(angle/2) below which two frames count as rotated by half a revolution
@@ -119,6 +123,20 @@ class Sum:
 
 
 @dataclass(frozen=True, slots=True)
+class RelativeFunction:
+    """A function of a coupling in sums relative to the reference: y = function(offset + x) + difference."""
+
+    function: "CouplingFunction"
+    offset: float
+    difference: float
+
+    def __call__(self, right: Array) -> tuple[Array, Array, Array]:
+        """Return y and its first two derivatives by x, (n,)."""
+        value, rate, second = self.function(self.offset + right)
+        return value + self.difference, rate, second
+
+
+@dataclass(frozen=True, slots=True)
 class CouplingConstraint:
     """A sum of coordinates that is a polynomial in another sum: a `joint` or fixed-tendon constraint.
 
@@ -134,7 +152,7 @@ class CouplingConstraint:
     right: Sum | None
     coefficients: Array
     equality: int
-    function: Callable[[Array], tuple[Array, Array, Array]] | None = None
+    function: RelativeFunction | None = None
 
     def values(self, right: Array) -> tuple[Array, Array, Array]:
         """Return the polynomial and its first two derivatives at values of the right side."""

@@ -21,7 +21,6 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import States
 from mechsim.simulation.settings import Settings, set_armature
 from mechsim.simulation.state import SLIDE
-from mechsim.simulation.velocity_products import velocity_products
 
 # callback with the progress of a run: text, and fraction from 0 to 1
 
@@ -231,12 +230,14 @@ def _renewed_rollout(
     4e-12 m in `cam_follower` with 360 to 2,880 steps a revolution. `inputs` are controls of actuators and
     forces of drives at each step.
     """
+    from mechsim.simulation.velocity_products import velocity_products
+
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
     records, seconds, processor, diverged = [(0, *start)], perf_counter(), thread_time(), False
-    with velocity_products(loops):
+    with velocity_products(loops, data) as expand:
         for count in range(total):
-            expand_functions(loops, data.qpos)
+            expand()
             control = _controls(loops, slice(count, count + 1), *inputs)
             if control is not None:
                 data.ctrl[:], data.qfrc_applied[:] = np.split(control[0, 0], [model.nu])
@@ -274,13 +275,6 @@ def functions_in_loops(loops: ModelLoops) -> list[str]:
     kept = {row.equality for row in recording.followers(loops)}
     functions = (row for row in loops.couplings if row.function is not None and row.equality not in kept)
     return [loops.model.equality(row.equality).name for row in functions]
-
-
-def expand_functions(loops: ModelLoops, qpos: Array) -> None:
-    """Set the polynomials of couplings that are functions to their Taylor polynomials at a state, (nq,)."""
-    for row in loops.couplings:
-        if row.function is not None and row.right is not None:
-            loops.model.eq_data[row.equality, :5] = row.expanded(float(row.right.value(qpos[None])[0]))
 
 
 class NotSteppedError(InputError):

@@ -31,9 +31,7 @@ from mechsim.numerics import c_library
 from mechsim.subjects import catalog
 from mechsim.subjects.law_text import combine_components, control_law, parse_component
 
-# the C code contains no laws of cams
-CAMS = {"cam_follower"}
-GALLERY = sorted(path for path in (catalog.models() / "gallery").glob("*.toml") if path.stem not in CAMS)
+GALLERY = sorted((catalog.models() / "gallery").glob("*.toml"))
 MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
 FREE_BODY = model_text("compiled_dynamics_free_body.xml")
 

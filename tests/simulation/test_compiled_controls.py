@@ -1,4 +1,4 @@
-"""The forces of a freely moving model in C against those in Python, at every stage of MuJoCo's steps."""
+"""MuJoCo's callbacks in C against those in Python: forces, and terms of the velocities in constraints."""
 
 from dataclasses import replace
 
@@ -16,8 +16,10 @@ from mechsim.model.load_profile import function, table
 from mechsim.model.motors import Controller, TorqueSpeedLine
 from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics import c_library
+from mechsim.simulation import velocity_products
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, prepared
 from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, start_of
+from mechsim.simulation.velocity_products import compiled_rows
 from mechsim.subjects.law_text import control_law
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 9)
@@ -112,6 +114,30 @@ def test_every_force_is_the_same_in_c_and_in_python(kind):
     forces = replace(start.model.forces, **{name: getattr(Forces(), name) for name in KINDS[kind][1]})
     without, _ = applied(replace(start, model=replace(start.model, forces=forces, dry=())), in_python=True)
     assert np.abs(without - result).max() > 1e-6 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "model", ["machines/peaucellier_rods", "gallery/cam_follower", "gallery/geneva_drive"]
+)
+def test_rods_and_functions_are_the_same_in_c_and_in_python(model, monkeypatch):
+    mechanism = ms.load(str(ms.catalog.models() / f"{model}.toml"), still=True).mechanism
+    (driver,) = mechanism.drivers
+    start = start_of(mechanism, Forces(), {driver: 0.3}, {driver: 2.0})
+    results = []
+    for rows in (compiled_rows, lambda _: None):
+        monkeypatch.setattr(velocity_products, "compiled_rows", rows)
+        loops = prepared(start.model, FREE, 1e-3, ITERATIONS)
+        data = mujoco.MjData(loops.model)
+        with velocity_products.velocity_products(loops, data) as expand:
+            data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+            expand()
+            mujoco.mj_forward(loops.model, data)
+        assert mujoco.get_mjcb_passive() is None
+        results.append(np.concatenate([data.qacc, loops.model.eq_data[:, :5].ravel()]))
+    np.testing.assert_allclose(*results, rtol=1e-9, atol=1e-10 * np.abs(results[1]).max())
+    # without the terms of the velocities
+    mujoco.mj_forward(loops.model, data)
+    assert np.abs(data.qacc - results[0][: len(data.qacc)]).max() > 1e-6 * np.abs(data.qacc).max()
 
 
 def test_steps_in_c_and_without_a_compiler_agree(monkeypatch, tmp_path):

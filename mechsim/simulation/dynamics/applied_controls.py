@@ -1,7 +1,8 @@
 """Forces applied to a freely moving model at every stage of a MuJoCo step, and its preparation."""
 
 import copy
-from collections.abc import Generator, Iterable, Mapping
+import ctypes
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Literal
@@ -14,7 +15,7 @@ from mechsim.model.actuators import Actuator
 from mechsim.model.instructions import NotCompiledError
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.compiled_controls import CompiledControls, compiled_controls
+from mechsim.simulation.dynamics.compiled_controls import compiled_controls
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
@@ -23,7 +24,12 @@ from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.link_inertias import MASSLESS
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.velocity_products import nonlinear_rows, velocity_products
+from mechsim.simulation.velocity_products import (
+    CallbackData,
+    compiled_rows,
+    nonlinear_rows,
+    velocity_products,
+)
 
 
 def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations: int) -> ModelLoops:
@@ -90,8 +96,8 @@ class AppliedControls:
     @property
     def executed(self) -> Literal["C", "Python"]:
         """What evaluates the forces: "C" if no step needs Python."""
-        couplings = nonlinear_rows(self.loops) or any(row.function for row in self.loops.couplings)
-        in_python = self.friction or self.drives.names or couplings
+        rows = nonlinear_rows(self.loops) and not compiled_rows(self.loops)
+        in_python = self.friction or self.drives.names or rows
         return "C" if (self.constant or self.compiled) and not in_python else "Python"
 
     def apply(self, data: mujoco.MjData) -> None:
@@ -110,22 +116,27 @@ class AppliedControls:
         self.drives.apply(data)
 
     @contextmanager
-    def installed(self, data: mujoco.MjData) -> Generator[None]:
-        """Apply them at every stage of a step of `data`; restore MuJoCo's callbacks afterwards."""
-        with velocity_products(self.loops):
+    def installed(self, data: mujoco.MjData) -> Generator[Callable[[], None]]:
+        """Apply them at every stage of a step of `data`; restore MuJoCo's callbacks afterwards.
+
+        Yields what `velocity_products` yields.
+        """
+        with velocity_products(self.loops, data) as expand:
             before = mujoco.get_mjcb_control()
             if self.constant or self.compiled:
                 self.apply(data)
             if self.compiled:
-                mujoco.set_mjcb_control(self.compiled.select(data))
+                library, qpos = self.compiled.library, ctypes.c_void_p(data.qpos.ctypes.data)
+                library.select_forces(self.compiled.addresses, qpos)
+                mujoco.set_mjcb_control(library.apply_forces)
             elif not self.constant:
                 mujoco.set_mjcb_control(lambda _, state: self.apply(state))
             try:
-                yield
+                yield expand
             finally:
                 mujoco.set_mjcb_control(before)
 
-    def _compiled(self) -> CompiledControls | None:
+    def _compiled(self) -> CallbackData | None:
         """Return the forces in C; None if none varies, without a compiler, or with a function in Python."""
         controllers = self.controllers
         both = zip(controllers.addresses.values(), controllers.dofs.values(), strict=True)

@@ -1,12 +1,8 @@
-"""Forces of a freely moving model in C: `applied_controls.c`, which MuJoCo calls at every stage of a step."""
+"""Forces of a freely moving model in C: `callbacks.c`, which MuJoCo calls at every stage of a step."""
 
-import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from mechsim.model.actuators import Actuator
@@ -16,12 +12,11 @@ from mechsim.model.instructions import (
     INSTRUCTION,
     Instructions,
     Variable,
-    c_source,
 )
 from mechsim.model.nonlinear_springs import SoftStop
-from mechsim.numerics.c_library import loaded_library
 from mechsim.simulation.dynamics.loaded_model import SITE, LoadedModel
 from mechsim.simulation.mjcf.force_elements import AXES, native
+from mechsim.simulation.velocity_products import CallbackData, callback_data
 
 _CONSTANTS = ("side", "offset", "rest", "stiffness", "damping", "preload")
 _MATRIX = ("f8", (6, 6))
@@ -36,47 +31,6 @@ SPRING = np.dtype(
 BUSHING = np.dtype([("control", "i4"), ("stiffness", *_MATRIX), ("damping", *_MATRIX)], align=True)
 DRY = np.dtype([("control", "i4"), ("count", "i4"), ("magnitude", "f8")], align=True)
 DRIVEN = np.dtype([("control", "i4"), ("state", "i4")], align=True)
-TABLES = (
-    *("control", "controller", "actuator", "spring", "bushing", "dry"),
-    *("driven", "gear", "instruction", "numbers"),
-)
-
-
-class ForcesData(ctypes.Structure):
-    """`Forces` of `applied_controls.c`: numbers of the first six tables, and all tables."""
-
-    _fields_ = [
-        *((f"{name}s", ctypes.c_int) for name in TABLES[:6]),
-        *((name, ctypes.c_void_p) for name in TABLES),
-    ]
-
-
-@dataclass(frozen=True)
-class CompiledControls:
-    """The forces of a model for the C code.
-
-    Attributes:
-        data: the structure that the C code reads.
-        tables: arrays to which it points.
-        library: the compiled code.
-    """
-
-    data: ForcesData
-    tables: Mapping[str, np.ndarray[Any, Any]]
-    library: ctypes.CDLL
-
-    def select(self, data: mujoco.MjData) -> Any:
-        """Return the callback, which applies these forces to one `data`."""
-        self.library.select_forces(ctypes.byref(self.data), ctypes.c_void_p(data.qpos.ctypes.data))
-        return self.library.apply_forces
-
-
-def _library() -> ctypes.CDLL:
-    text = Path(__file__).with_name("applied_controls.c").read_text(encoding="utf-8")
-    header = f"/* MuJoCo {mujoco.__version__} */\n#include <mujoco/mujoco.h>\n"
-    return loaded_library(
-        "applied_controls", header + c_source() + text, Path(mujoco.__file__).with_name("include")
-    )
 
 
 def compiled_controls(
@@ -84,7 +38,7 @@ def compiled_controls(
     coordinates: Mapping[str, tuple[int, int]],
     others: Sequence[tuple[int, int, Actuator]],
     crank: int | None,
-) -> CompiledControls:
+) -> CallbackData:
     """Return the forces of a model for the C code.
 
     Args:
@@ -114,23 +68,21 @@ def compiled_controls(
             gear[coordinates[name][1]] += ratio
     dry = [(joint.actuators[0], len(joint.actuators), joint.magnitude) for joint in model.dry]
     bushings = [(columns.start, *bushing.matrices) for bushing, columns in model.bushings]
-    tables = {
-        "control": np.array(_varying(model, crank, added), CONTROLLER),
-        "controller": np.array(controllers, CONTROLLER),
-        "actuator": added.add_actuators([actuator for _, _, actuator in others]),
-        "spring": _springs(model, added),
-        "bushing": np.array(bushings, BUSHING),
-        "dry": np.array(dry, DRY),
-        "driven": np.array([numbers for *numbers, _ in others], DRIVEN),
-        "gear": gears,
-        "instruction": np.array(added.rows, INSTRUCTION),
-        "numbers": np.array(added.numbers),
-    }
-    data = ForcesData(
-        **{f"{name}s": len(tables[name]) for name in TABLES[:6]},
-        **{name: tables[name].ctypes.data for name in TABLES},
+    control = np.array(_varying(model, crank, added), CONTROLLER)
+    actuators = added.add_actuators([actuator for _, _, actuator in others])
+    springs = _springs(model, added)
+    return callback_data(
+        control,
+        np.array(controllers, CONTROLLER),
+        actuators,
+        springs,
+        np.array(bushings, BUSHING),
+        np.array(dry, DRY),
+        np.array([numbers for *numbers, _ in others], DRIVEN),
+        gears,
+        np.array(added.rows, INSTRUCTION),
+        np.array(added.numbers),
     )
-    return CompiledControls(data, tables, _library())
 
 
 def _varying(model: LoadedModel, crank: int | None, added: Instructions) -> list[tuple[int, tuple[int, int]]]:

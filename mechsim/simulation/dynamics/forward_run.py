@@ -38,7 +38,6 @@ from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
-from mechsim.simulation.stepping import expand_functions
 
 # RK4 with stiff equalities
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
@@ -361,12 +360,12 @@ def _steps(
     data.qpos[:], data.qvel[:], data.act[:] = start
     data.time = times[0]
     records = [(data.qpos.copy(), data.qvel.copy(), data.act.copy())]
-    with controls.installed(data):
+    with controls.installed(data) as expand:
         functions = any(row.function for row in controls.loops.couplings)
         for time in times[1:].tolist():
             if functions or controls.friction:
                 for _ in range(substeps):
-                    expand_functions(controls.loops, data.qpos)
+                    expand()
                     if controls.friction:
                         controls.friction.update(data)
                     mujoco.mj_step(stepped, data)
@@ -397,11 +396,11 @@ def _recorded(
     bodies = {stepped.body(name).id: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
     energies = np.empty((n, 2))
     driving = {name: np.empty(n) for name in drives.names}
-    with controls.installed(data):
+    with controls.installed(data) as expand:
         for i in range(n):
             data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
             data.act[:] = activations[i]
-            expand_functions(controls.loops, data.qpos)
+            expand()
             if controls.friction:
                 controls.friction.set(controls.friction.history[i * substeps])
             mujoco.mj_forward(stepped, data)

@@ -28,7 +28,6 @@ from mechsim.simulation.dynamics.forward_run import (
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.state import mass_matrix
-from mechsim.simulation.stepping import expand_functions
 
 # error of the derivatives by the compliance of MuJoCo's loops, relative to the largest; rounding of forces
 # adds that of the mass matrix times its condition
@@ -151,7 +150,6 @@ class _Accelerations:
 
     def along_basis(self, qpos: Array, qvel: Array) -> Array:
         """Return the accelerations at a state, (dof,)."""
-        expand_functions(self.controls.loops, qpos)
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
         values, rates = (
@@ -163,7 +161,8 @@ class _Accelerations:
                 for terms in (values, rates)
             )
             data.act[i] = actuator.steady_state(np.zeros(1), length, speed)[0]
-        with self.controls.installed(data):
+        with self.controls.installed(data) as expand:
+            expand()
             mujoco.mj_forward(self.prepared_model, data)
         result: Array = self.basis.T @ (data.qacc / self.units)
         return result
