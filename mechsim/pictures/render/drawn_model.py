@@ -13,11 +13,12 @@ import numpy as np
 
 from mechsim.model.forces import LinkPoint, spring_ends, torsion_springs
 from mechsim.model.link_poses import hinged_normals, with_rods
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Pose
+from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.frame_poses import FramePoses, Ghost
+from mechsim.pictures.render.gltf import triangles
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import GREY, arrows
@@ -47,8 +48,6 @@ MAX_TRIANGLES = 60_000
 FIRST_GRID_STEP = 1.0 / 400.0
 # lighter colours are drawn as light as this: lit from the front they would look like the background
 LIGHTEST, LIGHTNESS = 0.78, np.array([0.2126, 0.7152, 0.0722])
-# meridians and parallels of an ellipsoid
-ELLIPSOID = (24, 12)
 
 
 class Drawn(TypedDict):
@@ -154,15 +153,9 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> TriangleMesh:
 
 
 def _ellipsoid(half_axes: Array) -> TriangleMesh:
-    n, m = ELLIPSOID
-    azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, n + 1), np.linspace(0.0, np.pi, m + 1))
-    ball = np.stack([np.sin(height) * np.cos(azimuth), np.sin(height) * np.sin(azimuth), np.cos(height)], -1)
-    row, column = (index.ravel() for index in np.meshgrid(range(m), range(n), indexing="ij"))
-    a, b = row * (n + 1) + column, (row + 1) * (n + 1) + column
-    faces = np.concatenate([np.stack([a, b, a + 1], -1), np.stack([a + 1, b, b + 1], -1)])
-    return TriangleMesh(ball.reshape(-1, 3) * half_axes, faces.astype(np.int32)).coarser(
-        1e-6 * float(half_axes.min())
-    )
+    ball, _, faces = triangles(Shape("sphere", ORIGIN, ORIGIN, (1.0,), GREY))
+    # the points of a pole and of the first meridian are merged
+    return TriangleMesh(ball * half_axes, faces.astype(np.int32)).coarser(1e-6 * float(half_axes.min()))
 
 
 def _colour(model: mujoco.MjModel, i: int) -> Rgba:

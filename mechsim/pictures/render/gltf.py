@@ -110,7 +110,7 @@ class _File:
         """Add the mesh of a link and return its index."""
         primitives: list[dict[str, Any]] = []
         for shape in shapes:
-            points, normals, faces = _triangles(shape)
+            points, normals, faces = triangles(shape)
             attributes = {"POSITION": self.accessor(points, VERTICES, bounds=True)}
             if normals is not None:
                 attributes["NORMAL"] = self.accessor(normals, VERTICES)
@@ -169,7 +169,7 @@ def _quaternions(rotations: Array) -> Array:
     return values * np.cumprod([1.0, *np.where(opposite, -1.0, 1.0)])[:, None]
 
 
-def _triangles(shape: Shape) -> tuple[Array, Array | None, NDArray[Any]]:
+def triangles(shape: Shape) -> tuple[Array, Array | None, NDArray[Any]]:
     """Return points (n, 3), their normals, None for flat facets, and faces (m, 3) in a link's frame."""
     if shape.facets is not None:
         return shape.facets.vertices, None, shape.facets.faces
