@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from validation.suites import __main__ as command
-from validation.suites import chrono, gepetto, modelica, pmks, squeezer, textbooks
+from validation.suites import chrono, exudyn, gepetto, modelica, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, kept
+from validation.suites.released import model_of, run_of
 
 
 @pytest.mark.parametrize("case", ["Revolute_Case02", "Universal_Case03", "LinActuator_Case02"])
@@ -93,7 +94,7 @@ def test_an_unknown_suite_is_rejected(capsys):
 @pytest.mark.long
 def test_printed_answers_of_textbooks(monkeypatch):
     outcomes = {case.name: case.outcome for case in textbooks.cases(None)}
-    assert len(outcomes) == 21
+    assert len(outcomes) == 30
     assert {name for name, outcome in outcomes.items() if outcome == "source wrong"} == {*textbooks.FAULTS}
     assert {*outcomes.values()} == {"right", "source wrong"}
     # another printed answer
@@ -105,7 +106,7 @@ def test_printed_answers_of_textbooks(monkeypatch):
 @pytest.mark.long
 def test_the_double_pendulum_in_which_dymola_errs_agrees_with_an_independent_integration():
     """Two boxes of 0.5 m, moments about their centres, in coordinates of the joints; DOP853."""
-    run = modelica.run_of("Examples/Elementary/DoublePendulumInitTip", 5.0)
+    run = run_of(model_of("modelica/Examples.Elementary.DoublePendulumInitTip"), 5.0)
     m, length, g = 7700.0 * 0.06**2 * 0.5, 0.5, 9.80665
     c, inertia = 0.5 * length, 7700.0 * 0.06**2 * 0.5 * (0.5**2 + 0.06**2) / 12.0
 
@@ -135,7 +136,7 @@ def test_the_double_pendulum_in_which_dymola_errs_agrees_with_an_independent_int
 @pytest.mark.long
 def test_the_orbit_in_which_dymola_errs_agrees_with_kepler():
     """Body 2 passes the centre at 0.07 m; Lagrange's f and g of the eccentric anomaly."""
-    run = modelica.run_of("Examples/Elementary/PointGravity", 5.0)
+    run = run_of(model_of("modelica/Examples.Elementary.PointGravity"), 5.0)
     start, speed = np.array([0.6, 0.6]), np.array([0.6, 0.0])
     radius, inward = np.hypot(*start), start @ speed
     a = 1.0 / (2.0 / radius - speed @ speed)
@@ -151,6 +152,19 @@ def test_the_orbit_in_which_dymola_errs_agrees_with_kepler():
     exact = f[:, None] * start + g[:, None] * speed
     assert np.abs(run.motion.points["B"].position[:, :2] - exact).max() < 1e-9
     assert modelica.compared("Examples/Elementary/PointGravity", None).outcome == "source wrong"
+
+
+def test_the_values_to_which_exudyn_converges(monkeypatch):
+    outcomes = {case.name: case.outcome for case in exudyn.cases(None)}
+    assert [name for name, outcome in outcomes.items() if outcome == "right"] == [
+        *("fourBarMechanismIftomm", "heavyTop", "bricardMechanism")
+    ]
+    assert set(outcomes.values()) == {"right", "rejected"}
+    # Exudyn's value of its own step is not the converged one
+    bricard = exudyn.entries("exudyn")["bricardMechanism"]
+    bricard["values"]["P.x"] = [0.274481776, 0.274481776 + 1e-12]
+    monkeypatch.setattr(exudyn, "entries", lambda _: {"bricardMechanism": bricard})
+    assert [case.outcome for case in exudyn.cases(None)] == ["unexplained"]
 
 
 def test_a_coarse_step_misses_the_digits_of_the_squeezer(monkeypatch):

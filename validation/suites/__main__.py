@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from validation.suites import chrono, gepetto, modelica, page, pmks, squeezer, textbooks
+from validation.suites import chrono, exudyn, gepetto, modelica, page, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, Suite
 
 SUITES = {
@@ -18,6 +18,7 @@ SUITES = {
     "pmks": pmks.SUITE,
     "textbooks": textbooks.SUITE,
     "modelica": modelica.SUITE,
+    "exudyn": exudyn.SUITE,
     "squeezer": squeezer.SUITE,
     "gepetto": gepetto.SUITE,
 }

@@ -6,6 +6,7 @@ frame, UJOINT_XY the origin and a right angle between x of one frame and y of th
 the origin, of type 6d the frame.
 """
 
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,10 +28,8 @@ TOLERANCE = 1e-11
 # characters of a sentence
 MAX_REASON = 120
 REASON = "in m and rad: loops close to 1e-12 of a link, and a chain of 50 links adds its rounding"
-# files that are no input: a sidecar without its file, or names that the file does not have
-FAULTS = {
-    "disney_robot": "its sidecar file names left_spherical_free_foot; the URDF has another letter there",
-}
+# robot -> letters of its URDF that its sidecar file spells otherwise, and how
+REPAIRS = {"disney_robot": ("\u0125", "ph")}
 Pose = tuple[np.ndarray, np.ndarray]
 
 
@@ -89,10 +88,22 @@ def residual(text: str, sidecar: dict, motion: ms.Motion) -> float:
     return worst
 
 
+def motors_of(text: str, sidecar: dict) -> list[str]:
+    """Return the motors, without joints that follow another one."""
+    joints = ElementTree.fromstring(text).findall("joint")
+    following = {joint.get("name") for joint in joints if joint.find("mimic") is not None}
+    return [name for name in sidecar["name_mot"] if name not in following]
+
+
 def motion_of(urdf: Path, sidecar: Path, motors: list[str]) -> ms.Motion:
-    """Return the motion of all motors about the assembly in which mechsim starts the file."""
-    _, start = start_poses(ms.load(urdf, loops=sidecar).mechanism)
-    laws = {name: f"{start[name]!r}+{SWING}*sin(2*pi*t)" for name in motors}
+    """Return the motion of all motors, within their ranges, about the assembly where mechsim starts."""
+    model = ms.load(urdf, loops=sidecar)
+    _, start = start_poses(model.mechanism)
+    laws = {}
+    for name in motors:
+        lower, upper = model.ranges.get(name, (-np.inf, np.inf))
+        middle = min(max(start[name], lower + SWING), upper - SWING)
+        laws[name] = f"{middle!r}+{SWING}*sin(2*pi*t)"
     driven = ms.load(urdf, loops=sidecar, drive=laws, duration=1.0, lock_others=True)
     return driven.solve(t=np.linspace(0.0, 1.0, INSTANTS))
 
@@ -108,20 +119,23 @@ def cases(clone: Clone | None) -> Iterator[Case]:
         if sidecar not in paths:
             yield Case(name, rejected="it has no sidecar file, so no loops")
             continue
-        texts = clone.read(path), clone.read(sidecar)
+        wrong, letters = REPAIRS.get(name, ("", ""))
+        texts = clone.read(path).replace(wrong, letters), clone.read(sidecar)
         with tempfile.TemporaryDirectory() as scratch:
             files = Path(scratch, "robot.urdf"), Path(scratch, "robot.yaml")
             for file, text in zip(files, texts, strict=True):
                 file.write_text(text)
             description = yaml.safe_load(texts[1])
             try:
-                moved = motion_of(*files, description["name_mot"])
+                moved = motion_of(*files, motors_of(texts[0], description))
             except ms.MechsimError as error:
-                text = cut(str(error).replace(f"{files[0]}: ", ""), MAX_REASON)
-                yield Case(name, rejected=FAULTS.get(name) or text)
+                gap = re.search(r"a gap of \S+ of the longest link", str(error))
+                text = f"no assembly in 48 starts: {gap[0]} remains" if gap else str(error)
+                text = cut(text.replace(f"{files[0]}: ", ""), MAX_REASON)
+                yield Case(name, rejected=text)
                 continue
         row = Row("joints and closures", residual(texts[0], description, moved), TOLERANCE, "", REASON)
-        yield Case(name, (row,))
+        yield Case(name, (row,), note=f"a name of its URDF repaired by {letters!r}" if letters else "")
 
 
 SUITE = Suite(

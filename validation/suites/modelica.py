@@ -5,17 +5,14 @@ the density of boxes and cylinders 7700 kg/m3. Links have the axes of Modelica's
 """
 
 import csv
-import tomllib
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
-import mechsim as ms
 from mechsim.numerics.arrays import Array
 from validation.published.table import Row
 from validation.suites.case import Case, Clone, Suite, kept
-from validation.suites.released import MODELS, columns, released
+from validation.suites.released import columns, entries, model_of, run_of
 
 ROOTS = {"Examples": "Modelica/Mechanics/MultiBody/Examples", "ModelicaTest": "ModelicaTest/MultiBody"}
 # of the range of a signal: the tube in which the library's own comparison (CSV Compare) accepts results
@@ -25,10 +22,6 @@ SMALLEST = 1e-3
 # of instants in [s]
 ROUNDING = 1e-9
 REASON = "of the range of a signal: the tube of the library's own comparison"
-
-
-def entries() -> dict[str, dict[str, Any]]:
-    return tomllib.loads((MODELS / "modelica.toml").read_text())
 
 
 def table(clone: Clone | None, name: str) -> dict[str, Array]:
@@ -51,16 +44,16 @@ def pairs(signals: Mapping[str, str], reference: Mapping[str, Array]) -> Iterato
             yield from ((f"{theirs}[{i}]", ours + axis) for i, axis in enumerate("xyz", 1))
 
 
-def run_of(name: str, end: float) -> ms.dynamics.DynamicRun:
-    return released("modelica/" + name.replace("/", "."), end)
+def path_of(name: str) -> str:
+    return "modelica/" + name.replace("/", ".")
 
 
 def compared(name: str, clone: Clone | None) -> Case:
-    entry = entries()[name]
+    entry = entries("modelica")[name]
     if "rejected" in entry:
         return Case(name, rejected=entry["rejected"])
     reference = table(clone, name)
-    run = run_of(name, float(reference["time"][-1]))
+    run = run_of(model_of(path_of(name)), float(reference["time"][-1]))
     own = columns(run)
     # all instants of ours that the table has
     which = np.searchsorted(reference["time"], run.time - ROUNDING)
@@ -74,7 +67,7 @@ def compared(name: str, clone: Clone | None) -> Case:
 
 
 def cases(clone: Clone | None) -> Iterator[Case]:
-    for name, entry in entries().items():
+    for name, entry in entries("modelica").items():
         if clone or not entry.get("slow"):
             yield compared(name, clone)
 
@@ -82,6 +75,6 @@ def cases(clone: Clone | None) -> Iterator[Case]:
 SUITE = Suite(
     "Modelica: MultiBody examples",
     "modelica/MAP-LIB_ReferenceResults",
-    "Dymola's results at a tolerance of 1e-6, 501 instants. No licence is stated.",
+    "Dymola's results at a tolerance of 1e-6, 501 instants.",
     cases,
 )

@@ -14,7 +14,7 @@ HEAD = """# Evidence from others
 
 Others have published answers. `python -m validation.suites --source FOLDER` solves their cases and writes
 this page; FOLDER holds git clones. Without it, kept figures are compared. The
-tables list cases that are not right, and the right one nearest to its tolerance; `--json` prints all.
+tables list cases that are not right, and the right one nearest to its tolerance.
 
 Written on {day} with mechsim {mechsim}, numpy {numpy}.
 
@@ -51,14 +51,12 @@ def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
     source = f"`{suite.repository}` at {clone.commit}. " if clone else ""
     nearest = max(cases, key=lambda case: (case.outcome == "right", case.nearness), default=None)
     lines = [f"\n## {suite.title}\n\n{source}{suite.about}\n\n"]
-    lines.append(
-        "| case | quantities | worst | difference | tolerance | remark |\n|---|---|---|---|---|---|\n"
-    )
+    lines.append("| case | worst | difference | tolerance | remark |\n|---|---|---|---|---|\n")
     for case in cases:
         row = case.worst
         if row and (case is nearest or case.outcome != "right" or len(cases) <= FEW):
             worst = f"{row.quantity} | {row.error:.1e} {row.unit} | {row.tolerance:.0e}"
-            lines.append(f"| {case.name} | {len(case.rows)} | {worst} | {case.remark} |\n")
+            lines.append(f"| {case.name} | {worst} | {case.remark} |\n")
     by_reason: dict[str, list[str]] = {}
     for case in cases:
         if case.rejected:

@@ -47,9 +47,9 @@ def planar(joints: Mapping[str, tuple], driver=(), inertias=None, points=None, g
     return ms.Mechanism("example", links, tuple(built), driver, tracked, gears, poses)
 
 
-def four_bar(a, b, c, d, speed: float) -> ms.Motion:
+def four_bar(a, b, c, d, speed: float, acceleration: float = 0.0, angle: float = 0.0) -> ms.Motion:
     pins = {"crank": (GROUND, "2", a), "B": ("2", "3", b), "C": ("3", "4", c), "D": (GROUND, "4", d)}
-    return ms.load(planar(pins, "crank")).solve([0.0], speed=speed)
+    return ms.load(planar(pins, "crank")).solve([angle], speed=speed, acceleration=acceleration)
 
 
 def slider(b, c, axis=(1.0, 0.0), middle=0.5, inertias=None) -> ms.Mechanism:
@@ -124,6 +124,68 @@ def upright_engine() -> ms.Motion:
     return ms.load(slider(b, c, (0.0, 1.0))).solve([0.0], speed=-10.0, acceleration=-20.0)
 
 
+def lengths(crank: float, rod: float, rocker: float, fixed: float, degrees: float) -> list[np.ndarray]:
+    """Return the pins of an open four-bar, by the law of cosines."""
+    b, d = along(degrees, crank), np.array([fixed, 0.0])
+    reach = float(np.hypot(*(d - b)))
+    angle = np.arccos((rod**2 + reach**2 - rocker**2) / (2.0 * rod * reach))
+    c = b + along(np.rad2deg(angle + np.arctan2(*(d - b)[::-1])), rod)
+    return [np.zeros(2), b, c, d]
+
+
+def norton() -> dict[str, float]:
+    """Return directions of rod and rocker in deg, rates, accelerations, 20 deg from the stated pins."""
+    pins = lengths(40.0, 120.0, 80.0, 100.0, 60.0)
+    motion = four_bar(*pins, 25.0, 15.0, np.deg2rad(-20.0))
+    rates = {f"{what} {link}": value(motion, f"{what} {link}") for what in OF_LINKS for link in "34"}
+    return rates | {
+        f"theta {link}": direction(motion, link, pins[2] - start)
+        for link, start in (("3", pins[1]), ("4", pins[3]))
+    }
+
+
+def direction(motion: ms.Motion, link: str, at_start: np.ndarray) -> float:
+    """Return the direction in deg of a line of a link."""
+    x, y = (motion.links[link].rotation[0, :2, :2] @ at_start).tolist()
+    return float(np.rad2deg(np.arctan2(y, x)))
+
+
+def offset_slider() -> dict[str, float]:
+    """Return position and rod's direction of a slider at -20, 30 deg from the stated pins."""
+    b = along(90.0, 40.0)
+    c = np.array([np.sqrt(120.0**2 - 60.0**2), -20.0])
+    motion = ms.load(slider(b, c)).solve([np.deg2rad(-30.0)])
+    return {"d": float(motion.points["C"].position[0, 0]), "theta 3": direction(motion, "3", b - c)}
+
+
+def hooke(angle: float, speed: float, inertia: float) -> dict[str, float]:
+    """Return the largest acceleration of the driven shaft in rad/s2, and its torque."""
+    out = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 0.0])
+    joints = (
+        ms.Joint("crank", "revolute", ms.End(GROUND, axis=(1, 0, 0)), ms.End("in", axis=(1, 0, 0))),
+        ms.Joint("cross", "universal", ms.End("in", axis=(0, 0, 1)), ms.End("out", axis=(0, 1, 0))),
+        ms.Joint("driven", "revolute", ms.End(GROUND, axis=tuple(out)), ms.End("out", axis=(1, 0, 0))),
+    )
+    links = tuple(ms.Link(name, inertia=NOTHING) for name in ("in", "out"))
+    guess = {"in": Pose(np.zeros(3), np.eye(3)), "out": Pose(np.zeros(3), about(angle))}
+    shafts = ms.load(ms.Mechanism("shafts", links, joints, "crank", {}, guess=guess))
+    motion = shafts.solve(np.linspace(0.0, np.pi, 3601), speed=speed * RPM)
+    largest = float(np.abs(motion.joints["driven"].acceleration).max())
+    return {"alpha": largest, "torque": inertia * largest}
+
+
+def slotted_lever() -> dict[str, float]:
+    """Return the swing of a lever to either side and the ratio of times; the crank turns 120 below it."""
+    pin = np.array([120.0, 240.0])
+    joints = {"crank": (GROUND, "2", (0.0, 240.0)), "pin": ("2", "block", pin)}
+    joints |= {"slot": ("block", "4", pin, pin / np.hypot(*pin)), "pivot": (GROUND, "4", (0.0, 0.0))}
+    angles = np.linspace(0.0, 2.0 * np.pi, 3601)
+    swing = ms.load(planar(joints, "crank")).solve(angles).joints["pivot"].value
+    side = 0.5 * np.ptp(swing)
+    apart = float(np.rad2deg(abs(angles[swing.argmax()] - angles[swing.argmin()])))
+    return {"side": float(np.rad2deg(side)), "ratio": max(apart, 360.0 - apart) / min(apart, 360.0 - apart)}
+
+
 BAR = along(60.0, 0.2)
 WHEEL = BAR + np.array([0.2, 0.0])
 # name of the example -> its result, and quantities with printed answers; angles in deg
@@ -178,10 +240,27 @@ EXAMPLES: dict[str, tuple[Callable[[], Result], str]] = {
         lambda: four_bar((0, 0), BAR, WHEEL, WHEEL + np.array([0.0, 0.1]), -30.0),
         "omega 3=15.0; omega 4=52.0",
     ),
+    "Norton 4-1, four-bar": (norton, "theta 3=20.298; theta 4=57.325"),
+    "Norton 6-7, four-bar": (norton, "omega 3=-4.121; omega 4=6.998"),
+    "Norton 7-1, four-bar": (norton, "alpha 3=296.089; alpha 4=470.134"),
+    "Norton 4-2, offset slider": (offset_slider, "theta 3=152.91; d=126.84"),
+    "Khurmi 5.1, quick return": (slotted_lever, "side=30; ratio=2"),
+    "Khurmi 7.1, four-bar": (
+        lambda: four_bar(*lengths(40.0, 150.0, 80.0, 150.0, 60.0), 120.0 * RPM),
+        "omega 4=4.8",
+    ),
+    "Khurmi 7.2, engine": (lambda: engine(0.5, 2.0, 45.0, -180.0, 0.25), "v C=8.15; omega 3=3.4; v G=8.5"),
+    "Khurmi 9.9, Hooke's joint": (lambda: hooke(20.0, 1500.0, 12.0 * 0.1**2), "alpha=3090; torque=371"),
+    "Khurmi 13.1, gearing of a machine tool": (
+        lambda: train(0.0, 975.0, BC=("A", -20 / 50), DE=("BC", -25 / 75), F=("DE", -26 / 65)),
+        "speed of F=-52",
+    ),
     "Hibbeler 16.18, engine": (upright_engine, "omega 3=2.43; alpha 3=27.7; ay C=-13.5"),
 }
 FAULTS = {
+    "Khurmi 7.2, engine": "read from a drawing; exact: 7.861, 8.572",
     "Khurmi 8.1, engine": "read from a drawing; exact: 3.995, 5.642, 171.55",
+    "Khurmi 9.9, Hooke's joint": "by an approximate instant of the maximum; exact: 3083, 370.0",
 }
 
 
