@@ -74,9 +74,7 @@ class FormulaDescription(ModelSource):
                     f"{self.name}: only the formulas use {name}; name {code} as the model, "
                     "or choose the assembly by --start"
                 )
-        values = {name: row.default for name, row in self.rows.items()} | self.read(
-            {name: str(value) for name, value in changed.items()}
-        )
+        values = self._values({name: str(value) for name, value in changed.items()})
         values = {name: self.rows[name].checked(self.name, value) for name, value in values.items()}
         fact = f"solved by its loop equations; only the formulas {code} use {', '.join(alone)}"
         solver = KinematicSolver(self.mechanism(values), _numbers(values), facts=(fact,) if alone else ())
@@ -84,7 +82,7 @@ class FormulaDescription(ModelSource):
 
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
         """Return the parameters that are single numbers."""
-        values = {name: row.default for name, row in self.rows.items()} | self.read(changed)
+        values = self._values(changed)
         numbers = {
             name: row
             for name, row in self.rows.items()
@@ -112,18 +110,27 @@ class FormulaDescription(ModelSource):
                 raise InputError(f"{self.name} has no parameter {name!r}{suggestion(name, self.rows)}")
         return {name: self.rows[name].read(self.name, value) for name, value in changed.items()}
 
+    def _values(self, changed: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all parameters in SI, with some changed from their defaults."""
+        return {name: row.default for name, row in self.rows.items()} | self.read(changed)
+
+    def description(self, changed: Mapping[str, Any]) -> tuple[dict[str, Any], Values]:
+        """Return the description in the file, and its values with some parameters changed."""
+        numbers = _numbers(self._values(changed))
+        return self.document(numbers), Values(self.source, "m", "rad", numbers)
+
     def mechanism(self, values: Mapping[str, Any]) -> Mechanism:
         """Return the description for values of the parameters, without a guess."""
         numbers = _numbers(values)
         reader = Values(self.source, "m", "rad", numbers)
-        coordinates = coordinates_of(reader, reader.checked(root(), self._document(numbers), ()))
+        coordinates = coordinates_of(reader, reader.checked(root(), self.document(numbers), ()))
         with self.source.error_context(()):
             return mechanism_of(coordinates, drivers_of(coordinates, (), still=False))
 
     def geometry(self, values: Mapping[str, Any]) -> Geometry:
         """Return points and frames fixed in links for values of which some are arrays, of many designs."""
         numbers = _numbers(values)
-        document = self._document(numbers)
+        document = self.document(numbers)
 
         def vector(end: Mapping[str, Any], key: str) -> tuple[Any, ...]:
             return tuple(_number(entry, numbers) for entry in end.get(key, (0.0, 0.0, 0.0)))
@@ -143,7 +150,7 @@ class FormulaDescription(ModelSource):
             },
         )
 
-    def _document(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    def document(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
         """Return the description in the file; a table in `when` replaces joints where its choice is true."""
         document = {key: table for key, table in self.source.document.items() if key not in OWN_TABLES}
         for choice, tables in self.source.document.get("when", {}).items():

@@ -5,11 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mpmath import mp
-from strategies import EPS, longest
 
 from mechsim import catalog, loops
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
@@ -18,43 +15,6 @@ from mechsim.model.links import EX, EZ, GROUND, Pose
 TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
 # four roots of the quartic are real at this crank angle of the default linkage
 FOURFOLD = 4.42
-
-
-def exact_c(linkage: KinematicSolver, f: float, guess: np.ndarray) -> np.ndarray:
-    """Return C and two derivatives in 40 digits, (3, 3), by the swing of the follower, not the cone angle.
-
-    The swing gives y and z, AB . AC gives x, and |AC| = k is solved from a guess of C.
-    """
-    with mp.workdps(40):
-        a, b, k, c, d = (
-            mp.mpf(x) for x in (linkage.crank, linkage.coupler, linkage.arm, linkage.rocker, linkage.frame)
-        )
-        omega, eta, reach = mp.mpf(linkage.arm_angle), mp.mpf(linkage.frame_angle), mp.mpf(linkage.follower)
-        q, p = mp.mpf(linkage.axis_y), mp.mpf(linkage.axis_z)
-        initial_swing = mp.atan2(mp.mpf(guess[2]) - p, mp.mpf(guess[1]) - q)
-
-        def position(angle):
-            ax, ay = a * mp.cos(angle), a * mp.sin(angle)
-            ex, ey = ax - d * mp.cos(eta), ay - d * mp.sin(eta)
-            span = mp.hypot(ex, ey)
-            angle_rocker = mp.atan2(ey, ex) - linkage.branch * mp.acos(
-                (span**2 + c**2 - b**2) / (2 * span * c)
-            )
-            bx, by = (
-                d * mp.cos(eta) + c * mp.cos(angle_rocker) - ax,
-                d * mp.sin(eta) + c * mp.sin(angle_rocker) - ay,
-            )
-
-            def c_at(swing):
-                y = q + reach * mp.cos(swing) - ay
-                return (k * b * mp.cos(omega) - by * y) / bx, y, p + reach * mp.sin(swing)
-
-            swing = mp.findroot(lambda t: mp.fdot(c_at(t), c_at(t)) - k * k, initial_swing)
-            x, y, z = c_at(swing)
-            return [x + ax, y + ay, z]
-
-        columns = [mp.taylor(lambda t, i=i: position(t)[i], mp.mpf(float(f)), 2) for i in range(3)]
-        return np.array([[float(value) for value in column] for column in columns]).T * [[1], [1], [2]]
 
 
 @pytest.mark.long
@@ -101,17 +61,6 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
             # a step of the cone angle moves C by no more than arm * 2 pi / 20000
             assert min(np.linalg.norm(position - c) for c in result) < 2e-5
     assert several >= 4
-
-
-@pytest.mark.parametrize("linkage", [catalog.make("looper"), catalog.make("looper", side=-1)])
-def test_c_agrees_with_forty_digits(linkage):
-    angles = np.array([0.3, 1.9, 2.7, 4.1])
-    point = linkage.solve(angles).points["C"]
-    for i, angle in enumerate(angles):
-        position, velocity, acceleration = exact_c(linkage, angle, point.position[i])
-        assert np.abs(point.position[i] - position).max() <= 40 * EPS * longest(linkage)
-        assert np.abs(point.velocity[i] - velocity).max() <= 1e3 * EPS * longest(linkage)
-        assert np.abs(point.acceleration[i] - acceleration).max() <= 1e5 * EPS * longest(linkage)
 
 
 def test_the_other_assembly_mode_has_a_crank_range_above_one_revolution():

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from mpmath import mp
 from strategies import CLOSED, random_knitter
 
 from mechsim import catalog
@@ -59,60 +58,6 @@ def test_the_default_assembly_mode_matches_the_paper():
     assert np.arctan2(base.rotation[0, 1, 0], base.rotation[0, 0, 0]) == pytest.approx(-1.558, abs=6e-4)
     swing = np.ptp(linkage.solve(np.linspace(0, REVOLUTION, 1001)).joints["rocker"].value)
     assert np.rad2deg(swing) == pytest.approx(37.6, abs=0.06)
-
-
-@pytest.mark.long
-@settings(max_examples=6)
-@given(seeds)
-def test_the_motion_of_k_agrees_with_fifty_digits(seed):
-    linkage = random_knitter(seed)
-    angles = angles_of(linkage, 5)
-    angles = angles[np.abs(linkage.assembly_sign(linkage.positions(angles))) > 0.2][:2]
-    assume(len(angles) > 0)
-    motion = linkage.solve(angles, 3.0, 2.0)
-    for i, f in enumerate(angles):
-        p, d1, d2 = k_by_fifty_digits(
-            linkage, f, motion.points["B"].position[i], motion.links["base"].rotation[i]
-        )
-        expected = p, 3.0 * d1, 9.0 * d2 + 2.0 * d1
-        k = motion.points["K"]
-        for value, exact in zip((k.position, k.velocity, k.acceleration), expected, strict=True):
-            scale = longest(linkage) + np.abs(exact).max()
-            assert np.abs(value[i, :2] - exact).max() <= 1e-12 * scale
-
-
-def k_by_fifty_digits(linkage, f, b, rotation):
-    with mp.workdps(50):
-        ratio, phase = mp.mpf(linkage.gear_ratio), mp.mpf(linkage.phase)
-        sides = [mp.mpf(x) for x in linkage.closed_form.sides]
-        platform = [mp.mpc(0), mp.mpc(*linkage.base_c), mp.mpc(*linkage.base_k)]
-        start = [float(b[0]), float(b[1]), float(np.arctan2(rotation[1, 0], rotation[0, 0]))]
-
-        def k(angle):
-            pins = [
-                mp.mpf(linkage.crank1) * mp.expj(angle),
-                mp.mpc(*linkage.pivot2) + mp.mpf(linkage.crank2) * mp.expj(ratio * angle + phase),
-                mp.mpc(*linkage.pivot_rocker),
-            ]
-
-            x, y, t = start
-            for _ in range(3):  # each step doubles the number of correct digits
-                ends = [mp.mpc(x, y) + mp.expj(t) * point for point in platform]
-                legs = [e - p for e, p in zip(ends, pins, strict=True)]
-                swings = [
-                    mp.re(v * mp.conj(1j * mp.expj(t) * p)) for v, p in zip(legs, platform, strict=True)
-                ]
-                rows = mp.matrix([[v.real, v.imag, swing] for v, swing in zip(legs, swings, strict=True)])
-                residuals = [(abs(v) ** 2 - r**2) / 2 for v, r in zip(legs, sides, strict=True)]
-                x, y, t = (
-                    old - new for old, new in zip((x, y, t), mp.lu_solve(rows, residuals), strict=True)
-                )
-            return mp.mpc(x, y) + mp.expj(t) * platform[2]
-
-        h = mp.mpf(10) ** -12
-        before, middle, after = k(mp.mpf(f) - h), k(mp.mpf(f)), k(mp.mpf(f) + h)
-        first, second = (after - before) / (2 * h), (after - 2 * middle + before) / h**2
-        return [np.array([float(z.real), float(z.imag)]) for z in (middle, first, second)]
 
 
 @pytest.mark.parametrize("assembly", [1, 2])

@@ -1,17 +1,16 @@
 """Intervals of a mechanism's joints within the tolerances of its dimensions.
 
 The expressions of a TOML file are evaluated on balls with their derivatives, so that the joints of every
-mechanism within the tolerances lie in the intervals. Intervals of other models are estimated from samples.
+mechanism within the tolerances lie in the intervals. Other models have dimensions that move joints in
+proportion, as positions do.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.designs import DesignFamily
 from mechsim.errors import InputError
@@ -24,6 +23,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, ROUNDOFF, Ball, ball
 from mechsim.numerics.jets import Jet
+from mechsim.subjects.formula_file import FormulaDescription
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import Values, is_quantity
@@ -34,41 +34,71 @@ from mechsim.units import Unit
 ALONG_AXIS = 0.9
 
 
-def toml_joint_radii(
-    model: TomlModel, changed: Mapping[str, str | float], nominal: Mechanism, bounds: Mapping[str, float]
-) -> dict[str, Array]:
-    """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds of parameters.
+@dataclass(frozen=True)
+class FileExpressions:
+    """The expressions of a file.
 
-    Args:
-        model: the file.
-        changed: parameter -> its value, as `load` takes it.
-        nominal: its mechanism.
-        bounds: parameter -> bound in SI.
-
-    Raises:
-        InputError: if a parameter changes more than points and axes of joints, or appears in a function that
-            interval arithmetic does not enclose.
+    Attributes:
+        document: its tables.
+        values: values of the file at the nominal parameters.
+        parameters: parameter -> its expression, or its number in the file's unit.
+        units: parameter -> SI unit.
     """
-    at_centre = ParameterIntervals.within(model, changed, dict.fromkeys(bounds, 0.0), "")
-    along = [ParameterIntervals.within(model, changed, bounds, name) for name in bounds]
-    for path, text in _fixed_entries(model.source.document):
-        for name in sorted(_words(text) & at_centre.moving):
-            raise InputError(
-                f"dimension {name} changes {'.'.join(path)}; a certificate holds within tolerances of points "
-                "and axes only: leave it out of --within"
-            )
-    entries: Mapping[str, Any] = model.source.document["joints"]
-    radii: dict[str, Array] = {}
-    for joint in nominal.joints:
-        for side, end in (("a", joint.a), ("b", joint.b)):
-            entry = entries[joint.name][side]
-            if at_centre.depends(entry):
-                own = at_centre.side(joint, entry)
-                moved = [intervals.side(joint, entry) for intervals in along]
-                numbers = [*end.point, *end.axis, *(end.reference or EX)]
-                rows = zip(own, numbers, zip(*moved, strict=True), strict=True)
-                radii[f"{joint.name}.{side}"] = np.array([_radius(*row) for row in rows]).reshape(3, 3)
-    return radii
+
+    document: Mapping[str, Any]
+    values: Values
+    parameters: Mapping[str, Any]
+    units: Mapping[str, str]
+
+    def joint_radii(self, nominal: Mechanism, bounds: Mapping[str, float]) -> dict[str, Array]:
+        """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds.
+
+        Args:
+            nominal: the mechanism of the file.
+            bounds: parameter -> bound in SI.
+
+        Raises:
+            InputError: if a parameter changes more than points and axes of joints, or appears in a function
+                that interval arithmetic does not enclose.
+        """
+        at_centre = ParameterIntervals.within(self, dict.fromkeys(bounds, 0.0), "")
+        along = [ParameterIntervals.within(self, bounds, name) for name in bounds]
+        for path, text in _fixed_entries(self.document):
+            for name in sorted(_words(text) & at_centre.moving):
+                raise InputError(
+                    f"dimension {name} changes {'.'.join(path)}; a certificate holds within tolerances of "
+                    "points and axes only: leave it out of --within"
+                )
+        radii: dict[str, Array] = {}
+        for joint in nominal.joints:
+            for side, end in (("a", joint.a), ("b", joint.b)):
+                entry = self.document["joints"][joint.name][side]
+                if at_centre.depends(entry):
+                    own = at_centre.side(joint, entry)
+                    moved = [intervals.side(joint, entry) for intervals in along]
+                    numbers = [*end.point, *end.axis, *(end.reference or EX)]
+                    rows = zip(own, numbers, zip(*moved, strict=True), strict=True)
+                    radii[f"{joint.name}.{side}"] = np.array([_radius(*row) for row in rows]).reshape(3, 3)
+        return radii
+
+
+def expressions_of(
+    model: object, changed: Mapping[str, str | float], designs: DesignFamily
+) -> FileExpressions | None:
+    """Return the expressions of a file whose parameters are the dimensions of its designs; None without."""
+    units = {name.replace(".", "_"): dimension.unit for name, dimension in designs.dimensions.items()}
+    if isinstance(model, FormulaDescription):
+        document, values = model.description(changed)
+        parameters: Mapping[str, Any] = values.parameters
+    elif isinstance(model, TomlModel):
+        document, values = model.source.document, model.values(changed)
+        parameters = {
+            name: values.parameters[name] if name in changed else text
+            for name, text in document.get("parameters", {}).items()
+        }
+    else:
+        return None
+    return FileExpressions(document, values, parameters, units) if {*units} <= {*parameters} else None
 
 
 @dataclass(frozen=True)
@@ -112,19 +142,16 @@ class ParameterIntervals:
     moving: frozenset[str]
 
     @classmethod
-    def within(
-        cls, model: TomlModel, changed: Mapping[str, str | float], bounds: Mapping[str, float], along: str
-    ) -> "ParameterIntervals":
+    def within(cls, file: FileExpressions, bounds: Mapping[str, float], along: str) -> "ParameterIntervals":
         """Return the parameters of a file within bounds in SI, with rates along the parameter `along`."""
-        result = cls(model.values(changed), {}, frozenset())
-        dimensions = model.parameters(changed).dimensions
-        for name, written in model.source.document["parameters"].items():
+        result = cls(file.values, {}, frozenset())
+        for name, written in file.parameters.items():
             jet, moves = _still(result.values.parameters[name]), name in bounds
             if moves:
-                unit: Any = dimensions[name].unit
+                unit: Any = file.units[name]
                 tolerance = (ball(bounds[name]) / result.factor(unit)).magnitude
                 jet = Jet(Ball(jet.value.mid, tolerance), ball(tolerance * (name == along)), jet.second)
-            elif name not in changed and result.depends(written):
+            elif result.depends(written):
                 jet, moves = result.evaluated(written), True
             jets = result.jets if jet is None else {**result.jets, name: jet}
             result = cls(result.values, jets, result.moving | ({name} if moves else set()))
@@ -240,14 +267,6 @@ def _fixed_entries(document: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...
         yield from leaves(document.get(table, {}), (table,))
 
 
-# fractions of a tolerance at which the quadratic through its ends and middle is checked
-FRACTIONS = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
-# largest deviation from the quadratic, relative to the largest change
-DEPARTURE = 0.1
-# safety factor of sampled quantities: deviations from the quadratic and joint effects of several dimensions
-SAFETY = 2.0
-# maximum number of corners of the tolerances at which all dimensions change
-MAX_CORNERS = 64
 # rounding error of points and axes relative to the largest value
 ROUNDING = 1e-13
 
@@ -255,7 +274,7 @@ ROUNDING = 1e-13
 def radii_within(
     model: object, changed: Mapping[str, str | float], designs: DesignFamily, bounds: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return the radii of `joint_radii`; for designs of a TOML file they come from interval arithmetic.
+    """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds of dimensions.
 
     Args:
         model: the opened model of these designs.
@@ -264,73 +283,41 @@ def radii_within(
         bounds: dimension -> bound in SI.
 
     Raises:
-        InputError: as in `joint_radii` and `toml_joint_radii`.
+        InputError: as in `FileExpressions.joint_radii` and `proportional_radii`.
     """
-    if isinstance(model, TomlModel) and {*designs.dimensions} == {*model.values({}).parameters}:
-        return toml_joint_radii(model, changed, designs.describe({}), bounds)
-    return joint_radii(designs, bounds)
+    file = expressions_of(model, changed, designs)
+    if file is None:
+        return proportional_radii(designs, bounds)
+    named = {name.replace(".", "_"): bound for name, bound in bounds.items()}
+    return file.joint_radii(designs.describe({}), named)
 
 
-def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
-    """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds of dimensions.
-
-    Each dimension changes by its bound to either side. The radius is the sum of the larger deviation; of
-    the difference of both, which bounds the curvature; of the deviation from a quadratic in between; of the
-    joint effect of each two dimensions; and of the joint effect of all. The certificate holds for joints
-    within these radii.
+def proportional_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
+    """Return the radii of `radii_within` for dimensions to which points and axes change in proportion.
 
     Raises:
-        InputError: if a dimension changes more than points and axes of joints, or changes them far from
-            smoothly within its tolerance.
+        InputError: if a dimension changes more than points and axes of joints, or not in proportion.
     """
     nominal = designs.describe({})
-    keys, start = [*side_numbers(nominal)], _stacked(nominal)
-    total = np.zeros_like(start)
-
-    def change(moved: Mapping[str, float]) -> Array:
-        mechanism = designs.describe(
-            {name: designs.dimensions[name].value + by for name, by in moved.items()}
-        )
-        if structure(mechanism) != structure(nominal):
+    start = _stacked(nominal)
+    total, rounding = np.zeros_like(start), ROUNDING * np.abs(start).max()
+    for name, bound in bounds.items():
+        value = designs.dimensions[name].value
+        moved = [designs.describe({name: value + part * bound}) for part in (-1.0, 0.5, 1.0)]
+        if any(structure(mechanism) != structure(nominal) for mechanism in moved):
             raise InputError(
-                f"dimension {', '.join(moved)} changes a coupling, a lock or a kind of joint; "
+                f"dimension {name} changes a coupling, a lock or a kind of joint; "
                 "a certificate holds within tolerances of points and axes only: leave it out of --within"
             )
-        return _stacked(mechanism) - start
-
-    ends = {name: [change({name: sign * bounds[name]}) for sign in (-1.0, 1.0)] for name in bounds}
-    for name, (down, up) in ends.items():
-        departure = np.zeros_like(start)
-        for fraction in FRACTIONS:
-            quadratic = 0.5 * fraction * (up - down) + 0.5 * fraction**2 * (up + down)
-            departure = np.maximum(departure, np.abs(change({name: fraction * bounds[name]}) - quadratic))
-        extent = np.maximum(np.abs(down), np.abs(up))
-        if not departure.max() <= DEPARTURE * extent.max() + ROUNDING * np.abs(start).max():
+        down, half, up = (_stacked(mechanism) - start for mechanism in moved)
+        if not max(np.abs(up + down).max(), np.abs(up - 2.0 * half).max()) <= rounding:
             raise InputError(
-                f"dimension {name} moves joints too unevenly within its tolerance {bounds[name]:g}; give a "
-                "smaller one"
+                f"dimension {name} does not move joints in proportion, and only expressions of a TOML file "
+                "are enclosed otherwise; describe the mechanism in TOML, or leave it out of --within"
             )
-        total += extent + np.abs(down + up) + SAFETY * departure
-    for first, second in combinations(bounds, 2):
-        together = [
-            change({first: a * bounds[first], second: b * bounds[second]})
-            - ends[first][(a + 1) // 2]
-            - ends[second][(b + 1) // 2]
-            for a, b in product((-1, 1), repeat=2)
-        ]
-        total += SAFETY * np.abs(together).max(0)
-    for signs in _corners(len(bounds)):
-        moved = change({name: sign * bounds[name] for name, sign in zip(bounds, signs, strict=True)})
-        total += SAFETY * np.maximum(np.abs(moved) - total, 0.0)
-    total += np.where(total > 0.0, ROUNDING * np.abs(start).max(), 0.0)
-    return {key: radii for key, radii in zip(keys, total, strict=True) if radii.any()}
-
-
-def _corners(count: int) -> NDArray[np.int_]:
-    """Return signs of the dimensions at the corners of their tolerances, or at random corners of many."""
-    if 2**count <= MAX_CORNERS:
-        return np.array([*product((-1, 1), repeat=count)])
-    return np.random.default_rng(0).choice([-1, 1], (MAX_CORNERS, count))
+        total += np.abs(up)
+    total += np.where(total > 0.0, rounding, 0.0)
+    return {key: radii for key, radii in zip(side_numbers(nominal), total, strict=True) if radii.any()}
 
 
 def _stacked(mechanism: Mechanism) -> Array:

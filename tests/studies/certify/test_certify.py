@@ -14,8 +14,8 @@ from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
-from mechsim.studies.certify.toml_intervals import joint_radii, radii_within
-from mechsim.subjects import reference_data
+from mechsim.studies.certify.toml_intervals import proportional_radii, radii_within
+from mechsim.subjects import catalog, reference_data
 from mechsim.subjects.readers import open_model, parametric_model
 
 REGULAR = [
@@ -269,14 +269,15 @@ def test_a_nonmonotonic_dimension_through_a_singularity_is_rejected(tmp_path):
     (tmp_path / "wave.toml").write_text(text)
     proof = ms.certify(tmp_path / "wave.toml", within={"k": "10deg"})
     assert not proof.certified
-    with pytest.raises(ms.InputError, match="dimension k moves joints too unevenly"):
-        joint_radii(parametric_model(tmp_path / "wave.toml"), {"k": np.deg2rad(10.0)})
+    with pytest.raises(ms.InputError, match="dimension k does not move joints in proportion"):
+        proportional_radii(parametric_model(tmp_path / "wave.toml"), {"k": np.deg2rad(10.0)})
 
 
 def test_radii_enclose_the_joint_effect_of_two_dimensions():
     designs = own_designs(ms.catalog.make("rssr", gamma1=0.3))
-    bounds = {"crank": 1e-4, "gamma1": 1e-3}
-    radii = joint_radii(designs, bounds)
+    bounds = {"crank": 1e-4, "gamma1": 1e-3, "pivot.x": 1e-4}
+    radii = radii_within(open_model("rssr"), {"gamma1": 0.3}, designs, bounds)
+    assert radii["P2.a"][0, 1] == pytest.approx(1e-4, rel=1e-6)
     nominal = {joint.name: joint for joint in designs.describe({}).joints}
     rng = np.random.default_rng(0)
     for _ in range(50):
@@ -293,6 +294,14 @@ def test_radii_enclose_the_joint_effect_of_two_dimensions():
                     )
                 )
                 assert (error <= radii.get(f"{joint.name}.{side}", np.zeros((3, 3))) + 1e-15).all()
+
+
+def test_positions_in_an_mjcf_file_change_in_proportion():
+    path = str(catalog.models() / "four_bar.xml")
+    radii = radii_within(open_model(path), {}, parametric_model(path), {"B.a.at.x": 1e-4})
+    assert {key: values.max() for key, values in radii.items()} == {"B.a": pytest.approx(1e-4, rel=1e-9)}
+    with pytest.raises(ms.InputError, match=r"B\.a\.tilt\.x does not move joints in proportion"):
+        radii_within(open_model(path), {}, parametric_model(path), {"B.a.tilt.x": 0.1})
 
 
 def toml(tmp_path, name, **changed):
@@ -346,8 +355,6 @@ def test_radii_enclose_a_product_of_three_dimensions(tmp_path):
     path, within = toml(tmp_path, "hoeken", **changed), {"u": 10, "v": 10, "w": 10}
     assert not ms.certify(path, within=within).certified
     assert ms.certify(path, within=dict.fromkeys(within, 1)).certified
-    radii = joint_radii(parametric_model(path), within)
-    assert max(values.max() for values in radii.values()) >= 0.06
 
 
 def test_a_dimension_of_a_motion_law_or_coupling_is_rejected(tmp_path):
