@@ -1,15 +1,14 @@
 """Points and axes of joints as formulas of a mechanism's dimensions, for code with variable dimensions.
 
-The expressions of a TOML file are translated. The numbers of any other mechanism are sums of products of
-lengths, sines and cosines of angles, with coefficients fitted on a grid of designs. Both are compared with
-designs in Python; dimensions with wrong formulas are omitted.
+The expressions of a TOML file are translated. The points of any other mechanism change in proportion to its
+dimensions, as to positions. Both are compared with designs in Python; dimensions with wrong formulas are
+omitted.
 """
 
 import ast
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,16 +21,14 @@ from mechsim.model.joints import End
 from mechsim.model.links import vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.toml_reader import TomlModel
-from mechsim.subjects.toml_values import is_quantity, values_of
+from mechsim.subjects.file_expressions import FileExpressions, expressions_of, parameter_name
+from mechsim.subjects.toml_values import is_quantity
 from mechsim.units import Unit, parse
 
 # vectors of a joint side; a tracked point has only "at"
 QUANTITIES = ("at", "axis", "reference")
 # rounding error of a formula, for numbers relative to the mechanism's length
 ROUNDING = 1e-12
-# maximum number of dimensions in one number: the grid has up to 3 to this power designs
-MAX_SHARED = 4
 # changes of a dimension at which formulas are compared with designs: relative, or for a dimension of zero in
 # [rad] or characteristic lengths
 CHANGES = (0.013, -0.017)
@@ -44,21 +41,12 @@ class Formula:
     Attributes:
         javascript: expression of `d["NAME"]` in SI and `p["NAME"]` in units of the file.
         value: the formula as a Python function of dimensions in SI.
+        toml: its expression in a TOML file, of parameters as `parameter_name`, or its number.
     """
 
     javascript: str
     value: Callable[[Mapping[str, float]], float]
-
-    @property
-    def toml(self) -> str:
-        """A formula from `fitted_vectors` as an expression of a TOML file; parameters as `parameter_name`."""
-        text = re.sub(r"d\['([^']*)'\]", lambda match: parameter_name(match[1]), self.javascript)
-        return re.sub(r"(?<![\d.])1\.0 \* ", "", text.replace("Math.", "")).replace("+ -", "- ")
-
-
-def parameter_name(dimension: str) -> str:
-    """Return the name of a dimension as that of a parameter, which has no dots."""
-    return dimension.replace(".", "_")
+    toml: str | float
 
 
 Vectors = Mapping[tuple[str, str], tuple[Formula, Formula, Formula]]
@@ -72,11 +60,13 @@ class ParametricGeometry:
         dimensions: the variable dimensions.
         statements: JavaScript that computes the parameters `p` of a file from dimensions `d`.
         vectors: (JOINT.a, JOINT.b or point, quantity) -> components, for variable vectors only.
+        constants: parameter -> its number in the file's unit, of those in the vectors that do not vary.
     """
 
     dimensions: tuple[Dimension, ...]
     statements: tuple[str, ...]
     vectors: Vectors
+    constants: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def parametric_geometry(model: Any, designs: DesignFamily) -> ParametricGeometry:
@@ -88,23 +78,23 @@ def parametric_geometry(model: Any, designs: DesignFamily) -> ParametricGeometry
     """
     names = [*(designs.usual or designs.dimensions)]
     nominal = designs.describe({})
-    source = model if isinstance(model, TomlModel) and _from_parameters(model, designs) else None
+    file = expressions_of(model, designs, {})
     statements: tuple[str, ...] = ()
     vectors = (
-        fitted_vectors(designs, names, nominal) if source is None else _translated(source, designs, names)
+        proportional_vectors(designs, names, nominal) if file is None else translated_vectors(file, names)
     )
     holding = [designs.dimensions[name] for name in names if _holds(designs, nominal, vectors, name)]
     every = [formula for formulas in vectors.values() for formula in formulas]
     kept = tuple(dimension for dimension in holding if _varies(designs, [dimension], every))
     changing = {key: formulas for key, formulas in vectors.items() if _varies(designs, kept, formulas)}
-    if source is not None:
-        statements = _statements(source, designs, [dimension.name for dimension in kept])
-    return ParametricGeometry(kept, statements, changing)
-
-
-def _from_parameters(model: TomlModel, designs: DesignFamily) -> bool:
-    """Return whether the dimensions of the designs are the parameters of the file."""
-    return {*designs.dimensions} == {*model.source.document.get("parameters", {})}
+    constants: dict[str, float] = {}
+    if file is not None:
+        varying = [dimension.name for dimension in kept]
+        statements = _statements(file, designs, varying)
+        texts = " ".join(str(formula.toml) for formulas in changing.values() for formula in formulas)
+        still = {*re.findall(r"[^\W\d]\w*", texts)} - {parameter_name(name) for name in varying}
+        constants = {name: value for name, value in file.values.parameters.items() if name in still}
+    return ParametricGeometry(kept, statements, changing, constants)
 
 
 def _varies(designs: DesignFamily, kept: Sequence[Dimension], formulas: Sequence[Formula]) -> bool:
@@ -182,55 +172,49 @@ def _relative(sides: Mapping[str, Array], points: Mapping[str, Array], length: f
 # --- expressions of a TOML file
 
 
-def _scales(model: TomlModel, designs: DesignFamily) -> dict[str, float]:
-    """Return the SI value of one unit of each parameter of a file."""
-    values = values_of(model.source)
-    return {
-        name: values.in_si(1.0, "m" if dimension.unit == "m" else "rad" if dimension.unit == "rad" else "1")
-        for name, dimension in designs.dimensions.items()
-    }
-
-
-def _statements(model: TomlModel, designs: DesignFamily, varying: Sequence[str]) -> tuple[str, ...]:
+def _statements(file: FileExpressions, designs: DesignFamily, varying: Sequence[str]) -> tuple[str, ...]:
     """Return JavaScript that computes the parameters of a file from the variable dimensions."""
-    scales, angle = _scales(model, designs), values_of(model.source).in_si(1.0, "rad")
+    angle, moving = file.values.in_si(1.0, "rad"), {parameter_name(name): name for name in varying}
     lines: list[str] = []
-    for name, text in model.source.document["parameters"].items():
-        if name in varying:
-            value = f"d[{name!r}] / {scales[name]!r}"
+    for name, text in file.parameters.items():
+        if name in moving:
+            value = f"d[{moving[name]!r}] / {file.values.in_si(1.0, file.units[name])!r}"
         elif designs.derived.get(name):
             value = _javascript(parse_expression(text), angle)
         else:
-            value = repr(designs.dimensions[name].value / scales[name])
+            value = repr(float(file.values.parameters[name]))
         lines.append(f"p[{name!r}] = {value};")
     return tuple(lines)
 
 
-def _translated(model: TomlModel, designs: DesignFamily, names: Sequence[str]) -> Vectors:
-    """Return the formulas of a file's points and axes."""
-    document, values = model.source.document, values_of(model.source)
-    texts, scales, angle = document["parameters"], _scales(model, designs), values.in_si(1.0, "rad")
+def translated_vectors(file: FileExpressions, names: Sequence[str]) -> Vectors:
+    """Return the formulas of a file's points and axes, as functions of dimensions."""
+    values, angle = file.values, file.values.in_si(1.0, "rad")
+    moving = {parameter_name(name): name for name in names}
 
     def parameters(si: Mapping[str, float]) -> dict[str, float]:
-        parameter_values: dict[str, float] = {}
-        for name, text in texts.items():
-            if name in names:
-                parameter_values[name] = si[name] / scales[name]
+        numbers: dict[str, float] = {}
+        for name, text in file.parameters.items():
+            if name in moving:
+                numbers[name] = si[moving[name]] / values.in_si(1.0, file.units[name])
             else:
-                parameter_values[name] = evaluate_number(text, parameter_values.__getitem__, angle)
-        return parameter_values
+                is_text = isinstance(text, str)
+                numbers[name] = evaluate_number(text, numbers.__getitem__, angle) if is_text else float(text)
+        return numbers
 
     def formula(value: Any, unit: Unit) -> Formula:
         scale = values.in_si(1.0, unit)
         if isinstance(value, str) and not is_quantity(value):
             text = f"{_javascript(parse_expression(value), angle)} * {scale!r}"
-            return Formula(text, lambda si: scale * evaluate_number(value, parameters(si).__getitem__, angle))
+            return Formula(
+                text, lambda si: scale * evaluate_number(value, parameters(si).__getitem__, angle), value
+            )
         number = parse(value, unit, "") if isinstance(value, str) else scale * float(value)
-        return Formula(repr(number), lambda _: number)
+        return Formula(repr(number), lambda _: number, number)
 
     return {
         key: (formula(entry[0], unit), formula(entry[1], unit), formula(entry[2], unit))
-        for key, entry, unit in _entries(document)
+        for key, entry, unit in _entries(file.document)
     }
 
 
@@ -280,102 +264,44 @@ def _javascript(node: ast.AST, angle: float) -> str:
             raise ValueError(ast.dump(node))
 
 
-# --- coefficients fitted on a grid of designs
+# --- other mechanisms
 
 
-def fitted_vectors(designs: DesignFamily, names: Sequence[str], nominal: Mechanism) -> Vectors:
-    """Return formulas of the points and axes that dimensions change."""
-    length = nominal.characteristic_length
-    start = _scaled(nominal, length)
-    users = {key: np.zeros((len(names), *numbers.shape), dtype=np.bool_) for key, numbers in start.items()}
-    for i, name in enumerate(names):
+def proportional_vectors(designs: DesignFamily, names: Sequence[str], nominal: Mechanism) -> Vectors:
+    """Return formulas of the points that change in proportion to dimensions."""
+    start, step = _scaled(nominal, 1.0), 2.0 ** np.ceil(np.log2(nominal.characteristic_length))
+    values, rates = designs.values(), dict[str, dict[str, Array]]()
+    for name in names:
         try:
-            design = _scaled(
-                designs.describe({name: _changed(designs.dimensions[name], CHANGES[0], designs)}), length
-            )
+            moved = _scaled(designs.describe({name: values[name] + step}), 1.0)
         except (MechsimError, ArithmeticError, ValueError):
             continue
-        for key, numbers in design.items():
-            users[key][i] = np.abs(numbers - start[key]) > ROUNDING
-    out: dict[tuple[str, str], tuple[Formula, Formula, Formula]] = {}
-    for key, numbers in start.items():
-        rows = numbers[None] if numbers.ndim == 1 else numbers
-        used = users[key][:, None] if numbers.ndim == 1 else users[key]
-        for k, quantity in enumerate(QUANTITIES[: len(rows)]):
-            if not used[:, k].any():
-                continue
-            scale = length if quantity == "at" else 1.0
-            shared = [name for name, flags in zip(names, used[:, k], strict=True) if flags.any()]
-            formulas = _fitted(designs, shared[:MAX_SHARED], key, k, scale, length)
-            if formulas is not None:
-                out[key, quantity] = formulas
-    return out
+        for key, numbers in moved.items():
+            # the first row of a joint side is its point
+            rate = np.atleast_2d(numbers - start[key])[0] / step
+            if rate.any():
+                rates.setdefault(key, {})[name] = np.where(
+                    np.abs(rate - np.round(rate)) < ROUNDING, np.round(rate), rate
+                )
+    return {
+        (key, "at"): _sums(np.atleast_2d(start[key])[0], own, {name: values[name] for name in own})
+        for key, own in rates.items()
+    }
 
 
-def _fitted(
-    designs: DesignFamily, names: Sequence[str], key: str, row: int, scale: float, length: float
-) -> tuple[Formula, Formula, Formula] | None:
-    """Return a vector as a sum of products of its dimensions from a grid of designs; None if one fails."""
-    nodes, inverses, texts = [], [], []
-    for name in names:
-        unit = designs.dimensions[name].unit
-        unit_length = length if unit == "m" else 1.0
-        points = (
-            np.array([-1.0, 0.0, 1.0]) * 2.0 * np.pi / 3.0
-            if unit == "rad"
-            else np.array([0.5, 1.5]) * unit_length
-        )
-        columns = (
-            [np.ones_like(points), np.cos(points), np.sin(points)]
-            if unit == "rad"
-            else [np.ones_like(points), points]
-        )
-        nodes.append(points)
-        inverses.append(np.linalg.inv(np.column_stack(columns)))
-        text = f"d[{name!r}]"
-        texts.append(["", f"Math.cos({text})", f"Math.sin({text})"] if unit == "rad" else ["", text])
-    values = np.empty((*(len(points) for points in nodes), 3))
-    for index in np.ndindex(*values.shape[:-1]):
-        setting = {name: float(nodes[i][k]) for i, (name, k) in enumerate(zip(names, index, strict=True))}
-        try:
-            with np.errstate(divide="raise", invalid="raise"):
-                numbers = _scaled(designs.describe(setting), length)[key]
-        except (MechsimError, ArithmeticError, ValueError):
-            return None
-        values[index] = scale * np.atleast_2d(numbers)[row]
-    for i, inverse in enumerate(inverses):
-        values = np.moveaxis(np.tensordot(inverse, values, (1, i)), 0, i)
-    first, second, third = (_sum_of_products(names, designs, texts, values[..., k]) for k in range(3))
-    return first, second, third
+def _sums(
+    point: Array, rates: Mapping[str, Array], values: Mapping[str, float]
+) -> tuple[Formula, Formula, Formula]:
+    """Return the components of a point as sums of dimensions, from the point and its rates at values."""
 
-
-def _sum_of_products(
-    names: Sequence[str], designs: DesignFamily, texts: Sequence[Sequence[str]], coefficients: Array
-) -> Formula:
-    largest = np.abs(coefficients).max()
-    terms = [
-        (float(coefficients[index]), [texts[i][k] for i, k in enumerate(index) if texts[i][k]], index)
-        for index in product(*(range(count) for count in coefficients.shape))
-        if abs(coefficients[index]) >= 1e-15 * max(largest, 1.0) and _clean(float(coefficients[index]))
-    ]
-    text = " + ".join(" * ".join([repr(_clean(factor)), *factors]) for factor, factors, _ in terms) or "0"
-    units = [designs.dimensions[name].unit for name in names]
-
-    def value(si: Mapping[str, float]) -> float:
-        basis = [
-            (1.0, np.cos(si[name]), np.sin(si[name])) if unit == "rad" else (1.0, si[name])
-            for name, unit in zip(names, units, strict=True)
-        ]
-        return float(
-            sum(
-                _clean(factor) * np.prod([basis[i][k] for i, k in enumerate(index)])
-                for factor, _, index in terms
-            )
+    def component(i: int) -> Formula:
+        factors = {name: float(rate[i]) for name, rate in rates.items() if rate[i]}
+        constant = float(point[i] - sum(factor * values[name] for name, factor in factors.items()))
+        text = " + ".join([repr(constant), *(f"{factor!r} * {{{name}}}" for name, factor in factors.items())])
+        return Formula(
+            re.sub(r"\{(.*?)\}", lambda name: f"d[{name[1]!r}]", text),
+            lambda si: constant + sum(factor * si[name] for name, factor in factors.items()),
+            re.sub(r"\{(.*?)\}", lambda name: parameter_name(name[1]), text),
         )
 
-    return Formula(text, value)
-
-
-def _clean(factor: float) -> float:
-    """Return a coefficient, rounded to an integer within rounding errors."""
-    return float(round(factor)) if abs(factor - round(factor)) < 1e-14 else factor
+    return component(0), component(1), component(2)

@@ -12,7 +12,7 @@ from mechsim.analytic.designs import DesignFamily, Dimension
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.assembly import SolvedAssembly, assembly
-from mechsim.codegen.geometry import ParametricGeometry, parameter_name, parametric_geometry
+from mechsim.codegen.geometry import ParametricGeometry, parametric_geometry
 from mechsim.codegen.kinematics import VaryingNumbers
 from mechsim.codegen.printing import javascript
 from mechsim.codegen.solver_code import solver_code
@@ -27,6 +27,7 @@ from mechsim.model.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
+from mechsim.subjects.file_expressions import parameter_name
 from mechsim.subjects.toml_reader import TomlModel, parsed_source
 from mechsim.subjects.toml_values import TomlSource, values_of
 from mechsim.subjects.toml_writer import to_toml
@@ -369,12 +370,16 @@ def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[list[An
     lines = read_text(model.path, "a TOML file").splitlines()
     pieces: list[list[Any]] = [[line] for line in lines]
     for dimension in geometry.dimensions:
-        line = model.source.line(("parameters", dimension.name)) - 1
         scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
-        value = {"dimension": dimension.name, "scale": scale}
-        if (opened := _with_open_value(pieces[line], dimension.name, value)) is None:
+        value, own = {"dimension": dimension.name, "scale": scale}, ("parameters", dimension.name)
+        # the value of a table with its source may have a line of its own
+        for key in (own, (*own, "value")):
+            line = model.source.line(key) - 1
+            if (opened := _with_open_value(pieces[line], key[-1], value)) is not None:
+                pieces[line] = opened
+                break
+        else:
             return None
-        pieces[line] = opened
     if "formula" in model.source.document:
         # of an inline table the line of the table
         number = model.source.line(("formula", "python")) - 1
@@ -396,6 +401,7 @@ def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: Parametr
                         {"dimension": dimension.name, "scale": 1.0},
                     ]
                 }
+            yield from (f"{name} = {value!r}" for name, value in geometry.constants.items())
             yield ""
         if isinstance(piece, dict) and "joint" in piece:
             joint = mechanism.joint(piece["joint"])

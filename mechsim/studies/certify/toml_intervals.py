@@ -23,9 +23,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, ROUNDOFF, Ball, ball
 from mechsim.numerics.jets import Jet
-from mechsim.subjects.formula_file import FormulaDescription
+from mechsim.subjects.file_expressions import FileExpressions, expressions_of, parameter_name
 from mechsim.subjects.toml_coordinates import leaves
-from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import Values, is_quantity
 from mechsim.units import Unit
 
@@ -34,71 +33,37 @@ from mechsim.units import Unit
 ALONG_AXIS = 0.9
 
 
-@dataclass(frozen=True)
-class FileExpressions:
-    """The expressions of a file.
+def file_radii(file: FileExpressions, nominal: Mechanism, bounds: Mapping[str, float]) -> dict[str, Array]:
+    """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds.
 
-    Attributes:
-        document: its tables.
-        values: values of the file at the nominal parameters.
-        parameters: parameter -> its expression, or its number in the file's unit.
-        units: parameter -> SI unit.
+    Args:
+        file: the expressions.
+        nominal: the mechanism of the file.
+        bounds: parameter -> bound in SI.
+
+    Raises:
+        InputError: if a parameter changes more than points and axes of joints, or appears in a function
+            that interval arithmetic does not enclose.
     """
-
-    document: Mapping[str, Any]
-    values: Values
-    parameters: Mapping[str, Any]
-    units: Mapping[str, str]
-
-    def joint_radii(self, nominal: Mechanism, bounds: Mapping[str, float]) -> dict[str, Array]:
-        """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds.
-
-        Args:
-            nominal: the mechanism of the file.
-            bounds: parameter -> bound in SI.
-
-        Raises:
-            InputError: if a parameter changes more than points and axes of joints, or appears in a function
-                that interval arithmetic does not enclose.
-        """
-        at_centre = ParameterIntervals.within(self, dict.fromkeys(bounds, 0.0), "")
-        along = [ParameterIntervals.within(self, bounds, name) for name in bounds]
-        for path, text in _fixed_entries(self.document):
-            for name in sorted(_words(text) & at_centre.moving):
-                raise InputError(
-                    f"dimension {name} changes {'.'.join(path)}; a certificate holds within tolerances of "
-                    "points and axes only: leave it out of --within"
-                )
-        radii: dict[str, Array] = {}
-        for joint in nominal.joints:
-            for side, end in (("a", joint.a), ("b", joint.b)):
-                entry = self.document["joints"][joint.name][side]
-                if at_centre.depends(entry):
-                    own = at_centre.side(joint, entry)
-                    moved = [intervals.side(joint, entry) for intervals in along]
-                    numbers = [*end.point, *end.axis, *(end.reference or EX)]
-                    rows = zip(own, numbers, zip(*moved, strict=True), strict=True)
-                    radii[f"{joint.name}.{side}"] = np.array([_radius(*row) for row in rows]).reshape(3, 3)
-        return radii
-
-
-def expressions_of(
-    model: object, changed: Mapping[str, str | float], designs: DesignFamily
-) -> FileExpressions | None:
-    """Return the expressions of a file whose parameters are the dimensions of its designs; None without."""
-    units = {name.replace(".", "_"): dimension.unit for name, dimension in designs.dimensions.items()}
-    if isinstance(model, FormulaDescription):
-        document, values = model.description(changed)
-        parameters: Mapping[str, Any] = values.parameters
-    elif isinstance(model, TomlModel):
-        document, values = model.source.document, model.values(changed)
-        parameters = {
-            name: values.parameters[name] if name in changed else text
-            for name, text in document.get("parameters", {}).items()
-        }
-    else:
-        return None
-    return FileExpressions(document, values, parameters, units) if {*units} <= {*parameters} else None
+    at_centre = ParameterIntervals.within(file, dict.fromkeys(bounds, 0.0), "")
+    along = [ParameterIntervals.within(file, bounds, name) for name in bounds]
+    for path, text in _fixed_entries(file.document):
+        for name in sorted(_words(text) & at_centre.moving):
+            raise InputError(
+                f"dimension {name} changes {'.'.join(path)}; a certificate holds within tolerances of "
+                "points and axes only: leave it out of --within"
+            )
+    radii: dict[str, Array] = {}
+    for joint in nominal.joints:
+        for side, end in (("a", joint.a), ("b", joint.b)):
+            entry = file.document["joints"][joint.name][side]
+            if at_centre.depends(entry):
+                own = at_centre.side(joint, entry)
+                moved = [intervals.side(joint, entry) for intervals in along]
+                numbers = [*end.point, *end.axis, *(end.reference or EX)]
+                rows = zip(own, numbers, zip(*moved, strict=True), strict=True)
+                radii[f"{joint.name}.{side}"] = np.array([_radius(*row) for row in rows]).reshape(3, 3)
+    return radii
 
 
 @dataclass(frozen=True)
@@ -148,8 +113,7 @@ class ParameterIntervals:
         for name, written in file.parameters.items():
             jet, moves = _still(result.values.parameters[name]), name in bounds
             if moves:
-                unit: Any = file.units[name]
-                tolerance = (ball(bounds[name]) / result.factor(unit)).magnitude
+                tolerance = (ball(bounds[name]) / result.factor(file.units[name])).magnitude
                 jet = Jet(Ball(jet.value.mid, tolerance), ball(tolerance * (name == along)), jet.second)
             elif result.depends(written):
                 jet, moves = result.evaluated(written), True
@@ -283,13 +247,13 @@ def radii_within(
         bounds: dimension -> bound in SI.
 
     Raises:
-        InputError: as in `FileExpressions.joint_radii` and `proportional_radii`.
+        InputError: as in `file_radii` and `proportional_radii`.
     """
-    file = expressions_of(model, changed, designs)
+    file = expressions_of(model, designs, changed)
     if file is None:
         return proportional_radii(designs, bounds)
-    named = {name.replace(".", "_"): bound for name, bound in bounds.items()}
-    return file.joint_radii(designs.describe({}), named)
+    named = {parameter_name(name): tolerance for name, tolerance in bounds.items()}
+    return file_radii(file, designs.describe({}), named)
 
 
 def proportional_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
@@ -301,9 +265,9 @@ def proportional_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> di
     nominal = designs.describe({})
     start = _stacked(nominal)
     total, rounding = np.zeros_like(start), ROUNDING * np.abs(start).max()
-    for name, bound in bounds.items():
+    for name, tolerance in bounds.items():
         value = designs.dimensions[name].value
-        moved = [designs.describe({name: value + part * bound}) for part in (-1.0, 0.5, 1.0)]
+        moved = [designs.describe({name: value + fraction * tolerance}) for fraction in (-1.0, 0.5, 1.0)]
         if any(structure(mechanism) != structure(nominal) for mechanism in moved):
             raise InputError(
                 f"dimension {name} changes a coupling, a lock or a kind of joint; "
