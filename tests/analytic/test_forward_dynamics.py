@@ -1,13 +1,13 @@
 """Forward dynamics from any initial state against exact solutions."""
 
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulums import GRAVITY, WEIGHT, double_pendulum, pendulum, point_mass, slider
+from pendulums import GRAVITY, WEIGHT, double_pendulum, pendulum, slider
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -20,7 +20,6 @@ from mechsim.model.forces import Forces, Friction, JointSpring, Load
 sys.path.insert(0, str(Path(__file__).parents[2] / "validation" / "published"))
 import a01_pendulum
 import a02_four_bars
-import a03_squeezer
 import a04_bricard
 
 
@@ -32,16 +31,6 @@ def test_a_pendulum_agrees_with_elliptic_functions():
     assert np.abs(swing - a01_pendulum.exact(run.time)).max() <= 1e-12
     assert run.outcome == "done"
     assert run.energy_error <= 5e-12
-
-
-def test_a_pendulum_of_another_length_disagrees():
-    longer = replace(
-        pendulum(), links=(ms.Link("arm", inertia=point_mass(centre=(1.0001, 0.0, 0.0))),), points={}
-    )
-    longer = replace(longer, points={"P": ("arm", (1.0, 0.0, 0.0))})
-    run = ms.dynamics.run(longer, WEIGHT, duration=a01_pendulum.PERIOD, samples=10)
-    swing = run.motion.joints["pivot"].value + np.pi / 2.0
-    assert np.abs(swing - a01_pendulum.exact(run.time)).max() > 1e-5
 
 
 def test_a_double_pendulum_agrees_with_textbook_equations():
@@ -148,14 +137,6 @@ def test_a_strongly_damped_block_is_integrated_implicitly():
     assert run.motion.joints["s"].rate[1:] == pytest.approx(np.full(4, steady), rel=1e-9)
 
 
-def test_andrews_squeezer_reaches_its_published_angles():
-    run = ms.dynamics.run(
-        a03_squeezer.squeezer(), a03_squeezer.forces(), duration=a03_squeezer.END, samples=2
-    )
-    angles = np.array([run.motion.joints[name].value[-1] for name in a03_squeezer.NAMES])
-    assert a03_squeezer.digits(angles) >= 9.0
-
-
 def test_bricards_overconstrained_linkage_keeps_its_energy():
     run = ms.dynamics.run(a04_bricard.bricard(), WEIGHT, duration=0.5, samples=20)
     assert run.outcome == "done"
@@ -236,19 +217,6 @@ def test_a_brief_load_is_integrated():
     assert run.motion.joints["s"].rate[-1] == pytest.approx(8.0 * 0.02 / 2.0, rel=1e-9)
 
 
-@pytest.mark.long
-def test_a_four_bar_passes_close_to_a_singular_configuration():
-    """The coupler is a micrometre too short for all links to lie in line."""
-    hair = ms.catalog.make("four_bar", ground=0.05, crank=0.02, coupler=0.07 - 1e-6, rocker=0.04)
-    run = ms.dynamics.run(
-        hair, Forces(), initial={"crank.q": 2.0, "crank.v": 60.0}, duration=0.3, until="crank.q=8", samples=4
-    )
-    assert run.outcome == "done"
-    assert run.energy_error < 1e-9
-    angles = run.motion.joints["crank"].value
-    assert run.motion.points["B"].position == pytest.approx(hair.solve(angles).points["B"].position, abs=1e-9)
-
-
 def test_a_block_without_restitution_stays_on_its_stop():
     fall = KinematicSolver(slider(), ranges={"s": (-1.0, 5.0)})
     run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=1.0, samples=20)
@@ -261,20 +229,6 @@ def test_coulomb_friction_sticks_below_its_limit_and_slides_above(pull, moves):
     friction = Forces(gravity=(pull / 2.0, 0.0, 0.0), friction=(Friction("s", coulomb=4.0),))
     run = ms.dynamics.run(slider(), friction, duration=1.0, samples=10)
     assert run.motion.joints["s"].value[-1] == pytest.approx(0.25 * (pull - 4.0) if moves else 0.0, abs=1e-12)
-
-
-def test_coulomb_friction_brings_a_sliding_block_to_rest():
-    # decelerates at 2 m/s2 from 1 m/s: 0.25 m in 0.5 s
-    run = ms.dynamics.run(
-        slider(),
-        Forces(friction=(Friction("s", coulomb=4.0),)),
-        initial={"s.v": 1.0},
-        duration=2.0,
-        samples=8,
-    )
-    assert run.outcome == "stopped"
-    assert run.time[-1] == pytest.approx(0.5, abs=1e-9)
-    assert run.motion.joints["s"].value[-1] == pytest.approx(0.25, abs=1e-9)
 
 
 def test_coulomb_friction_shortens_each_half_swing_equally():

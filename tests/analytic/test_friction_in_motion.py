@@ -16,7 +16,6 @@ from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.equations_of_motion import equations_of_motion
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.motors import ConstantTorque
-from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 G = 9.81
@@ -260,21 +259,6 @@ def test_a_slider_crank_agrees_with_an_integration_in_maximal_coordinates(file):
     assert crank.rate[-1] == pytest.approx(rate, abs=1e-8)
     assert run.energy_error <= 1e-12
     assert run.executed == "C"
-
-
-@pytest.mark.slow
-def test_mujoco_converges_with_the_square_of_the_step(file):
-    path = file(PRESS)
-    run = ms.dynamics.run(path, initial={"crank.q": 0.3, "crank.v": 25.0}, duration=0.05, samples=2)
-    model = dynamics.dynamic_model(ms.load(path))
-    first = {name: float(joint.value[0]) for name, joint in run.motion.joints.items()}
-    rates = {name: float(joint.rate[0]) for name, joint in run.motion.joints.items()}
-    errors = []
-    for substeps in (25, 50, 100):
-        stepped = stepped_run(model.mechanism, model.forces, first, rates, run.time, substeps, kept={"crank"})
-        errors.append(np.abs(stepped.motion.joints["crank"].value - run.motion.joints["crank"].value).max())
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
-    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.1)
 
 
 PIN = {"coefficient": 0.15, "pin_radius": 4e-3}

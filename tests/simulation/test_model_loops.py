@@ -66,12 +66,6 @@ def test_batched_and_single_states_have_equal_results(mechanism: Mechanism) -> N
         assert np.abs(several[1] - single[0]).max() < 1e-15
 
 
-def test_the_size_of_a_model_is_its_longest_body_or_loop_point_distance() -> None:
-    loops = loops_of(catalog.make("four_bar").mechanism)
-    loops.model.body_pos[1] = 0.3, -0.4, 1.2
-    assert replace(loops).characteristic_length == pytest.approx(1.3, rel=1e-15)
-
-
 def test_the_rank_of_a_batch_includes_every_state() -> None:
     loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     jacobians, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
@@ -111,19 +105,6 @@ def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism)
     # the remaining residual is of second order
     assert 3.5 < opened[1] / opened[0] < 4.5
     assert loops.closure_error(residual)[0] < 1e-14
-
-
-def test_displacements_agree_with_mujoco() -> None:
-    loops = loops_of(catalog.make("rssr").mechanism)
-    states = states_near(loops, 4, 0.3)
-    rng = np.random.default_rng(5)
-    steps = rng.normal(size=(4, loops.model.nv))
-    original = loops.displaced(states, steps)
-    for state, step, moved in zip(states, steps, original, strict=True):
-        expected = state.copy()
-        mujoco.mj_integratePos(loops.model, expected, step, 1.0)
-        # half angles and a norm: a few roundings
-        assert np.abs(moved - expected).max() < 1e-15
 
 
 USER = model_text("model_loops_user.xml")

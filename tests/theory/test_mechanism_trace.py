@@ -187,19 +187,6 @@ def test_the_length_of_a_curve_is_the_integral_of_twists():
     assert abs(trace(linkage, starts=0).curves[0].length - REVOLUTION * np.sqrt(squares).mean()) <= 1e-8
 
 
-@pytest.mark.long
-def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
-    linkage = catalog.make("rrsrr")
-    for curve in trace(linkage, starts=STARTS).curves:
-        x, y, z = curve.samples(60).points["S"].T
-        # the torus that the coupler's end sweeps about the crank's axis x, and the sphere about the pivot
-        sheets = [np.hypot(side * np.hypot(y, z) - linkage.crank, x) for side in (1.0, -1.0)]
-        torus = np.min(np.abs(np.array(sheets) - linkage.coupler), axis=0)
-        radius = np.linalg.norm(np.stack([x, y, z], 1) - linkage.pivot, axis=1)
-        assert torus.max() <= 1e-13
-        assert np.abs(radius - linkage.link).max() <= 1e-13
-
-
 def test_poses_are_assigned_to_their_own_curve():
     result = traced("four_bar")
     loops = result.curves[0].loops
