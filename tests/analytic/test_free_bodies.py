@@ -165,23 +165,6 @@ def test_a_body_that_starts_near_its_unstable_axis():
     assert np.abs(own - exact)[-1].max() < 1e-9
 
 
-def test_thrown_body():
-    """The centre of mass of a spinning body, off the joint, follows a parabola."""
-    centre = (0.1, 0.2, 0.3)
-    run = ms.dynamics.run(
-        body(1.0, centre, (0.1, 0.2, 0.25), "floating"),
-        DOWN,
-        initial={"J.w": (3.0, 2.0, 1.0), "J.vy": 2.0, "J.vz": 3.0},
-        duration=1.0,
-    )
-    link = run.motion.links["body"]
-    centres = link.position + link.rotation @ np.array(centre)
-    start = np.array([0.0, 2.0, 3.0]) + np.cross([3.0, 2.0, 1.0], centre)
-    time = run.time[:, None]
-    exact = np.array(centre) + start * time + 0.5 * np.array([0.0, 0.0, -GRAVITY]) * time**2
-    assert np.abs(centres - exact).max() < ERROR
-
-
 def rssr(moments):
     """Return an RSSR linkage without gravity whose rod is two halves of 1 kg at its ends."""
     ends = [
