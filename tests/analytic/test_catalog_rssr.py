@@ -1,11 +1,10 @@
-import mpmath
 import numpy as np
 import pytest
 from exact_solutions import rssr_p3
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from loop_laws import agrees_with_loop_equations
-from strategies import EPS, angles_of, longest, rssrs, turns
+from strategies import EPS, angles_of, rssrs, turns
 
 from mechsim import catalog
 from mechsim.errors import AssemblyError
@@ -82,34 +81,6 @@ def test_the_guide_does_not_change_the_rocker_motion():
     angles = np.linspace(0.0, 6.0, 20)
     free, guided = (catalog.make("rssr", guide=guide).solve(angles).points["P3"] for guide in (False, True))
     assert (free.position == guided.position).all()
-
-
-@pytest.mark.long
-@settings(max_examples=12)
-@given(rssrs())
-def test_dead_centres_agree_with_forty_digits(linkage):
-    def difference(f):
-        """cos2 - 1 of the angle between rocker and P4P2, times a positive factor."""
-        x, y, _ = ([mpmath.mpf(float(v)) for v in column] for column in linkage.closed_form.rocker_frame.T)
-        p2 = [0, linkage.crank * mpmath.cos(f), linkage.crank * mpmath.sin(f)]
-        d = [p - mpmath.mpf(q) for p, q in zip(p2, linkage.pivot, strict=True)]
-        a, b = (2 * mpmath.mpf(linkage.rocker) * mpmath.fdot(d, u) for u in (x, y))
-        k = mpmath.fdot(d, d) + mpmath.mpf(linkage.rocker) ** 2 - mpmath.mpf(linkage.coupler) ** 2
-        return (a * a + b * b - k * k) / mpmath.mpf(longest(linkage)) ** 4
-
-    result = linkage.dead_centres()
-    scan = np.linspace(-np.pi, np.pi, 181)
-    with mpmath.workdps(40):
-        values = [difference(mpmath.mpf(float(f))) for f in scan]
-        changes = [i for i in range(180) if values[i] * values[i + 1] < 0]
-        # the scan does not resolve two dead centres within one step
-        assume(min(abs(value) for value in values) > 1e-6 and len(changes) == len(result))
-        for i in changes:
-            root = float(mpmath.findroot(difference, (scan[i], scan[i + 1]), solver="anderson", tol=1e-30))
-            gradient = abs(float(mpmath.diff(difference, root)))
-            miss = min(abs((f - root + np.pi) % (2 * np.pi) - np.pi) for f in result)
-            assert miss <= 1e-13 / min(gradient, 1.0)
-        assert linkage.crank_range().full == (not changes and values[0] > 0)
 
 
 @given(rssrs())
