@@ -38,7 +38,7 @@ QUICK = (
     "speed/closed_form_speed.py",
     "speed/loop_speed.py",
     "speed/pose_speed.py",
-    "speed/step_overhead.py 1 10",
+    "speed/step_overhead.py 1 100",
     "speed/sweep_speed.py 0.0001",
 )
 
