@@ -100,18 +100,6 @@ def figure_3(looper: KinematicSolver) -> dict[str, Array]:
     return {"x": e[:, 0], "y": e[:, 1]}
 
 
-def figure_4(looper: KinematicSolver) -> dict[str, Array]:
-    """Path of C seen along Z, in space and in the plane, in [mm], and the crank angle in [rad]."""
-    c, planar = 1e3 * looper.positions(_angles())["C"], 1e3 * looper.closed_form.planar_point(_angles())
-    return {
-        "angle": _angles(),
-        "space x": c[:, 0],
-        "space y": c[:, 1],
-        "plane x": planar[:, 0],
-        "plane y": planar[:, 1],
-    }
-
-
 def _angles() -> Array:
     return np.linspace(0.0, 2.0 * np.pi, 721)
 

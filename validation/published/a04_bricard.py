@@ -18,33 +18,13 @@ from table import Row, energy_error, show
 
 import mechsim as ms
 from mechsim.model.forces import Forces
-from mechsim.model.links import Inertia
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
-HINGES = np.array([[0, 0, 0], [1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]], dtype=float)
-AXES = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)) * 2
-SECTION = 0.1
+MODEL = Path(__file__).parents[1] / "suites" / "models" / "exudyn" / "bricardMechanism.toml"
 
 
 def bricard() -> ms.Mechanism:
-    directions = HINGES[1:] - HINGES[:-1]
-    ends = [tuple(rod.tolist()) for rod in directions]
-    links = tuple(ms.Link(f"rod{i + 1}", inertia=_rod(rod)) for i, rod in enumerate(directions))
-    joints = []
-    for i, axis in enumerate(AXES):
-        a = ms.End("ground", tuple(HINGES[i].tolist()), axis)
-        if 0 < i < 5:
-            a = ms.End(f"rod{i}", ends[i - 1], axis)
-        b = ms.End(f"rod{i + 1}", (0.0, 0.0, 0.0), axis) if i < 5 else ms.End("rod5", ends[4], axis)
-        joints.append(ms.Joint(f"J{i + 1}", "revolute", a, b))
-    guess = {f"rod{i + 1}": ms.Pose(HINGES[i], np.eye(3)) for i in range(5)}
-    return ms.Mechanism("bricard", links, tuple(joints), "J1", {"P3": ("rod2", ends[1])}, guess=guess)
-
-
-def _rod(axis: np.ndarray) -> Inertia:
-    along, across = SECTION**2 / 6.0, (1.0 + SECTION**2) / 12.0
-    centre = tuple((axis / 2.0).tolist())
-    return Inertia(1.0, centre, across * np.eye(3) + (along - across) * np.outer(axis, axis))
+    return ms.load(str(MODEL)).mechanism
 
 
 def rows(duration: float = 10.0, timestep: float = 2.5e-4, energy_tolerance: float = 1e-6) -> list[Row]:
