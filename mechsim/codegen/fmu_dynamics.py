@@ -78,7 +78,7 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         _array("int", "INDEX", index),
         _array("double", "UNIT", units),
         _array("double", "NONE", np.zeros(len(equations.frictions))),
-        _array("int", "PHASES", run.right.mode.phases),
+        _array("double", "PHASES", run.right.mode.phases),
         _array("double", "RULE", collocation_rule()),
         _array("int", "POINT_LINK", [tree.index[link] for _, link, _ in points]),
         _array(

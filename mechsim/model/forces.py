@@ -24,6 +24,7 @@ from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, requir
 if TYPE_CHECKING:
     from mechsim.model.actuators import Actuator
     from mechsim.model.bushings import Bushing
+    from mechsim.model.clearances import Clearance
     from mechsim.model.motors import Controller, Motor
     from mechsim.model.nonlinear_springs import NonlinearSpring
 
@@ -133,6 +134,7 @@ class Forces:
         joint_springs: springs in joints.
         nonlinear_springs: springs with a law of their own, such as stops.
         bushings: elastic mounts between frames on two links.
+        clearances: joints whose pins are free in their holes in runs from an initial state.
         loads: forces on points.
         couples: moments on links.
         crank_torque: load on the crank in [N m], positive for increasing crank angle, exerted on the driven
@@ -151,6 +153,7 @@ class Forces:
     joint_springs: tuple[JointSpring, ...] = ()
     nonlinear_springs: tuple[NonlinearSpring, ...] = ()
     bushings: tuple[Bushing, ...] = ()
+    clearances: tuple[Clearance, ...] = ()
     loads: tuple[Load, ...] = ()
     couples: tuple[Couple, ...] = ()
     crank_torque: LoadProfile | None = None
@@ -181,6 +184,9 @@ class Forces:
                     f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
         self._check_ends(mechanism)
+        used = {item.joint for item in (*self.friction, *self.joint_springs)}
+        for clearance in self.clearances:
+            clearance.check(mechanism, {*used, *self.controlled, *self.sprung})
         for controller in (*self.controllers, *self.actuators):
             controller.check(mechanism)
         acting: list[tuple[str, Location]] = [(f"load on {act.location}", act.location) for act in self.loads]

@@ -138,6 +138,7 @@ GROUND = "ground"
 # prefix of names of virtual bodies: links without a body, between the joints that replace one joint
 VIRTUAL_PREFIX = "~"
 ORIGIN: Vector = (0.0, 0.0, 0.0)
+NO_INERTIA = Inertia(0.0, ORIGIN, (ORIGIN, ORIGIN, ORIGIN))
 AXES = "xyz"
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)

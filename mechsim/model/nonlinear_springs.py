@@ -17,31 +17,42 @@ from mechsim.model.links import Vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE, at_least_zero, number
 
-# phases of a stop: without penetration, under pressure, and left behind by a joint that retreats faster
-OPEN, PRESSED, RELAXED = range(3)
+# phases of a stop: without penetration, under pressure, and, below zero, left behind by a joint that retreats
+# faster. The magnitude of the others is the approach rate v0 if the law depends on it
+OPEN, PRESSED = 0.0, 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class SoftStop:
     """A spring and damper behind a limit, which never pull.
 
-    With the penetration p = side (l - limit) > 0 the stop presses with max(0, k p + d p'); it stores
-    k p^2 / 2, and loses max(d p', -k p) p', which is never negative. It is open for p <= 0.
+    With the penetration p = side (l - limit) > 0 the stop presses with
+
+        max(0, k p^n (1 + h p' / v0) + d p'),
+
+    where v0 is the rate p' at which it closed. It stores k p^(n+1) / (n+1), and loses the rest. It is open
+    for p <= 0. A run that starts in contact has no v0, and h is then without effect.
 
     Source: B. Brogliato, Nonsmooth Mechanics (2016), chapter 2 (compliant contact of Kelvin and Voigt, cut
-    off at zero force).
+    off at zero force); H. M. Lankarani and P. E. Nikravesh, A contact force model with hysteresis damping
+    for impact analysis of multibody systems, Journal of Mechanical Design 112 (1990) 369-376 (n = 3/2, d = 0,
+    h by `clearances.LAWS`).
 
     Attributes:
         limit: in [m] or [rad].
         side: +1 for an upper limit, -1 for a lower one.
-        stiffness: k in [N/m] or [N m/rad], above 0.
+        stiffness: k in [N/m^n] or [N m/rad^n], above 0.
         damping: d in [N s/m] or [N m s/rad], 0 or more.
+        exponent: n, 1 or more.
+        hysteresis: h, 0 or more.
     """
 
     limit: float
     side: float
     stiffness: float
     damping: float = 0.0
+    exponent: float = 1.0
+    hysteresis: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 < number(self.stiffness) < HUGE:
@@ -53,34 +64,41 @@ class SoftStop:
         """Angle within half a revolution of which angles are taken that are known up to revolutions."""
         return self.limit
 
-    def _penetration(self, length: Array, rate: Array) -> tuple[Array, Array]:
-        """Return p and p + d p' / k, whose product with k is the force without cut-off."""
+    def _penetration(self, length: Array, rate: Array, phase: float | None) -> tuple[Array, Array]:
+        """Return p and p^n (1 + h p' / v0) + d p' / k, whose product with k is the force without cut-off.
+
+        Beyond its phase, within a step, p^n is continued as an odd function.
+        """
         depth = self.side * (length - self.limit)
-        return depth, depth + (self.damping / self.stiffness) * self.side * rate
+        sign = np.where(np.real(depth) < 0.0, -1.0, 1.0)
+        power = sign * (sign * depth) ** self.exponent
+        loss = self.hysteresis / abs(phase) * power if phase and self.hysteresis else 0.0
+        return depth, power + (loss + self.damping / self.stiffness) * self.side * rate
 
-    def phase(self, length: float, rate: float) -> int:
-        """Return the phase at a length and a rate."""
-        depth, pressure = self._penetration(np.array(length), np.array(rate))
-        return OPEN if depth <= 0.0 else PRESSED if pressure > 0.0 else RELAXED
+    def phase(self, length: float, rate: float, before: float = OPEN) -> float:
+        """Return the phase at a length and a rate, after another phase."""
+        # of no approach rate v0: infinite, without hysteresis
+        closing = (self.side * rate if self.side * rate > 0.0 else np.inf) if self.hysteresis else PRESSED
+        pressed = abs(before) or closing
+        depth, pressure = self._penetration(np.array(length), np.array(rate), pressed)
+        return OPEN if depth <= 0.0 else pressed if pressure > 0.0 else -pressed
 
-    def remaining(self, phase: int, length: Array, rate: Array) -> Array:
+    def remaining(self, phase: float, length: Array, rate: Array) -> Array:
         """Return lengths that fall through zero where a phase ends, (n,)."""
-        depth, pressure = self._penetration(length, rate)
-        if phase == OPEN:
-            return -depth
-        return np.minimum(depth, pressure if phase == PRESSED else -pressure)
+        depth, pressure = self._penetration(length, rate, phase)
+        return np.minimum(depth, np.sign(phase) * pressure) if phase else -depth
 
-    def tension(self, length: Array, rate: Array, phase: int | None = None) -> Array:
+    def tension(self, length: Array, rate: Array, phase: float | None = None) -> Array:
         """Return the tension, (n,), smooth within a given phase; complex steps are propagated."""
-        depth, pressure = self._penetration(length, rate)
-        pressed = (np.real(depth) > 0.0) & (np.real(pressure) > 0.0) if phase is None else phase == PRESSED
+        depth, pressure = self._penetration(length, rate, phase)
+        pressed = (np.real(depth) > 0.0) & (np.real(pressure) > 0.0) if phase is None else phase > OPEN
         return self.side * self.stiffness * np.where(pressed, pressure, 0.0)
 
-    def elastic(self, length: Array, phase: int | None = None) -> Array:
+    def elastic(self, length: Array, phase: float | None = None) -> Array:
         """Return the tension of the spring, (n,): the derivative of `energy`."""
-        depth, _ = self._penetration(length, 0.0 * length)
+        depth, power = self._penetration(length, 0.0 * length, phase)
         pressed = np.real(depth) > 0.0 if phase is None else phase != OPEN
-        return self.side * self.stiffness * np.where(pressed, depth, 0.0)
+        return self.side * self.stiffness * np.where(pressed, power, 0.0)
 
     def unstored(self, length: Array) -> Array:
         """Return zero: the spring stores all that its damper does not lose."""
@@ -92,7 +110,7 @@ class SoftStop:
 
     def energy(self, length: Array) -> Array:
         """Return the stored energy, (n,) in [J]."""
-        return 0.5 * (length - self.limit) * self.elastic(length)
+        return (length - self.limit) * self.elastic(length) / (self.exponent + 1.0)
 
 
 @dataclass(frozen=True)
@@ -155,11 +173,11 @@ class SpringLaw:
         """As that of a stop."""
         return self.rest
 
-    def phase(self, length: float, rate: float) -> int:
+    def phase(self, length: float, rate: float, before: float = OPEN) -> float:
         """Return the only phase."""
         return PRESSED
 
-    def remaining(self, phase: int, length: Array, rate: Array) -> Array:
+    def remaining(self, phase: float, length: Array, rate: Array) -> Array:
         """Return the distance to the end of the table, (n,); 1 without a table."""
         if self.table is None:
             return np.ones_like(length)
@@ -167,12 +185,12 @@ class SpringLaw:
         position = length if self.over == "l" else rate
         return np.minimum(position - low, high - position)
 
-    def tension(self, length: Array, rate: Array, phase: int | None = None) -> Array:
+    def tension(self, length: Array, rate: Array, phase: float | None = None) -> Array:
         """Return the tension, (n,); complex steps are propagated."""
         value = self.stiffness * (length - self.rest) + self.damping * rate + self.preload
         return value + self._tabled(length if self.over == "l" else rate) + self._written(length, rate)
 
-    def elastic(self, length: Array, phase: int | None = None) -> Array:
+    def elastic(self, length: Array, phase: float | None = None) -> Array:
         """Return the derivative of `energy` by the length, (n,)."""
         value = self.stiffness * (length - self.rest) + self.preload
         return value + self._tabled(length) if self.over == "l" else value
@@ -240,12 +258,16 @@ class NonlinearSpring:
     name: str = ""
 
 
-Phases = tuple[int, ...]
+Phases = tuple[float, ...]
 
 
-def phases_of(springs: Sequence[NonlinearSpring], lengths: Array, rates: Array) -> Phases:
-    """Return the phase of each spring at lengths and rates, (springs,)."""
+def phases_of(
+    springs: Sequence[NonlinearSpring], lengths: Array, rates: Array, before: Phases = ()
+) -> Phases:
+    """Return the phase of each spring at lengths and rates, (springs,), after other phases."""
     return tuple(
-        spring.law.phase(float(length), float(rate))
-        for spring, length, rate in zip(springs, lengths, rates, strict=True)
+        spring.law.phase(float(length), float(rate), previous)
+        for spring, length, rate, previous in zip(
+            springs, lengths, rates, before or (OPEN,) * len(springs), strict=True
+        )
     )

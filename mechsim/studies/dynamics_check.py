@@ -15,7 +15,7 @@ from mechsim.analytic.dynamics.statics import with_stops
 from mechsim.analytic.loops.motion import conditioning_of
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.progress import Progress, no_progress
@@ -162,8 +162,10 @@ def crosscheck_forward(
         joints = section.motion.joints
         closed = {gap: float(joints[gap].value[0]) for gap in segment.closed}
         mechanism = without_gaps(dynamic_model.mechanism, closed)
+        if closed:
+            mechanism = _guessed_at(mechanism, section.motion)
         model = replace(dynamic_model, mechanism=mechanism)
-        compared = _compared_with_mujoco(run, section, model, initial, progress)
+        compared = _compared_with_mujoco(run, section, segment, model, initial, progress)
         if isinstance(compared, Verdict):
             return compared
         title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
@@ -171,14 +173,23 @@ def crosscheck_forward(
     return concluded(checks)
 
 
+def _guessed_at(mechanism: Mechanism, motion: Motion) -> Mechanism:
+    """Return a mechanism with the first poses of a motion as its guess: a pin touches its hole there."""
+    poses = {link.name: motion.links[link.name] for link in mechanism.links}
+    guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in poses.items()}
+    start = float(motion.joints[mechanism.crank.name].value[0]) if mechanism.has_crank else mechanism.start
+    return mechanism.with_guess(guess, start)
+
+
 def _compared_with_mujoco(
     run: DynamicRun,
     section: DynamicRun,
+    segment: RunSegment,
     dynamic_model: DynamicModel,
     initial: InitialValues,
     progress: Progress,
 ) -> list[Check] | Verdict:
-    """Return the checks of a section of a run; a verdict if MuJoCo diverges."""
+    """Return the checks of a section of a run in a segment; a verdict if MuJoCo diverges."""
     # the function: number of steps between two instants -> run in MuJoCo from the section's start
     joints, driving = section.motion.joints, section.driving
     start = start_of(
@@ -190,6 +201,7 @@ def _compared_with_mujoco(
         ranges=dynamic_model.solver.ranges,
         links=section.motion.links,
         activation=section.activation[:, 0],
+        phases=segment.phases,
     )
     prescribed = {name: dynamic_model.solver.motion_laws.by_name[name] for name in driving}
     times, stepped = (

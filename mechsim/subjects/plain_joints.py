@@ -167,6 +167,7 @@ def left_out(solver: KinematicSolver, format: str, *, coulomb: bool) -> str:
         "bushings": forces.bushings,
         "loads": forces.load_profiles,
         "motors and controllers": forces.replaced_by_motion or forces.controllers or forces.flywheel,
+        "clearances": forces.clearances,
         "friction by load and rate": [friction for friction in forces.friction if friction.varies],
         "constant friction": [friction for friction in forces.friction if friction.coulomb and not coulomb],
         "locked coordinates": solver.mechanism.locked,

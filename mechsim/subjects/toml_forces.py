@@ -6,6 +6,7 @@ from typing import Any
 from mechsim.errors import InputError
 from mechsim.files import is_table
 from mechsim.model.bushings import Bushing, diagonal
+from mechsim.model.clearances import Clearance, hertz_stiffness
 from mechsim.model.forces import (
     WEIGHT,
     Couple,
@@ -54,8 +55,8 @@ def forces_of(
     rubbing = {
         name: joint["friction"] for name, joint in read.get("joints", {}).items() if "friction" in joint
     }
-    losses = tuple(_losses(values, mechanism, read))
-    if "forces" not in read and not rubbing and not stops and not losses:
+    losses, clearances = tuple(_losses(values, mechanism, read)), tuple(_clearances(values, read))
+    if "forces" not in read and not rubbing and not stops and not losses and not clearances:
         return None
     table: dict[str, Any] = read.get("forces", {})
     for joint in rubbing.keys() & table.get("friction", {}).keys():
@@ -73,6 +74,7 @@ def forces_of(
             joint_springs=tuple(_joint_springs(values, mechanism, table)),
             nonlinear_springs=(*stops, *nonlinear_springs_of(values, mechanism, table)),
             bushings=tuple(_bushings(values, table)),
+            clearances=clearances,
             loads=tuple(_loads(values, mechanism, table)),
             couples=tuple(
                 Couple(link, load_profile_of(values, mechanism, moment, "N m", ("forces", "couples", link)))
@@ -159,7 +161,19 @@ def _crank_torque(values: Values, mechanism: Mechanism, table: Mapping[str, Any]
     return load_profile_of(values, mechanism, (table["crank_torque"],), "N m", ("forces", "crank_torque"))
 
 
-def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]:
+def facts_of(values: Values, mechanism: Mechanism, forces: Forces | None) -> tuple[str, ...]:
+    """Return sentences on lengths without a unit, and on where clearances act."""
+    facts, free = _implausible_lengths(values, mechanism), () if forces is None else forces.clearances
+    if free:
+        names = ", ".join(clearance.joint for clearance in free)
+        facts.append(
+            f"the pin of {names} is free in its hole in runs from an initial state (dynamics forward), and "
+            "at its centre elsewhere"
+        )
+    return tuple(facts)
+
+
+def _implausible_lengths(values: Values, mechanism: Mechanism) -> list[str]:
     """Return questions about rest lengths without a unit that fit the mechanism in metres only."""
     scale = values.in_si(1.0, "m")
     straight = {joint.name for joint in mechanism.joints if "m" in KINDS[joint.kind].units}
@@ -175,7 +189,7 @@ def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]
                     f"line {values.source.line(path)}: {dotted(path)} is {rest:g} {values.length} in a "
                     f"mechanism of {extent:.2g} m; was '{rest:g} m' meant?"
                 )
-    return tuple(facts)
+    return facts
 
 
 def _controllers(values: Values, table: Mapping[str, Any]) -> Iterator[Controller]:
@@ -204,6 +218,28 @@ def _bushings(values: Values, table: Mapping[str, Any]) -> Iterator[Bushing]:
         }
         with values.source.error_context(path):
             yield Bushing(name, end_of(entry["a"]), end_of(entry["b"]), **matrices)
+
+
+def _clearances(values: Values, read: Mapping[str, Any]) -> Iterator[Clearance]:
+    """Yield the clearances of joints: by their radius or those of hole and pin, and by their material."""
+    tables = {
+        name: {**joint["clearance"]} for name, joint in read.get("joints", {}).items() if "clearance" in joint
+    }
+    for name, entry in tables.items():
+        path, radii = ("joints", name, "clearance"), {"hole_radius", "pin_radius"}
+        if {"radius", *radii} & {*entry} not in ({"radius"}, radii):
+            raise values.source.error(path, "needs radius alone, or hole_radius and pin_radius; give these")
+        hole, pin = entry.pop("hole_radius", 0.0), entry.pop("pin_radius", 0.0)
+        material = {key: entry.pop(key) for key in ("young", "poisson") if key in entry}
+        if material and ("young" not in material or not hole or "stiffness" in entry):
+            reason = (
+                "needs young, hole_radius and pin_radius for a stiffness by Hertz, or stiffness; give these"
+            )
+            raise values.source.error(path, reason)
+        with values.source.error_context(path):
+            if material:
+                entry["stiffness"] = hertz_stiffness(hole, pin, **{"poisson": 0.3, **material})
+            yield Clearance(name, **({"radius": hole - pin} | entry))
 
 
 def _six_by_six(

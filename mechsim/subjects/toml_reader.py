@@ -97,11 +97,11 @@ class TomlModel(ModelSource):
         bouncing = {f"{name}.gap": contact.restitution for name, contact in contacts.items()}
         forces, facts = None, ()
         if limits.stops or has_forces(read):
-            from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
+            from mechsim.subjects.toml_forces import facts_of, forces_of, require_pitch_points
 
             require_pitch_points(source, mechanism, read)
             forces = forces_of(values, mechanism, read, limits.stops)
-            facts = implausible_lengths(values, mechanism)
+            facts = facts_of(values, mechanism, forces)
         solver = KinematicSolver(
             mechanism,
             parameters=values.parameters,
@@ -146,10 +146,10 @@ class TomlModel(ModelSource):
 
 
 def has_forces(read: Mapping[str, Any]) -> bool:
-    """Whether a file has forces, friction of joints, or teeth."""
+    """Whether a file has forces, friction or clearance of joints, or teeth."""
     joints, couplings = (read.get(table, {}).values() for table in ("joints", "couplings"))
     teeth = any("pressure_angle" in coupling for coupling in couplings)
-    return "forces" in read or teeth or any("friction" in joint for joint in joints)
+    return "forces" in read or teeth or any({"friction", "clearance"} & {*joint} for joint in joints)
 
 
 def has_curves(document: Mapping[str, Any]) -> bool:

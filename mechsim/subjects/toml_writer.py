@@ -84,7 +84,8 @@ def to_toml(source: Mechanism | KinematicSolver) -> str:
         lines += _table(_link(link), "links", link.name)
     solver = None if isinstance(source, Mechanism) else source
     for joint in mechanism.joints:
-        lines += _table(_joint(joint) | _limits(joint, solver), "joints", joint.name)
+        table = _joint(joint) | _limits(joint, solver) | _clearance(joint, solver)
+        lines += _table(table, "joints", joint.name)
     names = [coupling.name for coupling in mechanism.couplings]
     losses = _efficiencies(mechanism, solver)
     for i, gear in enumerate(mechanism.gears):
@@ -272,6 +273,14 @@ def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
         if entry:
             limits |= entry if name == joint.name else {name.removeprefix(f"{joint.name}."): entry}
     return {"limits": limits} if limits else {}
+
+
+def _clearance(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
+    clearances = () if solver is None or solver.forces is None else solver.forces.clearances
+    fields = "radius", "restitution", "stiffness", "exponent", "law"
+    defaults = {"restitution": None, "stiffness": 0.0, "exponent": 1.5, "law": "lankarani-nikravesh"}
+    tables = {item.joint: _stated(_fields(item, *fields), **defaults) for item in clearances}
+    return {"clearance": tables[joint.name]} if joint.name in tables else {}
 
 
 def _bushing(bushing: Bushing) -> dict[str, Any]:

@@ -36,7 +36,7 @@ NUMBER_FIELDS: Mapping[type, tuple[str, ...]] = {
     Spring: ("a", "b", "stiffness", "rest", "damping"),
     JointSpring: ("stiffness", "rest"),
     NonlinearSpring: ("ends", "law"),
-    SoftStop: ("limit", "stiffness", "damping"),
+    SoftStop: ("limit", "stiffness", "damping", "exponent", "hysteresis"),
     SpringLaw: ("stiffness", "rest", "damping", "preload", "values", "table"),
     Bushing: ("a", "b", "stiffness", "damping"),
     Load: ("location",),

@@ -29,13 +29,14 @@ from mechsim.model.instructions import (
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
+from mechsim.model.nonlinear_springs import SoftStop
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 
 # attributes of the forces that the C code contains; another one must be empty
 FORCES = {
     *("gravity", "friction", "springs", "joint_springs", "nonlinear_springs", "bushings", "loads", "couples"),
-    *("crank_torque", "flywheel", "motor", "controllers", "actuators", "armature"),
+    *("crank_torque", "flywheel", "motor", "controllers", "actuators", "armature", "clearances"),
 }
 
 _INT, _REAL = "i4", "f8"
@@ -114,7 +115,7 @@ NONLINEAR_SPRING = np.dtype(
         *((name, _INT) for name in ("link_a", "link_b", "coordinate", "table", "over_rate")),
         ("a", _REAL, 3),
         ("b", _REAL, 3),
-        *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload")),
+        *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload", "exponent", "hysteresis")),
         ("expression", EXPRESSION),
     ],
     align=True,
@@ -427,7 +428,9 @@ def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
 def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.nonlinear_springs:
-        row: dict[str, Any] = {"coordinate": -1, **added.add_spring(spring)}
+        row: dict[str, Any] = {"coordinate": -1, "exponent": 1.0, **added.add_spring(spring)}
+        if isinstance(law := spring.law, SoftStop):
+            row |= {"exponent": law.exponent, "hysteresis": law.side * law.hysteresis}
         if not isinstance(spring.ends, str):
             (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
                 _point(equations, end) for end in spring.ends

@@ -318,5 +318,7 @@ def scale_of(
 
 
 def _arrays(mode: ContactMode, at_rest: Sequence[int]) -> tuple[Array, Any, Any]:
-    phases, indices = (np.array(values, dtype=np.int32) for values in (mode.phases, at_rest))
-    return np.ascontiguousarray(mode.sliding, dtype=np.float64), phases, indices
+    sliding, phases = (
+        np.ascontiguousarray(values, dtype=np.float64) for values in (mode.sliding, mode.phases)
+    )
+    return sliding, phases, np.array(at_rest, dtype=np.int32)

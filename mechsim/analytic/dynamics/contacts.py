@@ -182,7 +182,7 @@ class Contacts:
             loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
         return loads
 
-    def _phase_left(self, state: Kinematics, k: int, phase: int) -> Array:
+    def _phase_left(self, state: Kinematics, k: int, phase: float) -> Array:
         """Return what is left of the phase of a nonlinear spring, in units, (n,)."""
         spring = self.equations.model.forces.nonlinear_springs[k]
         lengths, rates = self.equations.spring_lengths(state)
@@ -203,10 +203,11 @@ class Contacts:
         texts = (spring.law.beyond(lengths[k], rates[k]) for k, spring in enumerate(springs))
         return next((text for text in texts if text), "")
 
-    def phases(self, state: Kinematics) -> Phases:
-        """Return the phases of the nonlinear springs in one state."""
+    def phases(self, state: Kinematics, before: Phases = ()) -> Phases:
+        """Return the phases of the nonlinear springs in one state, after other phases."""
         springs = self.equations.model.forces.nonlinear_springs
-        return phases_of(springs, *(values[:, 0] for values in self.equations.spring_lengths(state)))
+        lengths, rates = (values[:, 0] for values in self.equations.spring_lengths(state))
+        return phases_of(springs, lengths, rates, before)
 
     def _pressing(self, dynamics: Dynamics, mode: ContactMode) -> Array:
         """Return the forces of the stops in contact, (contacts, n); negative for a tensile force."""
@@ -317,8 +318,8 @@ class Contacts:
             f"{', '.join(names[i] for i in indices)} beyond a stop"
         )
 
-    def choose(self, state: Kinematics, time: float, fastest: float) -> ContactMode:
-        """Return the contact mode with admissible friction and contact forces.
+    def choose(self, state: Kinematics, time: float, fastest: float, before: Phases = ()) -> ContactMode:
+        """Return the contact mode with admissible friction and contact forces, after phases of springs.
 
         Raises:
             JammedError: if prescribed motion drives a joint beyond its stop.
@@ -328,7 +329,7 @@ class Contacts:
         slow = np.abs(self.gap_rates(state.rates)) <= SOFT_IMPACT * fastest
         resting = [i for i in self._closed(state) if slow[i, 0]]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
-        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state))
+        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state, before))
         if any(self.equations.frictions[i].friction.varies for i in stuck):
             together = None if resting else self._moving_together(state, time, mode, fastest)
             if together is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import units
+from mechsim.analytic.dynamics.clearances import require_in_holes
 from mechsim.analytic.dynamics.compiled_model import CompiledModel
 from mechsim.analytic.dynamics.compiled_motion import DenseSteps, evaluated
 from mechsim.analytic.dynamics.contacts import CLOSED_GAP, ContactMode, Stop, gap_indices, stops_of
@@ -48,6 +49,7 @@ from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
+from mechsim.model.nonlinear_springs import Phases
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import EPS
@@ -77,6 +79,7 @@ class RunSegment:
         sticking: whether a friction sticks or a stop is in contact.
         touching: whether a stop is in contact.
         closed: gaps of contacts and ropes that are closed.
+        phases: phases of the nonlinear springs.
     """
 
     first: float
@@ -84,6 +87,7 @@ class RunSegment:
     sticking: bool
     touching: bool
     closed: tuple[str, ...] = ()
+    phases: Phases = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,6 +227,7 @@ def run(
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     model = released(model)
     values = initial_values(model, initial or {})
+    require_in_holes(model, values.coordinates)
     end = units.si(duration, "s", "the duration")
     if turns is None and end is None:
         raise InputError("a run needs a duration, or turns of the crank, after which to end")
@@ -430,7 +435,7 @@ def _segments(pieces: Sequence[Piece], gaps: Mapping[int, str]) -> tuple[RunSegm
         closed = tuple(gaps[index] for index in first.contacts if index in gaps)
         touching = len(first.contacts) > len(closed)
         sticking = bool(first.mode.stuck) or touching
-        segments.append(RunSegment(first.first, last.last, sticking, touching, closed))
+        segments.append(RunSegment(first.first, last.last, sticking, touching, closed, first.mode.phases))
     return tuple(segments)
 
 

@@ -537,7 +537,8 @@ class Integration:
         return self._at_rest()
 
     def _choose_mode(self) -> None:
-        self.right.mode = self.contacts.choose(self.kinematics(), self.time, self.fastest)
+        before = self.right.mode.phases
+        self.right.mode = self.contacts.choose(self.kinematics(), self.time, self.fastest, before)
         if self.right.mode.contacts:
             # a contact may be slow instead of at rest
             self.state = self.right.nearest_on_loops(np.array([self.time]), self.state[None])[0]

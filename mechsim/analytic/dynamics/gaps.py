@@ -11,11 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.analytic.dynamics.clearances import with_clearances
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.model.bristle_friction import with_bristles
 from mechsim.model.joint_kinds import PRISMATIC, REVOLUTE
 from mechsim.model.joints import Coupling, End, Joint
-from mechsim.model.links import EX, GROUND, ORIGIN, VIRTUAL_PREFIX, Inertia, Link
+from mechsim.model.links import EX, GROUND, NO_INERTIA, VIRTUAL_PREFIX, Link
 from mechsim.model.mechanism import Mechanism
 
 # end of the names of coordinates that are gaps
@@ -57,7 +58,7 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
     for coupling in mechanism.couplings:
         gap = gap_of(mechanism, coupling)
         if gap and gap not in present:
-            link = Link(VIRTUAL_PREFIX + gap, inertia=Inertia(0.0, ORIGIN, (ORIGIN, ORIGIN, ORIGIN)))
+            link = Link(VIRTUAL_PREFIX + gap, inertia=NO_INERTIA)
             straight = mechanism.unit(next(iter(coupling.left_terms))) == "m" or coupling.rope
             kind = PRISMATIC if straight else REVOLUTE
             links.append(link)
@@ -75,7 +76,8 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
 
 
 def released(model: DynamicModel) -> DynamicModel:
-    """Return a model for runs from an initial state: with gaps as coordinates, and bristles of frictions."""
+    """Return a model for runs from an initial state: with free pins, gaps, and bristles of frictions."""
+    model = with_clearances(model)
     return replace(model, mechanism=with_gaps(model.mechanism), forces=with_bristles(model.forces))
 
 

@@ -72,6 +72,9 @@ class RightHandSide:
             # a state of a step that the integrator may reject
             self.unsolved = error
             return np.full_like(states, np.nan)
+        except np.linalg.LinAlgError:
+            # the mass matrix of an iteration that diverges
+            return np.full_like(states, np.nan)
         return self.layout.derivatives(states, kinematics, dynamics)
 
     def on_loops(self, times: Array, states: Array) -> Array:

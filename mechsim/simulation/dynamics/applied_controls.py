@@ -14,6 +14,7 @@ from mechsim.errors import InputError, MissingToolError, OutputError
 from mechsim.model.actuators import Actuator
 from mechsim.model.instructions import NotCompiledError
 from mechsim.model.motion_laws import State
+from mechsim.model.nonlinear_springs import OPEN, Phases, phases_of
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.compiled_controls import compiled_controls
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
@@ -75,15 +76,21 @@ class AppliedControls:
         model: the mechanism and its forces.
         loops: of the prepared model.
         laws: prescribed coordinate -> its motion law.
+        phases: phases of the nonlinear springs at the start; empty for those without memory.
     """
 
     def __init__(
-        self, model: LoadedModel, loops: ModelLoops, laws: Mapping[str, State] | None = None
+        self,
+        model: LoadedModel,
+        loops: ModelLoops,
+        laws: Mapping[str, State] | None = None,
+        phases: Phases = (),
     ) -> None:
         dry = list(model.dry)
         rubbing = any(friction.varies for friction in model.forces.friction)
         self.friction = UpdatedFriction(model, loops, dry) if rubbing else None
         self.model, self.loops = replace(model, dry=dry), loops
+        self.impacts = ImpactMemory(model, loops, phases) if phases else None
         self.controllers = Controllers(model)
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None
@@ -91,14 +98,33 @@ class AppliedControls:
         self.reacts = bool(model.dry or model.forces.nonlinear_springs or model.forces.bushings)
         other = self.reacts or self.controllers.used or self.drives.names
         self.constant = not (other or over or model.forces.actuators)
-        self.compiled = None if self.friction or self.drives.names else self._compiled()
+        self.compiled = None if self.remembers or self.drives.names else self._compiled()
 
     @property
     def executed(self) -> Literal["C", "Python"]:
         """What evaluates the forces: "C" if no step needs Python."""
         rows = nonlinear_rows(self.loops) and not compiled_rows(self.loops)
-        in_python = self.friction or self.drives.names or rows
+        in_python = self.remembers or self.drives.names or rows
         return "C" if (self.constant or self.compiled) and not in_python else "Python"
+
+    @property
+    def remembers(self) -> bool:
+        """Whether each step depends on the one before it."""
+        return self.friction is not None or self.impacts is not None
+
+    def begin_step(self, data: mujoco.MjData) -> None:
+        """Set what depends on the step before, from the present state."""
+        if self.friction:
+            self.friction.update(data)
+        if self.impacts:
+            self.impacts.update(data)
+
+    def return_to(self, step: int) -> None:
+        """Set what depends on the step before as it was at the start of a step."""
+        if self.friction:
+            self.friction.set(self.friction.history[step])
+        if self.impacts:
+            self.impacts.phases = self.impacts.history[step]
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set controls and applied forces at MuJoCo's state."""
@@ -109,7 +135,8 @@ class AppliedControls:
         data.ctrl[:] = controls[0]
         if self.reacts:
             controls = data.ctrl[None]
-            self.model.react(data.actuator_length[None], data.actuator_velocity[None], controls)
+            before = self.impacts.phases if self.impacts else ()
+            self.model.react(data.actuator_length[None], data.actuator_velocity[None], controls, before)
             data.ctrl[:] = controls[0]
         data.qfrc_applied[:] = 0.0
         self.controllers.apply(data)
@@ -147,6 +174,45 @@ class AppliedControls:
             return compiled_controls(self.model, coordinates, controllers.others, self.crank)
         except (NotCompiledError, MissingToolError, OutputError):
             return None
+
+
+class ImpactMemory:
+    """The approach rates at which contacts of nonlinear springs closed in a stepped model.
+
+    Where the length passes the limit between two steps, the rate is interpolated there.
+
+    Args:
+        model: the mechanism and its forces.
+        loops: of the model to be stepped.
+        phases: phases at the start.
+    """
+
+    def __init__(self, model: LoadedModel, loops: ModelLoops, phases: Phases) -> None:
+        self.model, self.stepped, self.phases = model, loops.model, phases
+        self.history = list[Phases]()
+        self.last: tuple[Array, Array] | None = None
+
+    def update(self, data: mujoco.MjData) -> None:
+        """Set the phases of the next step by the present state."""
+        mujoco.mj_fwdPosition(self.stepped, data)
+        mujoco.mj_fwdVelocity(self.stepped, data)
+        pair = self.model.springs(data.actuator_length[None], data.actuator_velocity[None])
+        lengths, rates = (values[0].copy() for values in pair)
+        springs, before = self.model.forces.nonlinear_springs, self.phases
+        if self.last is not None:
+            # of a contact that closed since the last step: where its gap was zero
+            gaps, last = (
+                np.array(
+                    [spring.law.remaining(OPEN, *pair) for spring, *pair in zip(springs, *state, strict=True)]
+                )
+                for state in ((lengths, rates), self.last)
+            )
+            share = gaps / np.where(gaps < last, gaps - last, 1.0)
+            closing = phases_of(springs, lengths, rates - share * (rates - self.last[1]))
+            before = tuple(b or c for b, c in zip(before, closing, strict=True))
+        self.phases = phases_of(springs, lengths, rates, before)
+        self.last = lengths, rates
+        self.history.append(self.phases)
 
 
 class Controllers:

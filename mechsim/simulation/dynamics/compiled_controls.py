@@ -11,6 +11,7 @@ from mechsim.model.instructions import (
     EXPRESSION,
     INSTRUCTION,
     Instructions,
+    NotCompiledError,
     Variable,
 )
 from mechsim.model.nonlinear_springs import SoftStop
@@ -114,5 +115,8 @@ def _springs(model: LoadedModel, added: Instructions) -> np.ndarray[Any, Any]:
             row[name] = value
         row["control"] = i
         row["offset"] = spring.law.reference if model.model.actuator_trntype[i] == SITE else 0.0
-        row["side"] = spring.law.side if isinstance(spring.law, SoftStop) else 0.0
+        if isinstance(law := spring.law, SoftStop):
+            if law.exponent != 1.0:
+                raise NotCompiledError("a contact law of Hertz")
+            row["side"] = law.side
     return table

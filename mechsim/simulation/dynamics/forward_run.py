@@ -16,6 +16,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, leading_joint
 from mechsim.model.motion_laws import State
+from mechsim.model.nonlinear_springs import OPEN, Phases, SoftStop
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
@@ -92,6 +93,7 @@ class Start:
         qvel: rates that satisfy the loops, (nv,).
         activation: states of actuators that have one.
         redundant: whether loop constraints depend on one another.
+        phases: phases of the nonlinear springs, if one has memory; else empty.
     """
 
     model: LoadedModel
@@ -99,6 +101,7 @@ class Start:
     qvel: Array
     activation: Array
     redundant: bool
+    phases: Phases = ()
 
     @quiet()
     def stepped(
@@ -113,7 +116,7 @@ class Start:
         timestep = float(times[1] - times[0]) / substeps
         settings = settings or (REDUNDANT if self.redundant else FREE)
         controls = AppliedControls(
-            self.model, prepared(self.model, settings, timestep, ITERATIONS), prescribed
+            self.model, prepared(self.model, settings, timestep, ITERATIONS), prescribed, self.phases
         )
         begin, start = timer.perf_counter(), (self.qpos, self.qvel, self.activation)
         states, activations, diverged = _steps(controls, start, times, substeps, progress)
@@ -175,6 +178,7 @@ def start_of(
     ranges: Ranges = NO_RANGES,
     links: Mapping[str, LinkMotion] = NO_LINKS,
     activation: Array | None = None,
+    phases: Phases = (),
 ) -> Start:
     """Return the model of a mechanism at an initial state.
 
@@ -188,6 +192,7 @@ def start_of(
         ranges: joint -> lower and upper limit in [m] or [rad], which are soft in MuJoCo.
         links: link -> its motion, whose first instant gives the rotations and rates of spherical joints.
         activation: states of actuators that have one; None for their initial states.
+        phases: phases of the nonlinear springs; empty for contacts that are open.
 
     Raises:
         InputError: for a coordinate that the model does not have.
@@ -206,7 +211,10 @@ def start_of(
     qvel = _rates(model, qpos, rates, spins)
     if activation is None:
         activation = np.array([a.start for a in forces.actuators if a.inflow is not None])
-    return Start(model, qpos, qvel, activation, is_redundant(model.loops, qpos))
+    springs = forces.nonlinear_springs
+    remembered = any(isinstance(spring.law, SoftStop) and spring.law.hysteresis for spring in springs)
+    phases = (phases or (OPEN,) * len(springs)) if remembered else ()
+    return Start(model, qpos, qvel, activation, is_redundant(model.loops, qpos), phases)
 
 
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
@@ -363,11 +371,10 @@ def _steps(
     with controls.installed(data) as expand:
         functions = any(row.function for row in controls.loops.couplings)
         for time in times[1:].tolist():
-            if functions or controls.friction:
+            if functions or controls.remembers:
                 for _ in range(substeps):
                     expand()
-                    if controls.friction:
-                        controls.friction.update(data)
+                    controls.begin_step(data)
                     mujoco.mj_step(stepped, data)
             else:
                 mujoco.mj_step(stepped, data, nstep=substeps)
@@ -376,8 +383,7 @@ def _steps(
             if data.warning.number.any():
                 break
             records.append((data.qpos.copy(), data.qvel.copy(), data.act.copy()))
-        if controls.friction:
-            controls.friction.update(data)
+        controls.begin_step(data)
     qpos, qvel, activations = (np.array(values) for values in zip(*records, strict=True))
     return States(times[: len(records)], qpos, qvel), activations, len(records) < len(times)
 
@@ -401,8 +407,7 @@ def _recorded(
             data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
             data.act[:] = activations[i]
             expand()
-            if controls.friction:
-                controls.friction.set(controls.friction.history[i * substeps])
+            controls.return_to(i * substeps)
             mujoco.mj_forward(stepped, data)
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort

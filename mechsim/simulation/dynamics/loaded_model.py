@@ -21,6 +21,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.link_poses import virtual_body
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.nonlinear_springs import Phases, phases_of
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
@@ -114,18 +115,27 @@ class LoadedModel(ClosedModel):
             values[:, kinds.actuators] = np.stack([a.control(time)[0] for a in forces.actuators], -1)
         return values
 
-    def react(self, length: Array, velocity: Array, controls: Array) -> None:
+    def react(self, length: Array, velocity: Array, controls: Array, before: Phases = ()) -> None:
         """Set the controls (n, nu) that depend on lengths and velocities of actuators, (n, nu) each.
 
-        They are those of nonlinear springs, bushings and dry friction.
+        They are those of nonlinear springs, bushings and dry friction. `before` are the phases of the springs
+        before a single state; without them the springs have no memory.
         """
         oppose(self.dry, velocity, controls)
-        first = self.actuators.nonlinear.start
-        for i, spring in enumerate(self.forces.nonlinear_springs, first):
-            offset = spring.law.reference if self.model.actuator_trntype[i] == SITE else 0.0
-            controls[:, i] = spring.law.tension(length[:, i] + offset, velocity[:, i])
+        springs, first = self.forces.nonlinear_springs, self.actuators.nonlinear.start
+        lengths, rates = self.springs(length, velocity)
+        phases = phases_of(springs, lengths[0], rates[0], before) if before else (None,) * len(springs)
+        for k, (spring, phase) in enumerate(zip(springs, phases, strict=True)):
+            controls[:, first + k] = spring.law.tension(lengths[:, k], rates[:, k], phase)
         for bushing, columns in self.bushings:
             controls[:, columns] = bushing_forces(bushing, length[:, columns], velocity[:, columns])[0]
+
+    def springs(self, length: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return lengths and rates of the nonlinear springs, from those of actuators, (n, nu) each."""
+        columns, springs = self.actuators.nonlinear, self.forces.nonlinear_springs
+        offsets = np.array([spring.law.reference for spring in springs])
+        offsets *= self.model.actuator_trntype[columns] == SITE
+        return length[:, columns] + offsets, velocity[:, columns]
 
     @property
     def bushings(self) -> Iterator[tuple[Bushing, slice]]:

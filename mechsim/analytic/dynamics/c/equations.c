@@ -70,10 +70,9 @@ enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
    length or the rate */
 typedef struct {
     int link_a, link_b, coordinate, table, over_rate;
-    double a[3], b[3], rest, stiffness, damping, preload;
+    double a[3], b[3], rest, stiffness, damping, preload, exponent, hysteresis;
     Expression expression;
 } NonlinearSpring;
-enum { OPEN, PRESSED, RELAXED };
 
 /* elastic mount between two frames: symmetric 6 x 6 matrices in the frame of side a */
 typedef struct {
@@ -629,7 +628,7 @@ static void set_applied(const Model *m, Work *w, const double *rates) {
 }
 
 /* a nonlinear spring, as mechsim.model.nonlinear_springs states its law within a phase */
-static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, int phase, const double *rates, Work *w) {
+static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, double phase, const double *rates, Work *w) {
     double a[3], b[3], va[3], vb[3], line[3], length, rate = 0.0, unstored = 0.0;
     if (s->coordinate >= 0) {
         length = w->q[s->coordinate], rate = rates[s->coordinate] * m->coordinates[s->coordinate].unit;
@@ -640,8 +639,11 @@ static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, int p
         length = sqrt(dot(line, line));
         for (int i = 0; i < 3; i++) line[i] /= length > 0.0 ? length : 1.0, rate += line[i] * (vb[i] - va[i]);
     }
-    double stretch = phase == OPEN ? 0.0 : length - s->rest, elastic = s->stiffness * stretch + s->preload;
-    double tension = phase == PRESSED ? elastic + s->damping * rate : 0.0;
+    /* zero while a stop is open; negative while it is left behind */
+    double stretch = phase ? length - s->rest : 0.0;
+    double power = s->exponent == 1.0 ? stretch : copysign(pow(fabs(stretch), s->exponent), stretch);
+    double elastic = s->stiffness * power + s->preload;
+    double tension = phase > 0.0 ? elastic * (1.0 + s->hysteresis * rate / phase) + s->damping * rate : 0.0;
     if (s->expression.length) {
         double still = 0.0;
         unstored = evaluated(m->instruction, m->tables, s->expression, w->time, &length, &still).value;
@@ -653,14 +655,14 @@ static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, int p
         tension += tabled;
         if (!s->over_rate) elastic += tabled, w->potential += stored;
     }
-    w->potential += (0.5 * s->stiffness * stretch + s->preload) * stretch;
+    w->potential += (s->stiffness * power / (s->exponent + 1.0) + s->preload) * stretch;
     w->power_in -= unstored * rate, w->power_lost += (tension - elastic - unstored) * rate;
     if (s->coordinate >= 0) w->applied[s->coordinate] -= tension * m->coordinates[s->coordinate].unit;
     else add_force(w, s->link_a, a, tension, line), add_force(w, s->link_b, b, -tension, line);
 }
 
 /* all forces; energies and powers */
-static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding, const int *phase) {
+static void set_forces(const Model *m, Work *w, const double *rates, const double *sliding, const double *phase) {
     w->power_in = w->power_lost = 0.0;
     set_bodies(m, w);
     for (int i = 0; i < m->springs; i++) add_spring(m->spring + i, w);

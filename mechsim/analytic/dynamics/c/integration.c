@@ -89,7 +89,8 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 typedef struct {
     double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
     int rank, implicit, resting, max_steps, steps, evaluations, status;
-    const int *at_rest, *phase;
+    const int *at_rest;
+    const double *phase;
     /* origin: state from which displacements count; rule: `collocation_rule` of compiled_motion.py */
     const double *sliding, *scale, *origin, *rule;
     /* state; numbers of each step (STEP); start state and coefficients of each step */
