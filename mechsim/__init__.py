@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mechsim.model import masses as masses
     from mechsim.model import motors as motors
     from mechsim.model.bushings import Bushing as Bushing
+    from mechsim.model.clearances import Clearance as Clearance
     from mechsim.model.forces import Forces as Forces
     from mechsim.model.forces import Friction as Friction
     from mechsim.model.forces import JointSpring as JointSpring
@@ -100,6 +101,7 @@ _NAMES = {
     "codegen.compiled": "compile",
     "errors": "AssemblyError InputError MechsimError",
     "model.bushings": "Bushing",
+    "model.clearances": "Clearance",
     "model.forces": "Forces Friction JointSpring Load Spring",
     "model.joints": "Coupling End Gear Joint",
     "model.links": "Inertia Link Pose",

@@ -1,11 +1,12 @@
 """Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from mechsim.model.forces import LinkPoint
+from mechsim.model.forces import Forces, spring_ends
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import with_rods
@@ -14,10 +15,10 @@ from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations, upright_end
+from mechsim.shapes.body import Canvas, edges, free_sides, hull, rod_radius, stations, upright_end
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
-from mechsim.shapes.shape import HOUSING, STEEL, Rgba, Shape, plate_of, vector
+from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of, vector
 
 
 def revolute(canvas: Canvas, joint: Joint) -> None:
@@ -317,11 +318,20 @@ def draw_torsion_spring(canvas: Canvas, joint: Joint) -> None:
         canvas.add(end.link, "capsule", frm, to, 0.35 * canvas.r, STEEL)
 
 
-def spring_mounts(springs: Sequence[tuple[LinkPoint, LinkPoint]], radius: float) -> list[Shape]:
-    """Return a ball where a spring ends on the frame, so that its end is seen and lies within the picture."""
-    return [
-        Shape("sphere", point, point, (radius,), HOUSING)
-        for ends in springs
-        for link, point in ends
-        if link == GROUND
-    ]
+def mounts(mechanism: Mechanism, forces: Forces | None) -> dict[str, list[Shape]]:
+    """Return the shapes of springs and bushings by link.
+
+    They are a ball where a spring ends on the frame, so that its end is seen and lies within the picture, and
+    the ring of a bushing with its core on side b.
+    """
+    shapes, r = defaultdict[str, list[Shape]](list), rod_radius(mechanism)
+    for ends in spring_ends(mechanism, forces):
+        for link, point in ends:
+            if link == GROUND:
+                shapes[link].append(Shape("sphere", point, point, (1.2 * r,), HOUSING))
+    for bushing in () if forces is None else forces.bushings:
+        for end, length, radius, colour in ((bushing.a, 0.8, 2.2, RUBBER), (bushing.b, 1.2, 1.1, STEEL)):
+            half = length * r * np.asarray(end.axis)
+            low, high = vector(end.point - half), vector(end.point + half)
+            shapes[end.link].append(Shape("cylinder", low, high, (radius * r,), colour))
+    return shapes

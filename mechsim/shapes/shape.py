@@ -57,6 +57,7 @@ PALETTE: tuple[Rgba, ...] = (
 )
 STEEL: Rgba = (0.33, 0.35, 0.38, 1.0)
 HOUSING: Rgba = (0.62, 0.64, 0.67, 1.0)
+RUBBER: Rgba = (0.16, 0.16, 0.18, 1.0)
 
 
 @dataclass(frozen=True, slots=True)

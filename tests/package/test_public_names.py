@@ -11,12 +11,12 @@ import pytest
 import mechsim as ms
 
 PUBLIC = """
-    Agreement AssemblyError Bushing Certificate Check Controller Coupling End Forces Friction Gear Inertia
-    InputError Joint JointSpring Link Load Look Mechanism MechsimError Motion MotionLaws Pose Run Scene
-    Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
-    compile crosscheck dynamics export fit formulas identify joint_map list load load_profile loops masses
-    motors moved plot plots reduce render sample sensitivity show simulate simulation sweep testing
-    tolerance_study trace tune units validate vectors view
+    Agreement AssemblyError Bushing Certificate Check Clearance Controller Coupling End Forces Friction Gear
+    Inertia InputError Joint JointSpring Link Load Look Mechanism MechsimError Motion MotionLaws Pose Run
+    Scene Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check
+    closed_qpos compile crosscheck dynamics export fit formulas identify joint_map list load load_profile
+    loops masses motors moved plot plots reduce render sample sensitivity show simulate simulation sweep
+    testing tolerance_study trace tune units validate vectors view
 """
 NAMES = PUBLIC.split()
 

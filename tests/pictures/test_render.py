@@ -391,6 +391,20 @@ def test_the_last_state_of_a_run_is_a_frame():
     assert len(with_ghost.ghost.poses["rocker"].position) == 4
 
 
+def test_the_ring_of_a_bushing_lies_about_its_core():
+    import mechsim as ms
+    from mechsim.shapes.joints import mounts
+
+    solver = ms.catalog.make("slider_crank")
+    a, b = ms.End("rod", (0.1, 0.0, 0.0)), ms.End("slider")
+    stiffness = tuple(map(tuple, np.eye(6)))
+    shapes = mounts(solver.mechanism, ms.Forces(bushings=(ms.Bushing("mount", a, b, stiffness),)))
+    (ring,), (core,) = shapes["rod"], shapes["slider"]
+    assert ring.centre == pytest.approx(a.point)
+    assert ring.sizes[0] > core.sizes[0]
+    assert np.ptp([core.frm, core.to], axis=0)[2] > np.ptp([ring.frm, ring.to], axis=0)[2]
+
+
 @draws
 def test_springs_are_drawn_between_their_ends():
     model = load("bicycle_suspension", drive={"pivot": "0.1rad*sin(2*pi*t)"})

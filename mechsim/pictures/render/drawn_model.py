@@ -25,7 +25,7 @@ from mechsim.pictures.render.scenery import GREY, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
 from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
-from mechsim.shapes.joints import link_shapes, spring_mounts
+from mechsim.shapes.joints import link_shapes, mounts
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted
@@ -58,6 +58,7 @@ class Drawn(TypedDict):
     angles: Angles | None
     springs: tuple[tuple[LinkPoint, LinkPoint], ...]
     torsion_springs: tuple[str, ...]
+    mounts: Mapping[str, Sequence[Shape]]
 
 
 def drawn_as(solver: Any) -> Drawn:
@@ -69,6 +70,7 @@ def drawn_as(solver: Any) -> Drawn:
         "angles": None,
         "springs": spring_ends(*drawn),
         "torsion_springs": torsion_springs(*drawn),
+        "mounts": mounts(*drawn),
     }
     bodies = file_bodies(read) if isinstance(read, MjcfModel) else None
     if bodies is None or not isinstance(read, MjcfModel):
@@ -314,7 +316,8 @@ class DrawnModel:
             return {link: list(self.look.bodies.get(link, ())) for link in links}
         travel, sprung = travels(self.mechanism, self.frames.poses), self.look.torsion_springs
         shapes = link_shapes(self.mechanism, travel, self._free_sides(), sprung)
-        shapes[GROUND] += spring_mounts(self.look.springs, 1.2 * self.radius)
+        for link, own in self.look.mounts.items():
+            shapes[link] += own
         return shapes
 
     def _slot(self, body: str) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
@@ -51,6 +51,7 @@ class Look:
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
         springs: the ends of springs, each as a link and a point in its frame in [m].
         torsion_springs: revolute joints with a spring.
+        mounts: link -> shapes of springs and bushings on it, next to those from the joints.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
@@ -72,6 +73,7 @@ class Look:
     angles: Angles | None = None
     springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
     torsion_springs: tuple[str, ...] = ()
+    mounts: Mapping[str, Sequence[Shape]] = field(default_factory=dict[str, Sequence[Shape]])
     up: Up | None = option(
         None,
         "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",

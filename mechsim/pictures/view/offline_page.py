@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
-from mechsim.shapes.joints import link_shapes, spring_mounts
+from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -78,7 +78,8 @@ def _data(view: View) -> dict[str, Any]:
     else:
         travel, sides = travels(mechanism, poses), free_sides(mechanism, poses)
         shapes = link_shapes(mechanism, travel, sides, view.torsion_springs)
-        shapes[GROUND] += spring_mounts(view.springs, 1.2 * rod_radius(mechanism))
+        for link, own in view.mounts.items():
+            shapes[link] += own
     radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     up = cameras.upright(mechanism, view.up)

@@ -1,7 +1,7 @@
 """Records of an interactive page: sliders, poses, read-outs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -151,6 +151,7 @@ class View:
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
         springs: the ends of springs, each as a link and a point in its frame in [m].
         torsion_springs: revolute joints with a spring.
+        mounts: link -> shapes of springs and bushings on it, next to those from the joints.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
             only.
@@ -165,6 +166,7 @@ class View:
     angles: Angles | None = None
     springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
     torsion_springs: tuple[str, ...] = ()
+    mounts: Mapping[str, Sequence[Shape]] = field(default_factory=dict[str, Sequence[Shape]])
     up: Up | None = None
     live: LivePage | None = None
 
