@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,17 +38,13 @@ from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.agreement.dimension_hypotheses import with_changed
 from mechsim.studies.validate import Validation, finished_fractions
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Drawing = TypeVar("Drawing")
 # pixels of a picture
 RESOLUTION = (640, 480)
 # the plot of a case that was not time-stepped
 UNSTEPPED_PLOTS = ("curve",)
-# colours of a plot, and quality of a picture, in WebP: over the mechanisms of the default run the plots take
-# half of their size in SVG, the pictures a quarter of their size in PNG
-PLOT_COLOURS, PICTURE_QUALITY = 32, 80
+# quality of a picture in WebP: over the mechanisms of the default run a quarter of its size in PNG
+PICTURE_QUALITY = 80
 # number of mechanisms from which on several processes draw
 MIN_SHARED = 4
 # points whose displacement, velocity and acceleration are drawn: the last ones, mostly the output
@@ -184,17 +180,6 @@ def _webp(picture: NDArray[np.uint8]) -> bytes:
     return out.getvalue()
 
 
-def _drawn_plot(figure: "Figure") -> bytes:
-    """Return a plot as lossless WebP of few colours."""
-    with needs("pictures"):
-        from PIL import Image
-
-    out = io.BytesIO()
-    few = Image.fromarray(plots.pixels(figure)).quantize(PLOT_COLOURS, Image.Quantize.FASTOCTREE)
-    few.convert("RGB").save(out, "WEBP", lossless=True, method=2)
-    return out.getvalue()
-
-
 def _plots(case: Validation) -> list[tuple[str, bytes]]:
     """Return captions and plots of a case."""
     source = PlotSource(
@@ -214,7 +199,7 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
     ]
     # the first stands left of the picture; the page fills its columns in this order, tall ones last
     figures[1:] = sorted(figures[1:], key=lambda drawn: drawn[1].get_figheight())
-    return [(caption, _drawn_plot(figure)) for caption, figure in figures]
+    return [(caption, plots.webp(figure)) for caption, figure in figures]
 
 
 def _position_tolerance(case: Validation, method: Literal["step", "pose"]) -> float:
@@ -299,7 +284,7 @@ def write_agreement_report(
             agreement.solver, agreement.evaluation.motion, notes, ghost_of_cause(agreement, designs)
         ),
         plots=[
-            (f"{curves.name}: exact and claimed", _drawn_plot(agreement_plot(curves)))
+            (f"{curves.name}: exact and claimed", plots.webp(agreement_plot(curves)))
             for curves in worst_first(agreement)[:MAX_PLOTS]
         ],
         checks=agreement.checks,

@@ -5,7 +5,7 @@ bytes of a file. Axes have units; the colours suit colour-blind readers.
 """
 
 from mechsim.pictures.plots.dynamics import dynamics_sheet
-from mechsim.pictures.plots.figure import blank, drawn, format_of, pixels, write
+from mechsim.pictures.plots.figure import blank, drawn, format_of, webp, write
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
 from mechsim.pictures.plots.paths import (
     coupler_curve,
@@ -24,9 +24,9 @@ __all__ = [
     "history_plot",
     "mode_plot",
     "motion_plot",
-    "pixels",
     "quantity_plot",
     "schematic_plot",
     "transmission_plot",
+    "webp",
     "write",
 ]
