@@ -52,6 +52,7 @@ GATES = {
     ("studies.robots.mujoco_models", "subjects.readers"): "a MODEL that is no file of MuJoCo",
     ("studies.check", "subjects.readers"): "a MODEL that is no file of MuJoCo",
     ("studies.check", "studies.robots.mujoco_models"): "a MODEL that is no file of MuJoCo",
+    ("simulation.mjcf_reader.reading", "simulation.mjcf.equalities"): "--lock of the spin of a ball",
     ("simulation.mjcf_reader.parsed_file", "simulation.mjcf_reader.urdf_loops"): "a MODEL in URDF",
     ("shapes.joints", "shapes.belts"): "a belt or rope",
     ("subjects.toml_reader", "model.belts"): "belts in TOML",

@@ -15,7 +15,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet
-from mechsim.simulation.mjcf.equalities import add_rod
 from mechsim.simulation.mjcf_reader.coordinates import (
     BodyPoint,
     actuated_joints,
@@ -283,6 +282,8 @@ def _with_locked_spins(
     spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array, spins: Mapping[str, Vector]
 ) -> mujoco.MjModel:
     """Add the rods that lock one rotation of balls each, and return the model with them."""
+    from mechsim.simulation.mjcf.equalities import add_rod
+
     tree = kinematic_tree(model)
     at_start, reference = ({GROUND: IDENTITY, **poses(model, tree, q)} for q in (start, model.qpos0))
     bodies = {link_name(model, body.id): body for body in spec.bodies} | {GROUND: spec.worldbody}
