@@ -76,7 +76,7 @@ EVERYWHERE = {"errors", "_version", ""}
 # library -> the modules that may import it, by the start of their names
 LIBRARIES = {
     "mujoco": ("mechsim.simulation", "mechsim.pictures.render", "mechsim.studies", "mechsim.cli.doctor"),
-    "matplotlib": ("mechsim.pictures", "mechsim.report.study_plots", "mechsim.report.validation"),
+    "matplotlib": ("mechsim.pictures", "mechsim.report.study_plots"),
     "mediapy": ("mechsim.pictures.render",),
     "jinja2": ("mechsim.report", "mechsim.pictures.view"),
     "typer": ("mechsim.cli",),
