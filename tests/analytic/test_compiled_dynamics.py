@@ -2,6 +2,7 @@
 
 import os
 import stat
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,8 @@ from mechsim.errors import InputError
 from mechsim.model.actuators import Actuator
 from mechsim.model.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Coupling
+from mechsim.model.joint_kinds import KINDS, Kind
+from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import Pose
 from mechsim.model.load_profile import constant, function, table
 from mechsim.model.masses import slender_rod
@@ -330,6 +331,23 @@ def test_an_element_of_an_unknown_kind_is_not_ignored(monkeypatch):
     spring = Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0)
     assert run_of(Forces(springs=(spring,))).executed == "numpy"
     assert run_of(Forces()).executed == "C"
+
+
+# what the C code contains, or `_require_supported` leaves to numpy
+ATTRIBUTES = {
+    Friction: "joint viscous coulomb viscous_turn coulomb_turn coefficient pin_radius collar_radius bearing_length "
+    "static stribeck bristle_stiffness bristle_damping coupling",
+    Coupling: "name left right coefficients zeros turns pressure_angle function rope repeats belt backlash",
+    Joint: "name kind a b cross_angle lead length without_reference",
+    End: "link point axis reference has_reference",
+    Kind: "slides turns helical rod",
+}
+
+
+@pytest.mark.parametrize("described", ATTRIBUTES, ids=lambda described: described.__name__)
+def test_a_new_attribute_is_decided_for_the_c_code(described):
+    """It is added to the C code or to `_require_supported`, and then to the list: C would ignore it."""
+    assert [field.name for field in fields(described)] == ATTRIBUTES[described].split()
 
 
 @pytest.mark.long
