@@ -335,8 +335,8 @@ def test_an_element_of_an_unknown_kind_is_not_ignored(monkeypatch):
 
 # what the C code contains, or `_require_supported` leaves to numpy
 ATTRIBUTES = {
-    Friction: "joint viscous coulomb viscous_turn coulomb_turn coefficient pin_radius collar_radius bearing_length "
-    "static stribeck bristle_stiffness bristle_damping coupling",
+    Friction: "joint viscous coulomb viscous_turn coulomb_turn coefficient pin_radius collar_radius "
+    "bearing_length static stribeck bristle_stiffness bristle_damping coupling",
     Coupling: "name left right coefficients zeros turns pressure_angle function rope repeats belt backlash",
     Joint: "name kind a b cross_angle lead length without_reference",
     End: "link point axis reference has_reference",
