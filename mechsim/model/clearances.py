@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mechsim.errors import InputError
+from mechsim.model.joint_kinds import PLANAR, REVOLUTE
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.nonlinear_springs import SoftStop
 from mechsim.numerics.inputs import HUGE, number
@@ -71,14 +72,14 @@ class Clearance:
     def check(self, mechanism: Mechanism, used: set[str]) -> None:
         """Raise InputError unless the joint can have a clearance; `used` are coordinates that others use."""
         joint = mechanism.joint(self.joint)
-        if joint.kind not in ("revolute", "planar"):
+        if joint.kind not in (REVOLUTE, PLANAR):
             raise InputError(
                 f"clearance of {joint.kind} joint {self.joint!r}: only a pin is free in its hole; give it to "
                 "a revolute joint"
             )
         used = {*used, *mechanism.drivers, *mechanism.locked}
         used.update(*(law.coordinates for law in mechanism.laws))
-        if joint.kind == "revolute" and self.joint in used:
+        if joint.kind == REVOLUTE and self.joint in used:
             raise InputError(
                 f"revolute joint {self.joint!r} has a clearance, and a driver, lock, coupling, motor, spring "
                 "or friction of its own; give these to another joint, or leave the clearance out"

@@ -160,6 +160,7 @@ KINDS: dict[KindName, Kind] = {
 
 # the kinds with no degree of freedom, with one displacement, with one rotation, and with no constraint
 FIXED: KindName = "fixed"
+PLANAR: KindName = "planar"
 PRISMATIC: KindName = "prismatic"
 REVOLUTE: KindName = "revolute"
 

@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.errors import InputError
 from mechsim.model.clearances import Clearance
-from mechsim.model.joint_kinds import PRISMATIC
+from mechsim.model.joint_kinds import PLANAR, PRISMATIC
 from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import EX, GROUND, NO_INERTIA, VIRTUAL_PREFIX, Link
 from mechsim.model.mechanism import Mechanism
@@ -37,7 +37,7 @@ def with_clearances(model: DynamicModel) -> DynamicModel:
         name, hole = clearance.joint, clearance.joint + HOLE
         if hole in made:
             continue
-        joint = replace(mechanism.joint(name), kind="planar")
+        joint = replace(mechanism.joint(name), kind=PLANAR)
         joints = tuple(joint if other.name == name else other for other in mechanism.joints)
         mechanism = replace(mechanism, joints=joints)
         if name in ranges:
