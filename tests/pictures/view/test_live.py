@@ -62,7 +62,7 @@ def live_view(name):
         motion = solver.solve(t=times)
         grid = motion_grid("motion", solver.mechanism, motion, driver="time", unit="s", nodes=times)
     live = live_page(open_model(name), solver, parametric_model(name), SPEED)
-    return View(solver.mechanism, [grid], solver.name, live=live, springs=drawn_as(solver)["springs"])
+    return View(solver.mechanism, [grid], solver.name, live=live, **drawn_as(solver))
 
 
 # a press with a load of each kind and a spring; the page opens its values where the file states them
