@@ -150,9 +150,15 @@ class Instructions:
         return self.add(instructions, TIME, f"the control of actuator {actuator.name}")
 
     def add_actuators(self, actuators: Sequence[Actuator]) -> np.ndarray[Any, Any]:
-        """Add the controls of actuators and return the actuators."""
+        """Add the controls of actuators and return the actuators.
+
+        Raises:
+            NotCompiledError: for a kind with a law of its own, as bristles have.
+        """
         table = np.zeros(len(actuators), ACTUATOR)
         for row, actuator in zip(table, actuators, strict=True):
+            if type(actuator) is not Actuator:
+                raise NotCompiledError(f"the law of {actuator.name}")
             for name in ACTUATOR.names or ():
                 if hasattr(actuator, name) and name != "control":
                     row[name] = getattr(actuator, name) or 0.0
