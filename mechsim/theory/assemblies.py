@@ -78,9 +78,10 @@ def assemblies(model: "Model", angle: float, *, searched: bool = True) -> Assemb
     except (InputError, AssemblyError) as error:
         listed, families = all_assembly_points(solver, angle) if searched else ([], ())
         return _assemblies_of(angle, listed, False, f"found from random starts: {error}", families)
-    listed, _ = all_assembly_points(solver, angle, groups.poses)
+    listed, moving = all_assembly_points(solver, angle, groups.poses)
+    families = (*groups.families, *moving)
     reason = "every pose" if groups.complete else f"the first {len(groups.poses)} of more poses"
-    return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups", groups.families)
+    return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups", families)
 
 
 def all_assembly_points(

@@ -140,6 +140,12 @@ def test_rods_and_functions_are_the_same_in_c_and_in_python(model, monkeypatch):
     assert np.abs(data.qacc - results[0][: len(data.qacc)]).max() > 1e-6 * np.abs(data.qacc).max()
 
 
+def test_a_load_table_that_ends_is_named_by_steps_in_c():
+    start = start_with("four_bar", {"crank_torque": table([0.0, 0.05], [1e-3, 2e-3], over="time")})
+    with pytest.raises(ms.InputError, match="load table covers time"):
+        start.stepped(np.linspace(0.0, 0.1, 6), 40)
+
+
 def test_steps_in_c_and_without_a_compiler_agree(monkeypatch, tmp_path):
     start, times = start_with(*KINDS["controller"]), np.linspace(0.0, 0.1, 6)
     compiled = start.stepped(times, 40)

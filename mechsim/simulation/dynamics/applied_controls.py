@@ -142,6 +142,10 @@ class AppliedControls:
         self.controllers.apply(data)
         self.drives.apply(data)
 
+    def require_covered(self, time: float) -> None:
+        """Raise InputError for a load table that ends before a time, where C has no number."""
+        self.model.controls(np.zeros(1), np.array([time]))
+
     @contextmanager
     def installed(self, data: mujoco.MjData) -> Generator[Callable[[], None]]:
         """Apply them at every stage of a step of `data`; restore MuJoCo's callbacks afterwards.

@@ -381,6 +381,7 @@ def _steps(
             finished = (time - times[0]) / (times[-1] - times[0])
             progress(f"{substeps * (len(times) - 1):,} steps, {time:.4g} s", finished)
             if data.warning.number.any():
+                controls.require_covered(time)
                 break
             records.append((data.qpos.copy(), data.qvel.copy(), data.act.copy()))
         controls.begin_step(data)
