@@ -57,7 +57,8 @@ def prescribed_solver(
         from mechsim.analytic.loops.joint_locks import undetermined_joints
 
         # the path to a locked value can need the other locks
-        at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
+        start = {name: q if isinstance(q, tuple) else None for name, q in prescription.lock.items()}
+        at_start = replace(prescription, lock_others=False, lock=start)
         solver = prescribed_solver(source, changed, at_start, assembled=assembled, guess=guess)
         others = undetermined_joints(solver.mechanism)
         lock = {**prescription.lock, **others}

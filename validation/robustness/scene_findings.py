@@ -6,7 +6,7 @@ MuJoCo's own steps.
 
     python validation/robustness/scene_findings.py FOLDER [--gaps]
 
-FOLDER holds clones as for `public_mjcf.py`; missing files are skipped.
+FOLDER holds clones of the repositories in `public_mjcf.toml`; missing files are skipped.
 """
 
 import re

@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from validation.suites import chrono, exudyn, gepetto, modelica, page, pmks, squeezer, textbooks
+from validation.suites import chrono, exudyn, gepetto, menagerie, modelica, page, pmks, squeezer, textbooks
 from validation.suites.case import Case, Clone, Suite
 
 SUITES = {
@@ -21,6 +21,7 @@ SUITES = {
     "exudyn": exudyn.SUITE,
     "squeezer": squeezer.SUITE,
     "gepetto": gepetto.SUITE,
+    "menagerie": menagerie.SUITE,
 }
 WRONG = ("mechsim wrong", "unexplained")
 
