@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.errors import InputError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 POINT = "inertia = { mass = 0.1, centre = [0, 0, 0], moments = [1e-5, 1e-5, 1e-5] }"
@@ -110,7 +109,7 @@ def test_a_body_on_a_single_rod_is_a_spherical_pendulum(tmp_path):
     text += rod("rod", 'link = "ground"', 'link = "bob"', 0.5)
     text += f"[guess.bob]\nat = [0.3, -0.3, {0.07**0.5!r}]\n"
     start = {"rod.x.v": 0.9, "rod.y.v": 0.9}
-    result = ms.dynamics.run(load(tmp_path, text, still=True), initial=start, duration=2.0, tolerance=1e-13)
+    result = ms.dynamics.run(load(tmp_path, text, still=True), initial=start, duration=2.0, tolerance=1e-10)
 
     def rates(_, state):
         p, v, g = state[:3], state[3:], np.array([0.0, -9.81, 0.0])
@@ -119,7 +118,7 @@ def test_a_body_on_a_single_rod_is_a_spherical_pendulum(tmp_path):
     exact = solve_ivp(
         rates, (0.0, 2.0), [0.3, -0.3, 0.07**0.5, 0.9, 0.9, 0.0], "DOP853", rtol=1e-13, atol=1e-14
     )
-    assert np.abs(result.motion.points["P"].position[-1] - exact.y[:3, -1]).max() < 1e-9
+    assert np.abs(result.motion.points["P"].position[-1] - exact.y[:3, -1]).max() < 1e-11
 
 
 LADDER = model_text("basic_constraints_ladder.toml", point=POINT)
@@ -184,20 +183,3 @@ def test_a_tendon_of_a_file_that_keeps_its_length_is_a_rod():
     motion = model.solve([0.0, 0.2], speed=1.0)
     ends = [motion.points[name].position for name in "PQ"]
     assert np.abs(np.linalg.norm(ends[0] - ends[1], axis=1) - joint.length).max() < 1e-15
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ("length = 0.09", "give a distance joint its length above 0"),
-        ("length = -0.09", "give a distance joint its length above 0"),
-        ("length = 9", "do not close"),
-    ],
-)
-def test_a_rod_of_an_impossible_length_is_rejected(tmp_path, wrong, message):
-    text = FOUR_BAR.replace("length = 0.09", "" if wrong == "length = 0.09" else wrong)
-    with pytest.raises(ms.MechsimError, match=message):
-        load(tmp_path, text).solve([0.0], speed=1.0)
-    with pytest.raises(InputError, match="other joints none"):
-        load(tmp_path, FOUR_BAR.replace('"revolute"', '"revolute"\nlength = 0.1', 1))

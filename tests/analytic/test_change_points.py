@@ -17,7 +17,6 @@ from change_point_linkages import (
 from mechsim import catalog, loops
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.trig_polynomial import ZERO_POLYNOMIAL, sampled_polynomial, signed_root
-from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts
 
 REVOLUTION = 2.0 * np.pi
@@ -147,15 +146,6 @@ def test_loop_equations_and_closed_form_agree_with_the_branch_policy(which):
         for name, computed in result.points.items()
     )
     assert jumps > 0.1 * linkage.mechanism.characteristic_length
-
-
-@pytest.mark.parametrize("which", ["kite about its frame", "rhombus"])
-def test_a_branch_that_ends_is_rejected_by_both_methods(which):
-    linkage = CHANGE_POINT_LINKAGES[which]
-    with pytest.raises(AssemblyError, match="no assembly mode leads into another; use change_point=smooth"):
-        linkage.positions([0.5], change_point="branch")
-    with pytest.raises(AssemblyError, match="with policy 'branch', since it does not move"):
-        loops.solve(linkage.mechanism, [-0.5, 0.5], change_point="branch")
 
 
 def test_the_branch_policy_applies_to_user_defined_mechanisms():

@@ -312,32 +312,6 @@ def test_a_stiffness_by_hertz_is_that_of_lankarani_and_nikravesh():
     assert hertz_stiffness(10e-3, 9.5e-3, 207e9, 0.3) == pytest.approx(6.61e10, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("radius=0.5", "radius=0", "radius 0.0 m; give one above 0"),
-        ("radius=0.5", "hole_radius=9,pin_radius=9.5", "give one above 0, the hole's less the pin's"),
-        ("restitution=0.9", "restitution=1.5", "give 0 to 1"),
-        ("restitution=0.9", "stiffness=1e9", "stiffness and the restitution None"),
-        ("restitution=0.9", 'law="flores"', "contact law without stiffness"),
-        ("radius=0.5", "pin_radius=9", "needs radius alone, or hole_radius and pin_radius"),
-        ("restitution=0.9", "restitution=0.9,young=2e11", "needs young, hole_radius and pin_radius"),
-        ('drivers = ["A"]', 'drivers = ["C"]', "has a clearance, and a driver"),
-        (
-            'kind="revolute"\na={link="rod",',
-            'kind="prismatic"\na={link="rod",',
-            "only a pin is free in its hole",
-        ),
-        ("[forces]", "[forces.friction.C]\nviscous = 1\n[forces]", "has a clearance, and a driver"),
-    ],
-)
-def test_a_wrong_clearance_is_one_sentence(tmp_path, old, new, message):
-    assert old in TEXT
-    (tmp_path / "model.toml").write_text(TEXT.replace(old, new))
-    with pytest.raises(InputError, match=message):
-        load(str(tmp_path / "model.toml"), still=True)
-
-
 def test_a_pin_outside_its_hole_and_the_sentence_on_where_it_is_free(tmp_path, mechsim):
     (tmp_path / "model.toml").write_text(TEXT)
     path = str(tmp_path / "model.toml")

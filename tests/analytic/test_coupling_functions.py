@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # about the pins: 2e-4 + 0.2 * 0.01 and 2e-4 + 0.3 * 0.0025 kg m2
@@ -84,20 +84,6 @@ def test_a_belt_has_the_ratio_of_its_radii(tmp_path, crossed, sign):
     assert np.abs(own.value - sign * 1.6 * np.linspace(0.0, 20.0, 9)).max() < 1e-13
     assert np.abs(own.rate - sign * 3.2).max() < 1e-14
     assert ms.validate(model).passed
-
-
-@pytest.mark.parametrize("rows", ["0,0\n2,1\n1,1\n3,1", "0,0\n1,nan\n2,1\n3,1", "0,0\n1,1\n2,4"])
-def test_a_table_that_is_no_function_is_rejected(tmp_path, rows):
-    (tmp_path / "law.csv").write_text(f"q,value\n{rows}\n")
-    with pytest.raises(InputError, match="rising q"):
-        load(tmp_path, MODEL + 'function = "law.csv"\n')
-
-
-def test_what_holds_only_polynomials_rejects_a_function_in_one_sentence(tmp_path):
-    model = load(tmp_path, WRITTEN)
-    for attempt in (ms.certify, ms.compile):
-        with pytest.raises(InputError, match="coupling 'law' is a function, and only polynomials can be"):
-            attempt(model)
 
 
 def test_a_motion_beyond_the_table_ends_with_an_outcome(tmp_path):

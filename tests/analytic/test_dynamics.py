@@ -202,26 +202,6 @@ def test_a_passive_spin_does_not_change_forces():
     assert np.allclose(thin[True].reactions["P3"].force, force, atol=1e-5 * np.abs(force).max())
 
 
-def test_a_passive_spin_with_a_moment_is_rejected():
-    linkage = catalog.make("rssr")
-    flat = Inertia(0.1, (-0.02, 0.0, 0.0), (1e-6, 2e-5, 2.05e-5))
-    symmetry = r"rotation of link 'coupler' about its line.*no symmetry of revolution"
-    with pytest.raises(InputError, match=symmetry):
-        dynamics.prescribed(
-            dynamics.dynamic_model(linkage, mechanism=with_inertias(linkage.mechanism, coupler=flat)),
-            [0.5],
-            1.0,
-        )
-    rubbing = dynamics.dynamic_model(linkage, Forces(friction=(Friction("P2", 1e-3),)))
-    with pytest.raises(InputError, match="acts about the axis of a passive rotation"):
-        dynamics.prescribed(rubbing, [0.5], 1.0)
-    aside = dynamics.dynamic_model(
-        linkage, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), load_profile.constant((1.0, 2.0, 3.0))),))
-    )
-    with pytest.raises(InputError, match="a load acts about the axis"):
-        dynamics.prescribed(aside, [0.5], 1.0)
-
-
 def test_friction_in_a_universal_joint_acts_on_both_angles():
     linkage = catalog.make("rssr", guide=True)
     model = dynamics.dynamic_model(linkage, Forces(friction=(Friction("P2", 1e-3),)))

@@ -5,7 +5,6 @@ import pytest
 from pendulums import GRAVITY, WEIGHT, double_pendulum, pendulum, slider
 
 import mechsim as ms
-from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces, Friction, JointSpring
 
 OSCILLATOR = Forces(friction=(Friction("s", viscous=8.0),), joint_springs=(JointSpring("s", 200.0),))
@@ -76,11 +75,6 @@ def test_small_vibrations_of_the_nonlinear_run_have_the_linear_frequency():
     run = ms.dynamics.run(solver, WEIGHT, initial=start, duration=period, samples=4)
     swing = run.motion.joints["crank"].value - stable.q["crank"]
     assert swing[[0, 2, 4]] == pytest.approx([1e-4, -1e-4, 1e-4], rel=1e-3)
-
-
-def test_a_model_without_equilibrium_is_rejected():
-    with pytest.raises(AssemblyError, match="no equilibrium"):
-        ms.dynamics.modes(slider(), Forces(gravity=(1.0, 0.0, 0.0)))
 
 
 @pytest.mark.long

@@ -173,13 +173,6 @@ def test_accumulating_impacts_end_at_rest_on_the_stop():
     assert run.lost[-1] == pytest.approx(16.0, rel=1e-9)
 
 
-def test_a_start_beyond_a_stop_is_rejected():
-    with pytest.raises(InputError, match="s starts at 6, beyond its stop at 5"):
-        ms.dynamics.run(
-            KinematicSolver(slider(), ranges={"s": (-1.0, 5.0)}), initial={"s.q": 6.0}, duration=1.0
-        )
-
-
 def test_a_start_at_a_change_point_is_rejected():
     parallelogram = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04)
     with pytest.raises(InputError, match="initial configuration is singular"):
@@ -239,11 +232,6 @@ def test_coulomb_friction_shortens_each_half_swing_equally():
     assert run.time == pytest.approx([0.0, half, 2.0 * half], abs=1e-9)
     assert run.motion.joints["s"].value == pytest.approx([0.1, -0.06, 0.02], abs=1e-8)
     assert run.outcome == "stopped"
-
-
-def test_initial_values_out_of_range_are_rejected():
-    with pytest.raises(AssemblyError, match="do not close at the initial values"):
-        ms.dynamics.run(ms.catalog.make("four_bar"), WEIGHT, initial={"B.q": 9.0}, duration=1.0)
 
 
 @pytest.mark.parametrize("right", [60.0, 50.0])

@@ -8,7 +8,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics.model import dynamic_model
-from mechsim.errors import InputError
 
 STIFFNESS, REST = 1000.0, 1.05
 TRUSS = model_text("load_curves_truss.toml")
@@ -79,30 +78,3 @@ def test_the_command_prints_limit_points(truss, tmp_path, mechsim):
     assert len(data["limit_points"]) == 2
     columns = np.genfromtxt(table, delimiter=",", names=True)
     assert np.abs(columns["load"] - load_at(columns["displacement"])).max() < 1e-9
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("load", "between", "message"),
-    [
-        ("P.vy", (-1.0, 1.0), "is no displacement on which a load does work"),
-        ("Q.y", (-1.0, 1.0), "Q"),
-        ("P.y", (0.4, 0.5), "is 0.3 at the start of the load curve, outside 0.4 to 0.5"),
-        ("P.y", (0.2999, 0.3001), "give a wider interval"),
-        ("P.x", (-1.0, 1.0), "has 0 points"),
-    ],
-)
-def test_loads_without_a_curve_are_rejected(load, between, message, truss):
-    with pytest.raises(InputError, match=message):
-        ms.dynamics.load_curve(str(truss), load, between=between)
-
-
-def test_a_mechanism_of_two_degrees_of_freedom_is_rejected(tmp_path):
-    path = tmp_path / "arm.toml"
-    path.write_text(
-        'name = "arm"\n[links.u]\n[links.l]\n[points.P]\nlink = "l"\nat = [1, 0, 0]\n'
-        '[joints.hip]\nkind = "revolute"\na = { link = "ground" }\nb = { link = "u" }\n'
-        '[joints.elbow]\nkind = "revolute"\na = { link = "u", at = [1, 0, 0] }\nb = { link = "l" }\n'
-    )
-    with pytest.raises(InputError, match="has 2 degrees of freedom, and a load curve needs one; lock joints"):
-        ms.dynamics.load_curve(str(path), "P.y")

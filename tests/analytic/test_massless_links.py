@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.links import Inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -72,18 +71,6 @@ def test_a_run_with_a_massless_coupler_keeps_the_energy_of_the_others():
     total = energy(joint.value, joint.rate)
     assert total == pytest.approx(energy(0.7, 8.0), rel=1e-7)
     assert np.ptp(joint.value) > 1.0
-
-
-@pytest.mark.parametrize("start", [{"q": 0.7}, {"q": 0.7, "v": 3.0}])
-def test_a_motion_without_any_mass_is_rejected(start):
-    mechanism = four_bar(NOTHING, NOTHING, NOTHING)
-    initial = {f"{mechanism.crank.name}.{key}": value for key, value in start.items()}
-    with pytest.raises(InputError, match="can move without moving any mass"):
-        ms.dynamics.run(mechanism, WEIGHT, initial=initial, duration=1.0)
-    with pytest.raises(InputError, match="can move without moving any mass"):
-        ms.dynamics.equilibria(mechanism, WEIGHT)
-    with pytest.raises(InputError, match="moves no mass"):
-        ms.dynamics.fluctuation(ms.dynamics.dynamic_model(mechanism, WEIGHT), 10.0)
 
 
 def test_a_rod_without_a_moment_about_its_line_has_no_momentum_about_it():

@@ -12,7 +12,6 @@ import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.gaps import with_gaps
-from mechsim.errors import InputError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
@@ -136,11 +135,6 @@ def test_the_comparison_in_the_air_rejects_another_weight(tmp_path):
     assert not crosscheck_forward(run, lighter, values).passed
 
 
-def test_a_rope_that_is_too_short_is_rejected(tmp_path):
-    with pytest.raises(InputError, match=r"rope.gap starts at -0.1, beyond its stop at 0"):
-        ms.dynamics.run(written(tmp_path, BALL), initial={"rope.gap.q": -0.1}, duration=0.1)
-
-
 def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
     from mechsim.pictures.render.frame_poses import frame_poses
     from mechsim.shapes.joints import link_shapes
@@ -176,18 +170,3 @@ def test_each_contact_has_its_own_restitution(tmp_path):
     stated, own_one, none = (run.motion.joints["guide"].rate[-1] for run in runs)
     assert own_one == stated
     assert abs(none - stated) > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("changed", "reason"),
-    [
-        (BALL.replace("rope = {", "restitution = 1.5\nrope = {"), "give 0 to 1"),
-        (
-            model_text("open_contacts_cam.toml", closure="form").replace("base", "restitution = 0.4\nbase"),
-            "to a cam with closure force",
-        ),
-    ],
-)
-def test_a_restitution_without_effect_is_rejected(changed, reason, tmp_path):
-    with pytest.raises(InputError, match=reason):
-        ms.load(written(tmp_path, changed), still=True)

@@ -9,7 +9,6 @@ from scipy.optimize import brentq
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.model import dynamic_model
-from mechsim.errors import InputError
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven as simulate_driven
 from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_forward
@@ -249,14 +248,6 @@ def test_stops_are_written_and_read_back(tmp_path):
     again = loaded(tmp_path, to_toml(solver), "again.toml")
     assert again.forces == solver.forces
     assert again.forces.stop_ranges == {"J": (-0.001, 2.0)}
-
-
-def test_a_ball_has_no_coordinate_to_limit(tmp_path):
-    text = model_text(
-        "soft_stops_body.toml", kind="spherical", drivers="[]", lead="", limits="{ lower = 0 }", initial=""
-    )
-    with pytest.raises(InputError, match="spherical joint, which has no coordinate to limit; leave it out"):
-        loaded(tmp_path, text)
 
 
 def test_states_are_drawn_between_soft_stops(tmp_path):

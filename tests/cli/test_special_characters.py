@@ -16,7 +16,6 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from model_files import model_text
 
-import mechsim as ms
 from mechsim import catalog, files
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
@@ -167,26 +166,6 @@ def test_unprintable_and_long_names_are_rejected(name):
         replace(mechanism, name=name)
     with pytest.raises(InputError, match=limit):
         replace(mechanism, points={name: (GROUND, (0.0, 0.0, 0.0))})
-
-
-def test_a_link_named_world_is_rejected():
-    mechanism = named("world")
-    world = replace(
-        mechanism,
-        links=tuple(replace(link, name=link.name.removesuffix("0")) for link in mechanism.links),
-        joints=tuple(
-            replace(
-                joint,
-                a=replace(joint.a, link=joint.a.link.removesuffix("0")),
-                b=replace(joint.b, link=joint.b.link.removesuffix("0")),
-            )
-            for joint in mechanism.joints
-        ),
-        points={},
-        guess={link.removesuffix("0"): pose for link, pose in mechanism.guess.items()},
-    )
-    with pytest.raises(InputError, match="repeated name 'world' in body"):
-        ms.simulate(world, turns=0.1)
 
 
 @pytest.mark.long

@@ -20,7 +20,7 @@ from mechsim.codegen.fmu import fmu_archive
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.codegen.fmu_kinematics import kinematic_fmu
 from mechsim.codegen.solver_code import solver_code
-from mechsim.errors import InputError, MissingToolError
+from mechsim.errors import MissingToolError
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.motors import Controller, TorqueSpeedLine
 from mechsim.subjects import reference_data
@@ -236,14 +236,6 @@ def test_sources_compile_without_warnings_and_with_the_standards_headers(tmp_pat
             flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *header)
             result = subprocess.run([compiler, *flags, source], capture_output=True, text=True, check=False)
             assert result.returncode == 0, result.stderr
-
-
-def test_models_with_events_are_rejected():
-    friction = replace(WEIGHT, friction=(Friction("crank", coulomb=0.1),))
-    with pytest.raises(InputError, match="Coulomb friction in joint 'crank' needs them"):
-        dynamic_fmu(dynamic_model(ms.load("four_bar"), friction), {})
-    with pytest.raises(InputError, match="rope or backlash that opens needs them"):
-        dynamic_fmu(dynamic_model(ms.load("hoist")), {})
 
 
 def test_a_missing_compiler_is_named(monkeypatch):

@@ -3,16 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mechsim.errors import InputError
 from mechsim.model.links import Inertia, combine
-
-CUBE = ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0))
-
-
-def test_a_centre_must_be_three_finite_numbers():
-    with pytest.raises(InputError, match="centre of mass"):
-        Inertia(1.0, (0.0, np.nan, 0.0), CUBE)
-
 
 centres = st.tuples(*[st.integers(-999, 999).map(lambda value: (value + 0.37) * 1e-3)] * 3)
 

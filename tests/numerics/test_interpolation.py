@@ -1,9 +1,7 @@
 """Smooth interpolation of tables over time."""
 
 import numpy as np
-import pytest
 
-from mechsim.errors import InputError
 from mechsim.numerics.collocation import quintic_spline
 
 TIME = np.array([0.0, 0.3, 0.5, 1.1, 1.4, 2.0, 2.2])
@@ -15,17 +13,3 @@ def test_a_quintic_spline_reproduces_a_polynomial_of_degree_five():
     result = quintic_spline("it", TIME, power(TIME))(times)
     for order, values in enumerate(result):
         np.testing.assert_allclose(values, power.deriv(order)(times) if order else power(times), atol=1e-11)
-
-
-@pytest.mark.parametrize(
-    ("time", "value", "output"),
-    [
-        (TIME[:5], TIME[:5], "at least 6 rows"),
-        (TIME, TIME[:6], "equal length"),
-        (TIME[::-1], TIME, "do not increase"),
-        (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
-    ],
-)
-def test_an_invalid_table_is_rejected(time, value, output):
-    with pytest.raises(InputError, match=output):
-        quintic_spline("the table of hip", time, value)

@@ -1,7 +1,6 @@
-"""Invalid texts of quantities, motion laws, expressions, ranges and measures, and invalid calls: one line."""
+"""Invalid texts of quantities, motion laws, expressions, ranges and measures: one line."""
 
 import tomllib
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -33,34 +32,12 @@ def reader(kind):
         "range": lambda text: parsed_range(text, "rssr", swept_designs("rssr")[1], sampled=False),
         "measure": lambda text: measure(text, ms.catalog.make("rssr").mechanism),
         "tolerance": lambda text: ms.tolerance_study(four_bar_table(), written_tolerances(text)),
-        "call": lambda text: eval(text, names_in_calls()),
     }[name or kind]
 
 
 @cache
 def four_bar_table():
     return ms.sensitivity("four_bar", "B.x", "all", angles=np.linspace(0.1, 0.3, 2))
-
-
-@cache
-def names_in_calls():
-    """Return the names that invalid calls contain: public ones, and some models."""
-    pivot = ms.Joint("crank", "revolute", ms.End("ground"), ms.End("bob"))
-    points = {"P": ("bob", (0.0, 0.0, 0.0))}
-    return {
-        "ms": ms,
-        "np": np,
-        "nan": np.nan,
-        "inf": np.inf,
-        "replace": replace,
-        "rssr": ms.catalog.make("rssr"),
-        # a pendulum without extent
-        "dot": ms.Mechanism("dot", (ms.Link("bob"),), (pivot,), "crank", points),
-        "push": ms.load_profile.constant((1.0, 0.0, 0.0)),
-        "heavy": ms.dynamics.dynamic_model("four_bar", ms.Forces(gravity=(0.0, -9.81, 0.0))),
-        # its motion law has a period of 1 s
-        "swung": ms.load("four_bar", drive={"crank": "0.3*sin(2*pi*t)"}, duration=1.0),
-    }
 
 
 @pytest.mark.parametrize(("kind", "row"), [(kind, row) for kind, rows in TABLES.items() for row in rows])

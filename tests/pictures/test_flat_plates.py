@@ -127,11 +127,3 @@ def test_names_that_dxf_does_not_have_become_distinct_layers(tmp_path):
     assert drawn.isascii()
     layers = {dict(entity)[8] for entity in entities(drawn) if entity[0][1] == "POLYLINE"}
     assert layers == {"ground", "a_b", "a_b_"}
-
-
-@pytest.mark.parametrize(
-    "options", [{"hole": "3mm"}, {"format": "dxf", "hole": 0.0}, {"format": "usda", "speed": "600rpm"}]
-)
-def test_options_without_effect_are_rejected(options):
-    with pytest.raises(ms.InputError, match=r"--hole|hole|leave them out"):
-        ms.export("four_bar", **options)

@@ -190,15 +190,6 @@ def test_both_methods_give_the_same_joint_forces(name):
             )
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [({"arrows": ("speed",)}, "no arrow 'speed'"), ({"magnify": float("nan")}, "magnify is nan")],
-)
-def test_invalid_look_options_are_rejected(options, message):
-    with pytest.raises(InputError, match=message):
-        Look(**options)
-
-
 @pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])
 def test_rounding_sized_moments_are_not_drawn(name, none):
     linkage = catalog.make(name)

@@ -205,20 +205,6 @@ def test_invalid_motions_are_rejected(linkage, motion):
         frame_poses(linkage.mechanism, motion, [7.0])
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"camera": "front"}, "no camera 'front'"),
-        ({"size": (0, 480)}, "give edges from 16"),
-        ({"paths": "dots"}, "paths is 'dots'"),
-        ({"overlay": 0}, "0 overlaid positions"),
-    ],
-)
-def test_invalid_look_options_are_rejected(options, message):
-    with pytest.raises(InputError, match=message):
-        Look(**options)
-
-
 def test_all_points_are_inside_the_frame():
     rng = np.random.default_rng(5)
     for preset in camera.PRESETS:

@@ -267,30 +267,6 @@ def test_the_maximum_depth_and_a_doctype_are_accepted(file):
     assert read_model(file(kind + TREE)).mechanism == read_model(file(TREE)).mechanism
 
 
-@pytest.mark.parametrize(
-    ("options", "fragment"),
-    [
-        (
-            {"drivers": ["cranck"]},
-            r"'cranck' \(did you mean 'crank'\?\); hinges and slides of the model are first, second",
-        ),
-        (
-            {"lock": {"socket": 0.1}},
-            "--lock names 'socket', a ball joint, .*hold it where it starts with --lock socket",
-        ),
-        ({"drivers": ["socket"]}, "--drive names 'socket', a ball joint, .*three hinges across each other"),
-        ({"lock": {"loose_joint": 0.0}}, "--lock names 'loose_joint', a free joint, .* or --fix-base"),
-        ({"key": "home"}, "there is no keyframe 'home'; there are none"),
-        ({"track": ["nose"]}, r"--track names 'nose'.*; sites and bodies"),
-        ({"track": ["tip,nose@0,0,0"]}, "names body 'nose'"),
-        ({"track": ["tip,ball@0,nan,0"]}, "write NAME,BODY@x,y,z"),
-    ],
-)
-def test_an_unknown_name_is_rejected_with_the_known_names(file, options, fragment):
-    with pytest.raises(InputError, match=fragment):
-        read_model(file(TREE), **options)
-
-
 def test_the_characteristic_length_of_a_gripper_is_that_of_its_fingers(file):
     finger = """<body name="{0}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
     <joint name="{0}" type="slide" axis="0 1 0"/>

@@ -2,7 +2,6 @@ import mujoco
 import pytest
 from model_files import model_text
 
-from mechsim.errors import InputError
 from mechsim.simulation.mjcf.edited_text import (
     EditedText,
     elements_of,
@@ -26,11 +25,6 @@ def test_elements_have_their_positions_in_the_text():
     assert body.attributes["name"] == "a > b"
     assert body.within("worldbody") is root.children[2]
     assert next(root.every("geom")).empty
-
-
-def test_invalid_xml_is_rejected():
-    with pytest.raises(InputError, match="not XML"):
-        elements_of("<mujoco><body></mujoco>", "this")
 
 
 def test_settings_change_only_their_values():

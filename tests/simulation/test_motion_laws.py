@@ -18,7 +18,7 @@ from driven_mechanisms import (
 
 from mechsim import crosscheck, simulate
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.errors import AssemblyError, MobilityError
 from mechsim.model.joints import End
 from mechsim.model.links import GROUND
 from mechsim.model.motion_laws import make_motion_laws, steady
@@ -100,27 +100,6 @@ def test_underdetermined_joints_are_reported_by_name():
     assert simulate(mechanism, motion_laws=moves).method == "step"
 
 
-def test_redundant_drivers_are_reported_by_name():
-    mechanism = replace(five_bar(), driver=("left", "right", "A"))
-    moves = make_motion_laws(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
-    with pytest.raises(MobilityError, match=r"overdetermined: left.* cannot move"):
-        simulate(mechanism, motion_laws=moves)
-
-
-def test_unreachable_driver_positions_are_rejected_with_the_time():
-    mechanism = five_bar()
-    moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}, 3.0)
-    with pytest.raises(AssemblyError, match=r"the drivers cannot pass 0\.\d+ s in this assembly"):
-        simulate(mechanism, motion_laws=moves)
-
-
-def test_an_unreachable_start_of_motion_laws_is_rejected():
-    mechanism = five_bar()
-    moves = make_motion_laws(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
-    with pytest.raises(AssemblyError, match=r"left = .*on the way to the start of the motion laws"):
-        simulate(mechanism, motion_laws=moves)
-
-
 def test_a_joint_beyond_its_range_is_rejected_with_the_time():
     text = """<mujoco><worldbody><body><joint name="left" axis="0 0 1"/><geom size=".01"/><body pos=".1 0 0">
     <joint name="right" axis="0 0 1" range="-30 30"/><geom size=".01" pos=".05 0 0"/><site name="P"/>
@@ -129,16 +108,6 @@ def test_a_joint_beyond_its_range_is_rejected_with_the_time():
     moves = make_motion_laws(replace(five_bar(), guess_coordinates={}), arms, 2.0)
     with pytest.raises(AssemblyError, match=r"'right' would be at 2 rad, .* at 2 s; widen the range"):
         simulate(text, motion_laws=moves)
-
-
-def test_conflicting_or_missing_motion_laws_are_rejected():
-    mechanism, moves = CASES["five-bar"]()
-    with pytest.raises(InputError, match="both motion laws and a crank's motion"):
-        simulate(mechanism, motion_laws=moves, speed=1.0)
-    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
-        simulate(mechanism, speed=1.0)
-    with pytest.raises(InputError, match="there are motion laws of left, right; the drivers are stroke"):
-        simulate(boom(), motion_laws=moves)
 
 
 def test_a_wrong_motion_law_fails_the_check_of_its_driver():

@@ -78,12 +78,6 @@ def test_controllers_round_trip_through_a_file(tmp_path):
     assert CONTROLLED.controllers[0].text in to_toml(loaded)
 
 
-def test_controllers_in_a_prescribed_motion_are_rejected():
-    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), CONTROLLED)
-    with pytest.raises(ms.InputError, match="controllers act in runs from an initial state"):
-        ms.dynamics.prescribed(model, speed=1.0)
-
-
 @pytest.mark.long
 def test_a_body_that_only_translates_agrees_with_mujoco_and_another_spring_is_rejected(tmp_path):
     path = tmp_path / "block.toml"

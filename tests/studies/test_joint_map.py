@@ -114,13 +114,6 @@ def test_jacobian_derivatives_are_exact_near_a_dead_centre():
     np.testing.assert_allclose(table.jacobian_derivative[:, 0, 0, 0], expected, rtol=1e-9)
 
 
-def test_an_immobile_input_is_rejected():
-    # a slider-crank that starts at its dead centre, driven by the slide
-    model = mujoco.MjSpec.from_string(model_text("joint_map_an_immobile_input_is_rejected.xml"))
-    with pytest.raises(ms.MechsimError, match="cannot move independently where the model starts"):
-        ms.joint_map(model, ["slide"], ["crank"], points=3)
-
-
 def test_rates_of_rotation_vectors_equal_finite_differences():
     from scipy.spatial.transform import Rotation
 

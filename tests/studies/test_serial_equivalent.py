@@ -72,21 +72,6 @@ def test_two_independent_joints_are_coupled_by_tendons():
     assert np.abs(data.efc_pos[rows]).max() <= max(joint.position_error for joint in equivalent.coupled)
 
 
-@pytest.mark.parametrize(
-    ("model", "options", "message"),
-    [
-        ("four_bar", {"independent": {"wheel": ("0deg", "10deg")}}, "wheel"),
-        ("four_bar", {"independent": {"crank": None}}, "no limits"),
-        ("four_bar", {}, "no actuator"),
-        ("four_bar", {"loops": "loops.yaml"}, "need the path of a URDF file|no URDF"),
-        ("stewart_gough", {"independent": {f"l{i}": ("150mm", "151mm") for i in range(1, 7)}}, "ball"),
-    ],
-)
-def test_a_model_without_serial_equivalent_is_rejected(model, options, message):
-    with pytest.raises(ms.MechsimError, match=message):
-        serial_twin(model, "urdf", **options)
-
-
 def test_inaccurate_couplings_are_reported_with_a_remedy():
     coarse = ms.export("four_bar", format="urdf", independent={"crank": ("20deg", "80deg")})
     assert "give a smaller range" in coarse.twin.summary()

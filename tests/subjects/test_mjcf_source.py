@@ -161,11 +161,6 @@ def test_a_wheel_at_the_origin_has_a_characteristic_length(file):
     assert read_mjcf(file(text)).mechanism.characteristic_length > 0.0
 
 
-def test_an_mjcf_file_has_no_parameters(file):
-    with pytest.raises(InputError, match="an MJCF file has no parameters; leave out --set"):
-        load(file(five_bar()), {"crank": "3mm"})
-
-
 def test_a_model_without_a_driver_lists_its_joints(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     with pytest.raises(

@@ -83,13 +83,6 @@ def test_a_mujoco_model_that_was_not_loaded_last_is_rejected():
         load(model)
 
 
-def test_parameters_of_an_object_are_rejected():
-    with pytest.raises(InputError, match="an MJCF file has no parameters; leave out --set"):
-        load(mujoco.MjSpec.from_file(str(FOUR_BAR)), {"crank": 0.01})
-    with pytest.raises(InputError, match="four_bar is an object without parameters; leave out set"):
-        load(ms.catalog.make("four_bar"), {"crank": 0.01})
-
-
 def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(URDF.format(mimic=MIMIC))

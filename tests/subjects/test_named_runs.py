@@ -14,11 +14,6 @@ def test_a_name_gives_the_run_of_its_mechanism(name):
         np.testing.assert_array_equal(named.motion.points[point].position, track.position)
 
 
-def test_catalogue_names_are_suggested_first():
-    with pytest.raises(ms.InputError, match="did you mean 'rssr'"):
-        ms.load("rsr")
-
-
 def test_a_file_that_no_reader_accepts_names_its_conversion(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.toml").touch()

@@ -1,13 +1,11 @@
 """The use of parameters in a file determines their units; plain numbers of --set are in SI."""
 
-import re
 import tomllib
 
 import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim.errors import InputError
 from mechsim.subjects.parameter_units import parameter_units
 from mechsim.subjects.readers import load
 
@@ -48,25 +46,6 @@ def test_parameters_have_a_unit_or_are_in_si(tmp_path, name, text, value):
             load(str(path), {name: text})
         return
     assert load(str(path), {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("crank", "40", "crank: 40 has no unit; the file is in mm: write 40mm or 40m"),
-        ("crank", "0.04", "write 0.04mm or 0.04m"),
-        ("bend", "30", "bend: 30 has no unit; the file is in deg: write 30deg or 30rad"),
-        # the unit of its text differs from that of the file
-        ("span", "4", "span: 4 has no unit; the file is in cm: write 4cm or 4m"),
-        ("crank", 40.0, "crank: 40 is 40 m, and the file has 0.03 m; numbers in set= are SI and the file is"),
-        ("bend", 30, "bend: 30 is 30 rad"),
-    ],
-)
-def test_a_number_without_unit_is_rejected_if_the_file_is_not_in_si(tmp_path, name, value, words):
-    path = tmp_path / "arm.toml"
-    path.write_text(FILE)
-    with pytest.raises(InputError, match=re.escape(words)):
-        load(str(path), {name: value})
 
 
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])

@@ -194,13 +194,6 @@ def test_an_invalid_file_is_rejected(written, content, message, mechsim):
     assert answer.code == 2
 
 
-def test_parameters_and_missing_files_are_rejected(written, tmp_path):
-    with pytest.raises(ms.InputError, match="no parameters"):
-        ms.load(written(PMKS, "a.pmks"), {"crank": "1mm"})
-    with pytest.raises(ms.InputError, match="there is no file"):
-        ms.load(str(tmp_path / "missing.json"))
-
-
 def entry_paths(content, path=()):
     """Yield the paths of all entries of nested lists and objects."""
     items = (

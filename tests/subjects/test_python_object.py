@@ -54,9 +54,3 @@ def test_a_path_object_is_a_model():
     assert load(path).mechanism == load(str(path)).mechanism
     with pytest.raises(InputError, match="a model is of type int; give a name or a file"):
         load(7)
-
-
-def test_a_python_file_that_fails_is_rejected(tmp_path):
-    (tmp_path / "own.py").write_text("def x(:\n")
-    with pytest.raises(InputError, match="SyntaxError"):
-        load(f"{tmp_path / 'own.py'}:x")

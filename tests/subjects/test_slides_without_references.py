@@ -7,7 +7,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import AssemblyError
 
 TEXT = model_text("slides_without_references.toml")
 
@@ -29,12 +28,3 @@ def test_the_orientation_of_an_inclined_slider_agrees_in_both_methods(tmp_path: 
         assert np.abs(motion.links["slider"].rotation[:, 2, 2] - 1.0).max() < 1e-12
     distance = run.motion.points["nose"].position - exact.points["nose"].position
     assert np.abs(distance).max() < 1e-12 * solver.mechanism.characteristic_length
-
-
-def test_antiparallel_references_of_a_slide_are_rejected(tmp_path: Path) -> None:
-    model = written(tmp_path, ", reference = [0, 0, 1]", ", reference = [0, 0, -1]")
-    solver = ms.load(model)
-    with pytest.raises(AssemblyError, match="'slide' is assembled with antiparallel references"):
-        solver.solve([0.0])
-    with pytest.raises(AssemblyError, match="'B' is assembled with antiparallel axes"):
-        ms.simulate(solver.mechanism, method="pose", speed=1.0)

@@ -99,12 +99,6 @@ def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):
     assert not ms.crosscheck(run, wrong).passed
 
 
-def test_comparing_a_crank_run_with_motion_laws_is_rejected(swinging):
-    run = ms.simulate(ms.catalog.make("four_bar"), speed=1.0, samples=8)
-    with pytest.raises(InputError, match="motion laws drive crank in the analytic motion"):
-        ms.crosscheck(run, swinging)
-
-
 # a boom lifted by a ram; its size, by which motion laws of slides are normalised, goes with `arm`
 BOOM = model_text("times_of_motion_laws_boom.toml")
 
@@ -127,17 +121,3 @@ def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
         fastest = solver.solve(t=np.linspace(0.0, 2.0, 20)).points["tip"].velocity[:, 0].max()
         assert alone["max:tip.vx"].values[i] == pytest.approx(fastest, rel=1e-12)
         assert alone["fastest.py:fastest"].values[i] == pytest.approx(fastest, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("measure", "reason"),
-    [
-        ("at:30deg:tip.x", "under motion laws give a time"),
-        ("at:2.5:tip.x", r"is at 2\.5 s, but the motion laws last 2 s"),
-    ],
-)
-def test_sweeps_reject_angles_and_times_beyond_motion_laws(tmp_path, measure, reason):
-    path = tmp_path / "boom.toml"
-    path.write_text(BOOM)
-    with pytest.raises(InputError, match=reason):
-        ms.sweep(str(path), {"arm": [0.4]}, measure)

@@ -8,9 +8,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.errors import InputError
-from mechsim.model.forces import Forces
-from mechsim.simulation.dynamics.prescribed_motion import driven
 
 SEGMENTS = """[
   { over = "120 deg", to = "10 mm", kind = "cycloidal" }, { over = "60 deg" },
@@ -97,20 +94,6 @@ def test_both_methods_agree_on_a_law_of_segments(tmp_path):
     assert np.abs(lift - [0, 0.005, 0.01, 0.005, 0]).max() < 1e-15
 
 
-@pytest.mark.parametrize(
-    ("rows", "named"),
-    [
-        ("q,value\n0,0\n2,0.01\n4,0.01\n6,0\n", "from 0 to 6 rad .*give one revolution"),
-        ("angle,value\n0,0\n2,0.01\n4,0.01\n6,0\n", "has columns angle, value"),
-        ("q,value\n0,0\n2,nan\n4,0.01\n6.283185307179586,0\n", "not all finite"),
-    ],
-)
-def test_tables_that_are_no_law_are_rejected(tmp_path, rows, named):
-    (tmp_path / "law.csv").write_text(rows)
-    with pytest.raises(InputError, match=named):
-        ms.load(write(tmp_path, "roller", '"law.csv"'))
-
-
 @pytest.mark.long
 def test_a_cam_falls_from_its_top_as_in_mujoco_and_returns_after_a_turn(tmp_path, mechsim):
     path = write(tmp_path, "roller")
@@ -162,8 +145,3 @@ def test_validation_steps_a_cam_from_one_whole_degree_to_the_next():
     assert case.run.method == "step"
     # the segments of its law end at 130, 180 and 330 deg: within a step they would reduce the order
     assert case.run.steps % 360 == 0
-
-
-def test_forces_of_a_stepped_cam_are_rejected():
-    with pytest.raises(InputError, match="no forces in steps along drivers; take --method pose"):
-        driven(ms.load("cam_follower").mechanism, Forces(), speed=5.0, turns=1, method="step")

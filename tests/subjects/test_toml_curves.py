@@ -45,14 +45,6 @@ def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
     assert ms.validate(model).passed
 
 
-def test_a_roller_on_a_spatial_curve_is_rejected(tmp_path):
-    text = model_text("toml_curves_model.toml", curve="ellipse")
-    text = text.replace('kind = "curve"', 'kind = "curve"\nroller = "1 mm"')
-    (tmp_path / "rail.toml").write_text(text.replace("[curves.ellipse]", '[curves.ellipse]\nz = "0.1*s"'))
-    with pytest.raises(InputError, match="roller on the spatial curve 'ellipse'"):
-        ms.load(str(tmp_path / "rail.toml"))
-
-
 @pytest.mark.parametrize(("radius", "accepted"), [(12.49, True), (12.51, False)])
 def test_a_roller_is_smaller_than_the_least_radius_of_curvature(tmp_path, radius, accepted):
     # of an ellipse with the half axes 50 and 200 mm: 50**2 / 200 mm = 12.5 mm
@@ -114,26 +106,6 @@ def test_a_point_follows_a_periodic_spline_through_a_table(tmp_path):
 
 
 CLOSED_TABLE = 'table = "rail.csv"\nclosed = true'
-
-
-@pytest.mark.parametrize(
-    ("rows", "named"),
-    [
-        ("s,x,y\n0,0,0\n1,1,0\n2,1,nan\n3,0,1\n4,0,0\n", "5 rows that are not all finite"),
-        ("s,x,y\n0,0,0\n2,1,0\n1,1,1\n3,0,1\n4,0,0\n", "with rising s"),
-        ("s,x,y\n0,0,0\n1,1,0\n2,0,0\n", "3 rows"),
-        ("x,y\n0,0\n1,0\n1,1\n0,1\n", "not closed: its ends at s = 0 and 3 are 1 m apart"),
-        ("q,y\n0,0\n1,0\n1,1\n0,1\n", "has columns q, y; give x and y"),
-    ],
-)
-def test_a_table_that_is_no_closed_curve_is_rejected(tmp_path, rows, named):
-    (tmp_path / "rail.csv").write_text(rows)
-    text = model_text("toml_curves_model.toml", curve="ellipse").replace(
-        'x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE
-    )
-    (tmp_path / "rail.toml").write_text(text)
-    with pytest.raises(InputError, match=named):
-        ms.load(str(tmp_path / "rail.toml"))
 
 
 STRUCTURE = model_text("toml_curves_structure.toml")

@@ -1,11 +1,9 @@
 """Limits of joints in a TOML file: stops with a coefficient of restitution of their own."""
 
 import numpy as np
-import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.subjects.toml_writer import to_toml
 
 
@@ -43,8 +41,3 @@ def test_limits_are_written_and_read_back(tmp_path):
     again.write_text(to_toml(solver))
     read = ms.load(str(again), still=True)
     assert (read.ranges, read.restitution) == ({"height": (-0.001, 2.0)}, {"height": 0.25})
-
-
-def test_limits_that_exclude_the_start_are_rejected(tmp_path):
-    with pytest.raises(InputError, match=r"height starts at 1, beyond its stop at 0\.5"):
-        ms.dynamics.run(ball(tmp_path, "{ upper = 0.5 }"), duration="1s")

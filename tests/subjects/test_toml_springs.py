@@ -167,19 +167,3 @@ def test_inverse_dynamics_of_a_loop_with_springs(tmp_path):
     assert crosscheck_driven(run, model).passed
     # without the springs it is another mechanism
     assert not crosscheck_driven(run, model.with_forces(ms.Forces())).passed
-
-
-@pytest.mark.parametrize(
-    ("rows", "message"),
-    [
-        ("l,force\n0.1,1\n0.3,2\n0.2,3\n0.4,4", "sorted by l"),
-        ("l,force\n0.1,1\n0.2,nan\n0.3,3\n0.4,4", "finite"),
-        ("v,force\n0.1,1\n0.1,2\n0.3,3\n0.4,4", "sorted by v"),
-        ("l,force\n0.1,1\n0.2,2", "has 2 rows"),
-        ("x,force\n0.1,1", "has columns x, force; give l or v, and force"),
-    ],
-)
-def test_invalid_tables_are_rejected(rows, message, tmp_path):
-    (tmp_path / "f.csv").write_text(rows)
-    with pytest.raises(InputError, match=message):
-        strut(tmp_path, 'force = "f.csv"')

@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 from model_files import model_text
 
-from mechsim import catalog
 from mechsim.cli import main
-from mechsim.errors import InputError
 from mechsim.model.mechanism import against
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
@@ -91,13 +89,6 @@ def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatc
         assert "--up" in message
         assert "-z" in message
         assert not target.exists()
-
-
-def test_an_invalid_axis_is_rejected_with_its_line(tmp_path):
-    with pytest.raises(InputError, match=r"line 16: display.up is 'w'; it can be x, y, z, -x, -y, -z"):
-        loaded(tmp_path, ARM + '[display]\nup = "w"')
-    with pytest.raises(InputError, match="up is 'north'; it can be x"):
-        replace(catalog.make("rssr").mechanism, up="north")
 
 
 def test_zero_gravity_defines_no_vertical():

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from catalog_faults import COLLINEAR, SWINGING
 from grids import grid
-from model_files import model_mechanism
 
 from mechsim import catalog, load, loops
-from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.errors import AssemblyError, MobilityError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
@@ -293,23 +292,6 @@ def test_a_trace_of_two_dofs_is_rejected():
         trace(arms())
     (curve,) = trace(arms(joined=True)).curves
     assert curve.turns == 1
-
-
-def truss():
-    return model_mechanism("mechanism_trace_truss.toml")
-
-
-def test_invalid_traces_are_rejected():
-    with pytest.raises(MobilityError, match=r"truss has no degree of freedom.*add one"):
-        trace(truss())
-    with pytest.raises(AssemblyError, match=r"four_bar: the loops close at no crank angle"):
-        trace(catalog.make("four_bar", ground=0.3, crank=0.05, coupler=0.05, rocker=0.05))
-    with pytest.raises(InputError, match="starts of a trace: -1; give a whole number from 0"):
-        trace(catalog.make("four_bar"), starts=-1)
-    with pytest.raises(InputError, match=r"the seed of a trace: 1\.5; give a whole number"):
-        trace(catalog.make("four_bar"), seed=1.5)
-    with pytest.raises(InputError, match="of type NoneType"):
-        trace(None)
 
 
 @pytest.mark.long

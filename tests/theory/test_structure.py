@@ -334,11 +334,6 @@ def test_a_driven_joint_off_the_frame_is_rejected():
         assur_groups(replace(knitter(), driver="A", gears=()))
 
 
-def test_assur_groups_of_spatial_mechanisms_are_rejected():
-    with pytest.raises(InputError, match="rssr is not planar"):
-        assur_groups(catalog.make("rssr").mechanism)
-
-
 @st.composite
 def generated_chains(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tuple[int, set[str]]]]:
     """Return a planar chain grown group by group on a frame, a crank and a geared crank, and its groups."""

@@ -8,7 +8,6 @@ from mechanisms import rscr, rsup
 
 from mechsim import catalog, dynamics, load_profile
 from mechsim.analytic.dynamics.initial_state import InitialValues
-from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -146,25 +145,3 @@ def test_a_geared_motor_with_a_wrong_ratio_fails(motor):
     geared = Geared(motor, 9.0)
     assert geared.torque(geared.no_load) == pytest.approx(0.0, abs=1e-12)
     assert geared.derivative == pytest.approx((geared.torque(2.0) - geared.torque(1.0)).item())
-
-
-@pytest.mark.parametrize(
-    ("make", "output"),
-    [
-        (lambda: Geared(ConstantTorque(1.0), 0.0), "gear ratio of the motor is 0.0"),
-        (lambda: Couple("link", load_profile.constant(1.0)), "has one component"),
-        (lambda: Friction("sleeve", 0.0, 0.0, -1.0), "viscous friction in joint 'sleeve' is -1.0"),
-        (lambda: Forces(friction=(Friction("shaft", coulomb_turn=1.0),)).check(rscr()), "only a cylindrical"),
-        (
-            lambda: Forces(couples=(Couple("ground", load_profile.constant((1, 0, 0))),)).check(rscr()),
-            "on the frame",
-        ),
-        (
-            lambda: Forces(couples=(Couple("arm", load_profile.constant((1, 0, 0))),)).check(rscr()),
-            "no link 'arm'",
-        ),
-    ],
-)
-def test_invalid_friction_couples_and_ratios_are_rejected(make, output):
-    with pytest.raises(InputError, match=output):
-        make()

@@ -1,13 +1,11 @@
 """Designs: grids, lists and samples from text, and rejected input."""
 
 import numpy as np
-import pytest
 
-from mechsim.errors import InputError
 from mechsim.studies.sweep.designs import grid_designs, parsed_range, read_designs, sampled_designs
 from mechsim.studies.sweep.sweeping import swept_designs
 
-SUBJECT, PARAMETERS = swept_designs("rssr")
+PARAMETERS = swept_designs("rssr")[1]
 
 
 def ranged(text, **options):
@@ -48,22 +46,3 @@ def test_a_design_file_may_have_units_in_its_cells(tmp_path):
     result = read_designs(str(path), "rssr", PARAMETERS)
     assert result.rows(0, 2)["crank"].tolist() == [0.013, 0.014]
     assert result.dims == ("design",)
-
-
-def test_invalid_samples_and_files_are_rejected(tmp_path):
-    for text in ("sobl:8", "sobol:0", "sobol:x", "sobol"):
-        with pytest.raises(InputError, match="sobol:N"):
-            sampled_designs(text, {"crank": (1.0, 2.0)}, "rssr", PARAMETERS)
-    with pytest.raises(InputError, match="lower and its upper end"):
-        sampled_designs("sobol:8", {"crank": (2.0, 1.0)}, "rssr", PARAMETERS)
-    path = tmp_path / "designs.csv"
-    for text, output in (
-        ("crank\n", "no row"),
-        ("crank,crank\n1,1\n", "twice"),
-        ("crank,rocker\n1\n", "line 2"),
-    ):
-        path.write_text(text)
-        with pytest.raises(InputError, match=output):
-            read_designs(str(path), "rssr", PARAMETERS)
-    with pytest.raises(InputError, match="there is no file"):
-        read_designs(str(tmp_path / "none.csv"), "rssr", PARAMETERS)

@@ -5,7 +5,6 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic import dynamics
-from mechsim.errors import InputError
 from mechsim.studies.sweep.methods import by_one_formula
 from mechsim.studies.sweep.sweeping import swept_task
 
@@ -73,13 +72,6 @@ def test_only_array_parameters_use_a_vectorised_formula():
     assert not by_one_formula(swept_task("rssr", {"psi1": [0.1]}, "range:rocker", set={"guide": "true"}))
     assert not by_one_formula(swept_task("rssr", {"gamma1": [0.1]}, "max:torque"))
     assert not by_one_formula(swept_task("watt_six_bar", {"crank": [0.1]}, "range:output"))
-
-
-def test_measures_unavailable_for_the_model_are_rejected():
-    five_bar = ms.load("five_bar", drive={"left": "0.1rad*t", "right": "0.1rad*t"})
-    undriven = type(five_bar)(five_bar.mechanism)
-    with pytest.raises(InputError, match="have no motion law; give each driver one"):
-        ms.sweep(undriven, {"left.at.x": [0.01]}, "range:left")
 
 
 @pytest.mark.parametrize(
