@@ -32,6 +32,8 @@ def reduce(
 ) -> Result:
     """Remove from a scene what the motion of its tracked points does not need.
 
+    Its settings stay; `mechsim tune` finds cheaper ones.
+
     Examples:
     mechsim reduce gripper.xml --tolerance 10um --track fingertip -o reduced.xml
     mechsim reduce leg.xml --by torque --tolerance 0.01 -o reduced.xml

@@ -3,7 +3,6 @@ import json
 import mujoco
 import pytest
 from scene_texts import FINGER, FLOATING
-from studies.test_reduction import few_trials
 
 from mechsim.errors import InputError
 
@@ -17,8 +16,7 @@ def finger(tmp_path):
 
 
 @pytest.mark.slow
-def test_reduce_writes_a_scene_and_reports_each_removed_element(mechsim, finger, tmp_path, monkeypatch):
-    few_trials(monkeypatch)
+def test_reduce_writes_a_scene_and_reports_each_removed_element(mechsim, finger, tmp_path):
     output = mechsim(
         "reduce", finger, "--tolerance", "7um", "--track", "pad", *CONTROL, "-o", "out.xml", "--json"
     )
@@ -45,8 +43,7 @@ def test_several_tracked_points_are_accepted(mechsim, finger, monkeypatch):
 
 
 @pytest.mark.slow
-def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_reduced_scene(mechsim, tmp_path, monkeypatch):
-    few_trials(monkeypatch)
+def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_reduced_scene(mechsim, tmp_path):
     (tmp_path / "floating.xml").write_text(FLOATING)
     locks = ("--fix-base", "--lock", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
     arguments = ("--duration", "0.1s", "--tolerance", "7um", "--track", "pad", "-o", "out.xml", "--json")

@@ -4,7 +4,7 @@ import pytest
 from scene_texts import FINGER
 
 from mechsim.errors import InputError
-from mechsim.studies.reduction.candidates import bodies, stepping
+from mechsim.studies.reduction.candidates import bodies
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
@@ -56,12 +56,6 @@ def scene(folder, text, *, ctrl=CONTROL, drive=None, duration=0.5, track=("tip,p
     return scene_object, mujoco.MjSpec.from_file(str(path))
 
 
-def few_trials(patch):
-    """Restrict a search to few step sizes and short timings."""
-    patch.setattr(stepping, "STEP_RATIOS", (1, 2, 4))
-    patch.setattr(run, "MIN_MEASURED_TIME", 1e-4)
-
-
 def observed(evaluator):
     return observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, LIMIT)
 
@@ -89,7 +83,7 @@ def cluttered(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rows(cluttered):
     with pytest.MonkeyPatch.context() as patch:
-        few_trials(patch)
+        patch.setattr(run, "MIN_MEASURED_TIME", 1e-4)
         return reduce_scene(*cluttered[:2], LIMIT)
 
 
@@ -200,39 +194,9 @@ def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
     assert np.allclose(data.body("pad").xquat, pad[1], atol=1e-15)
 
 
-@pytest.mark.parametrize("step_ratio", [2, 4, 8])
-def test_loop_compliance_is_independent_of_the_step(step_ratio):
-    text = """<mujoco><option timestep="0.0005" gravity="0 0 -9.81"/><worldbody><body name="a">
-    <freejoint/><geom size="0.1" mass="2"/></body></worldbody>
-    <equality><connect name="c" body1="a" anchor="0 0 0" solref="0.001 1"/></equality></mujoco>"""
-    sags = []
-    for ratio in (1, step_ratio):
-        spec = normalised(mujoco.MjSpec.from_string(text))
-        if ratio > 1:
-            stepping.keep_stiffness(spec, 0.0005, 0.0005 * ratio)
-            spec.option.timestep = 0.0005 * ratio
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        mujoco.mj_step(model, data, 400 // ratio)
-        sags.append(data.qpos[2])
-    assert sags[0] < -1e-7
-    assert sags[1] == pytest.approx(sags[0], rel=1e-3)
-
-
 SERVO = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body name="arm">
 <inertial mass="1" pos="0.1 0 0" diaginertia="1e-3 1e-3 1e-3"/><joint name="j" armature="0.5"/></body>
 </worldbody><actuator><position name="servo" joint="j" kp="100" kv="20"/></actuator></mujoco>"""
-
-
-@pytest.mark.parametrize("integrator", [stepping.EULER, stepping.IMPLICITFAST])
-def test_an_armature_compensates_a_longer_step_of_a_damper(tmp_path, integrator):
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
-    worst = {}
-    for compensated in (True, False):
-        spec = evaluator.spec.copy()
-        stepping.set_stepping(spec, 4, int(integrator), compensated)
-        worst[compensated] = evaluator.errors(evaluator.scene(spec)).trajectory
-    assert worst[True] < 0.1 * worst[False]
 
 
 def test_a_scene_that_diverges_is_rejected(tmp_path):

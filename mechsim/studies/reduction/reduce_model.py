@@ -10,7 +10,7 @@ from typing import Any, cast, get_args
 
 from mechsim import files
 from mechsim.model.progress import Progress, no_progress
-from mechsim.studies.reduction.search import By, Reduction, RemovedElement, reduce_scene, with_comment
+from mechsim.studies.reduction.search import By, Reduction, reduce_scene, with_comment
 from mechsim.studies.scene.errors import UNITS, tolerance_in_si
 from mechsim.studies.scene.open_scene import open_scene, scene_file
 from mechsim.studies.scene.scene import spec_of
@@ -54,7 +54,10 @@ class ReducedModel:
         result = self.reduction
         first, second = result.errors
         return {
-            "left_out": [_removed(element) for element in result.left_out],
+            "left_out": [
+                {"what": item.candidate.what, "category": item.candidate.category, "error": item.error}
+                for item in result.left_out
+            ],
             "error": max(first.by(result.by), second.by(result.by)),
             "speedup": result.speedup,
             "motion": first,
@@ -111,11 +114,3 @@ def reduce(
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     return ReducedModel(result, limit, text, notes)
-
-
-def _removed(element: RemovedElement) -> dict[str, Any]:
-    return {
-        "what": element.candidate.what,
-        "category": element.candidate.category,
-        "error": element.error,
-    }

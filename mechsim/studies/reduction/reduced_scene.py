@@ -51,7 +51,11 @@ def reduced_scene(
     positions = {name: (_body(model, body), position) for name, (body, position) in tracked.items()}
     start = matching_state(model, like, full.start)
     if full.key is not None:
-        add_start(spec, full, like, start, full.key)
+        # its controls are those of the full scene's keyframe
+        values = full.keyframe_values
+        controls = [values["ctrl"][like.actuator(actuator.name).id] for actuator in spec.actuators]
+        act = {"act": values["act"]} if len(spec.actuators) == full.model.nu and full.model.na else {}
+        spec.add_key(name=full.key, qpos=start[0], qvel=start[1], ctrl=controls, **act)
         model = plainly_compiled(spec)
     return UserScene(
         full.path,
@@ -134,16 +138,6 @@ def time_ratios(full: UserScene, others: Sequence[UserScene], rounds: int = 3) -
     """Return the processor times of scenes relative to the full scene's, (others,)."""
     times = step_times([(scene, scene.model) for scene in (full, *others)], rounds)
     return times[1:] / times[0]
-
-
-def add_start(
-    spec: mujoco.MjSpec, full: UserScene, like: mujoco.MjModel, start: tuple[Array, Array], name: str
-) -> None:
-    """Add the initial keyframe of a scene, with the controls of the full scene's keyframe."""
-    values = full.keyframe_values
-    controls = [values["ctrl"][like.actuator(actuator.name).id] for actuator in spec.actuators]
-    act = {"act": values["act"]} if len(spec.actuators) == full.model.nu and full.model.na else {}
-    spec.add_key(name=name, qpos=start[0], qvel=start[1], ctrl=controls, **act)
 
 
 def _body(model: mujoco.MjModel, name: str) -> int:

@@ -17,7 +17,6 @@ from mechsim.studies.reduction.candidates.elements import (
     visual_elements,
 )
 from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_lengths
-from mechsim.studies.reduction.candidates.stepping import cheaper_steps
 from mechsim.studies.reduction.reduced_scene import Evidence
 
 CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
@@ -32,5 +31,4 @@ CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
     rods_as_lengths,
     fused_bodies,
     springs,
-    cheaper_steps,
 )

@@ -1,6 +1,6 @@
 """Removal candidates, in particular for bodies: joints that hardly move, and disconnected bodies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -66,6 +66,12 @@ def existing(spec: mujoco.MjSpec, kind: Literal["joint", "body", "equality"], *n
     if None in elements:
         raise NotApplicable(f"{kind} {names[elements.index(None)]} is removed already")
     return elements
+
+
+def delete(spec: mujoco.MjSpec, elements: Iterable[Any]) -> None:
+    """Delete elements of a specification."""
+    for element in list(elements):
+        spec.delete(element)
 
 
 def count_text(number: int, singular: str, plural: str | None = None) -> str:
@@ -175,16 +181,20 @@ def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
             kept |= nx.node_connected_component(graph, name)
     names = [observed.model.body(body).name for body in sorted(_fixed_bodies(observed.model)) if body]
     parents = [observed.spec.worldbody, *(observed.spec.body(name) for name in names)]
-    moving = [
-        body.name
-        for parent in parents
-        for body in parent.bodies
-        if body.name not in kept and not _below(body) & kept and _moves(observed, body.name)
-    ]
+    moving: list[str] = []
+    for body in (body for parent in parents for body in parent.bodies):
+        subtree = [body, *body.find_all("body")]
+        if not {each.name for each in subtree} & kept and any(each.joints for each in subtree):
+            moving.append(body.name)
     if not moving:
         return []
     what = f"{count_text(len(moving), 'body', 'bodies')} that no tracked body depends on: {name_list(moving)}"
-    return [RemovalCandidate(DISCONNECTED, what, lambda spec: _without(spec, moving))]
+
+    def edit(spec: mujoco.MjSpec) -> None:
+        for name in moving:
+            delete(spec, existing(spec, "body", name))
+
+    return [RemovalCandidate(DISCONNECTED, what, edit)]
 
 
 def interaction_graph(observed: Evidence) -> "nx.Graph[str]":
@@ -260,10 +270,6 @@ def body_of(element: "mujoco.MjsJoint | mujoco.MjsSite | mujoco.MjsGeom") -> str
     return str(element.parent.name)
 
 
-def _below(body: mujoco.MjsBody) -> set[str]:
-    return {child.name for child in body.find_all("body")}
-
-
 def _fixed_bodies(model: mujoco.MjModel) -> set[int]:
     """Return the indices of the bodies that cannot move, including the world."""
     fixed = {0}
@@ -271,16 +277,6 @@ def _fixed_bodies(model: mujoco.MjModel) -> set[int]:
         if int(model.body_parentid[body]) in fixed and not model.body_jntnum[body]:
             fixed.add(body)
     return fixed
-
-
-def _moves(observed: Evidence, name: str) -> bool:
-    body = observed.spec.body(name)
-    return bool(body.joints) or any(child.joints for child in body.find_all("body"))
-
-
-def _without(spec: mujoco.MjSpec, names: list[str]) -> None:
-    for name in names:
-        spec.delete(*existing(spec, "body", name))
 
 
 FUSED = "fused bodies"

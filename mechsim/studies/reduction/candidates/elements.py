@@ -1,15 +1,17 @@
 """Candidates among contacts, visual elements, limits, actuators, equalities, springs and dampers."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.reduction.candidates.bodies import (
     RemovalCandidate,
     count_text,
+    delete,
     existing,
     name_list,
 )
@@ -31,7 +33,8 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
-        return [RemovalCandidate("contacts", "contact detection (no contacts)", _disable_contacts)]
+        edit = PlainSettings(contact=False).put_into
+        return [RemovalCandidate("contacts", "contact detection (no contacts)", edit)]
     names = [
         geom.name
         for geom in observed.spec.geoms
@@ -41,24 +44,20 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     return [RemovalCandidate("contacts", what, partial(_without_contacts, names=names))] if names else []
 
 
-def _disable_contacts(spec: mujoco.MjSpec) -> None:
-    spec.option.disableflags |= CONTACTS_DISABLED
-
-
 def _without_contacts(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     for geom in spec.geoms:
         if geom.name in names:
             geom.contype = geom.conaffinity = 0
-    _delete(spec, (pair for pair in spec.pairs if pair.geomname1 in names or pair.geomname2 in names))
+    delete(spec, (pair for pair in spec.pairs if pair.geomname1 in names or pair.geomname2 in names))
 
 
 def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each kind of element that exerts no force: sensors, cameras, geoms, meshes."""
     spec, edits = observed.spec, dict[str, Any]()
     if spec.sensors:
-        edits[count_text(len(spec.sensors), "sensor")] = lambda spec: _delete(spec, spec.sensors)
+        edits[count_text(len(spec.sensors), "sensor")] = lambda spec: delete(spec, spec.sensors)
     if count := len(spec.cameras) + len(spec.lights):
-        edits[count_text(count, "camera or light", "cameras and lights")] = lambda spec: _delete(
+        edits[count_text(count, "camera or light", "cameras and lights")] = lambda spec: delete(
             spec, (*spec.cameras, *spec.lights)
         )
     used = _used_geoms(spec) | observed.touched
@@ -87,7 +86,7 @@ def _without_geoms(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     for body in list(spec.bodies)[1:]:
         if any(geom.name in names for geom in body.geoms) and not body.explicitinertial:
             spec.adopt_inertial(body)
-    _delete(spec, (geom for geom in spec.geoms if geom.name in names))
+    delete(spec, (geom for geom in spec.geoms if geom.name in names))
     _without_assets(spec)
 
 
@@ -95,12 +94,12 @@ def _without_assets(spec: mujoco.MjSpec) -> None:
     """Remove materials, textures and skins, and the meshes and height fields that no geom uses."""
     meshes = {geom.meshname for geom in spec.geoms}
     fields = {geom.hfieldname for geom in spec.geoms}
-    _delete(spec, spec.skins)
+    delete(spec, spec.skins)
     for element in (*spec.geoms, *spec.sites, *spec.tendons):
         element.material = ""
-    _delete(spec, (*spec.materials, *spec.textures))
-    _delete(spec, (mesh for mesh in spec.meshes if mesh.name not in meshes))
-    _delete(spec, (field for field in spec.hfields if field.name not in fields))
+    delete(spec, (*spec.materials, *spec.textures))
+    delete(spec, (mesh for mesh in spec.meshes if mesh.name not in meshes))
+    delete(spec, (field for field in spec.hfields if field.name not in fields))
 
 
 def limits(observed: Evidence) -> list[RemovalCandidate]:
@@ -138,12 +137,11 @@ def actuators(observed: Evidence) -> list[RemovalCandidate]:
         if force <= MAX_FORCE_AT_REST and name not in observed.scene.ctrl
     ]
     what = f"{count_text(len(names), 'actuator')} at rest: {name_list(names)}"
-    return [RemovalCandidate("actuators", what, partial(without_actuators, names=names))] if names else []
 
+    def edit(spec: mujoco.MjSpec) -> None:
+        delete(spec, (actuator for actuator in spec.actuators if actuator.name in names))
 
-def without_actuators(spec: mujoco.MjSpec, names: Collection[str]) -> None:
-    """Remove actuators."""
-    _delete(spec, (actuator for actuator in spec.actuators if actuator.name in names))
+    return [RemovalCandidate("actuators", what, edit)] if names else []
 
 
 def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
@@ -152,14 +150,10 @@ def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
         RemovalCandidate(
             "redundant equalities",
             f"equality {name}, implied by the others",
-            partial(_without_equality, name=name),
+            lambda spec, name=name: delete(spec, existing(spec, "equality", name)),
         )
         for name in observed.redundant
     ]
-
-
-def _without_equality(spec: mujoco.MjSpec, name: str) -> None:
-    spec.delete(*existing(spec, "equality", name))
 
 
 def springs(observed: Evidence) -> list[RemovalCandidate]:
@@ -187,8 +181,3 @@ def _without_springs(spec: mujoco.MjSpec, names: Collection[str], field: str) ->
     for element in (*spec.joints, *spec.tendons):
         if element.name in names:
             setattr(element, field, SPRING_FIELDS[field][0])
-
-
-def _delete(spec: mujoco.MjSpec, elements: Iterable[Any]) -> None:
-    for element in list(elements):
-        spec.delete(element)
