@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import NewtonSettings, square_solution
+from mechsim.numerics.newton import LinearEquations, NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
 
 # entry of a Jacobian below which it is rounding
@@ -258,6 +258,30 @@ class LoopSolver(Generic[E, Q]):
     def step(self, matrix: Array, rhs: Array) -> Array:
         """Return the step of all coordinates, (count, n), that removes residuals `rhs`, (n, u)."""
         return self.whole_step(-square_solution(matrix, rhs))
+
+
+@dataclass(frozen=True)
+class LoopSystem(Generic[Q]):
+    """All loop equations in some coordinates, for `newton.newton`.
+
+    Attributes:
+        loops: the equations.
+        free: indices of the coordinates that can change, (free,).
+    """
+
+    loops: DrivenEquations
+    free: NDArray[np.intp]
+
+    def linearise(self, q: Q, /) -> LinearEquations:
+        """Return the equations linearised about n configurations."""
+        residual, jacobian, _ = self.loops.linearise(q)
+        return LinearEquations(residual.T, jacobian[:, self.free].transpose(2, 0, 1))
+
+    def retract(self, q: Q, step: Array, /) -> Q:
+        """Return configurations displaced by steps of the free coordinates, (n, free)."""
+        displacement = np.zeros((self.loops.count, len(step)))
+        displacement[self.free] = step.T
+        return self.loops.displaced(q, displacement)
 
 
 def loop_solver(

@@ -33,7 +33,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import LoopSolver
-from mechsim.numerics.newton import LinearEquations
 
 if TYPE_CHECKING:
     from mechsim.model.design_arrays import Ends, Sides
@@ -418,30 +417,6 @@ class TreeLoops:
 
 # what solves the loop equations about a configuration
 TreeSolver: TypeAlias = LoopSolver[TreeLoops, Coordinates]
-
-
-@dataclass(frozen=True)
-class LoopSystem:
-    """All loop equations in the free coordinates of a mechanism, for `numerics.newton`.
-
-    Attributes:
-        loops: the equations.
-        free: indices of the coordinates that can change, (free,).
-    """
-
-    loops: TreeLoops
-    free: NDArray[np.intp]
-
-    def linearise(self, q: Coordinates) -> LinearEquations:
-        """Return the equations linearised about n configurations."""
-        residual, jacobian, _ = self.loops.linearise(q)
-        return LinearEquations(residual.T, jacobian[:, self.free].transpose(2, 0, 1))
-
-    def retract(self, q: Coordinates, step: Array) -> Coordinates:
-        """Return configurations displaced by steps of the free coordinates, (n, free)."""
-        displacement = np.zeros((self.loops.tree.count, len(step)))
-        displacement[self.free] = step.T
-        return self.loops.displaced(q, displacement)
 
 
 def tree_loops(

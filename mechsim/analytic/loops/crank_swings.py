@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.design_motion import (
     Bools,
     Rows,
@@ -29,7 +29,7 @@ from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion, Record, mapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.loop_solver import NEARBY
+from mechsim.numerics.loop_solver import NEARBY, LoopSystem
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, axes_aligned, with_sides
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver, axes_aligned, with_sides
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
@@ -22,7 +22,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.loop_solver import loop_solver
+from mechsim.numerics.loop_solver import LoopSystem, loop_solver
 from mechsim.numerics.newton import newton
 from mechsim.numerics.path_segments import ClosedNodes, Segment
 from mechsim.numerics.rank import least_norm, significant

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, tree_loops
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.start import all_closed, assembled, closed, disturbed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
@@ -15,7 +15,7 @@ from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.loop_solver import NEARBY, loop_solver
+from mechsim.numerics.loop_solver import NEARBY, LoopSystem, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, rank, significant
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_aligned, axis_cosines, tree_loops
+from mechsim.analytic.loops.constraints import TreeLoops, axes_aligned, axis_cosines, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError, InputError
@@ -17,6 +17,7 @@ from mechsim.model.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import LoopSystem
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, rank, significant
 
@@ -300,7 +301,10 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
         loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
         try:
             q = _next_to_stated(loops, closed(loops, initial), stated)
-            _require_axes_aligned(loops, q)
+            # the equations only require parallel axes and references
+            for name, column, cosine in axis_cosines(loops, link_poses(loops.tree, q)):
+                if cosine[0] < 0.0:
+                    raise AssemblyError(f"{loops.name}: {antiparallel_message(name, column)}")
         except AssemblyError as failure:
             error = error or failure
             continue
@@ -422,13 +426,6 @@ def _with_guess_on_frame(mechanism: Mechanism) -> Mechanism:
     )
 
 
-def _require_axes_aligned(loops: TreeLoops, q: Coordinates) -> None:
-    """Raise AssemblyError for antiparallel axes or references: the equations only require parallel ones."""
-    for name, column, cosine in axis_cosines(loops, link_poses(loops.tree, q)):
-        if cosine[0] < 0.0:
-            raise AssemblyError(f"{loops.name}: {antiparallel_message(name, column)}")
-
-
 def _distance(loops: TreeLoops, q: Coordinates, stated: Mapping[str, float]) -> float:
     """Return the largest distance of links from their guess, and of coordinates from their stated values.
 
@@ -508,7 +505,11 @@ def closed_start(mechanism: Mechanism) -> ClosedStart:
         assembly = _nearest(stated, stated.guess_coordinates)
     except AssemblyError:
         try:
-            stated = _with_free_drivers(mechanism)
+            # drivers may leave their stated values
+            values = initial_coordinates(mechanism)
+            drivers = {name: values.get(name, 0.0) for name in mechanism.drivers}
+            coordinates = {**mechanism.guess_coordinates, **drivers}
+            stated = replace(mechanism, driver=(), guess_coordinates=coordinates)
             assembly = _nearest(stated, stated.guess_coordinates)
         except AssemblyError:
             return ClosedStart(mechanism)
@@ -545,13 +546,6 @@ def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -
     poses, values = start_poses(started)
     coordinates = {name: values[name] for name in {**mechanism.guess_coordinates, **stated}}
     return replace(started, guess=poses, guess_coordinates=coordinates)
-
-
-def _with_free_drivers(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism whose drivers may leave their stated values."""
-    stated = initial_coordinates(mechanism)
-    drivers = {name: stated.get(name, 0.0) for name in mechanism.drivers}
-    return replace(mechanism, driver=(), guess_coordinates={**mechanism.guess_coordinates, **drivers})
 
 
 def _is_closed_guess(mechanism: Mechanism, poses: Mapping[str, Pose]) -> bool:

@@ -12,6 +12,7 @@ from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import significant
 from mechsim.simulation.driven_run import limit_or_contact, near_singular, stiffness_cause
 from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
+from mechsim.simulation.poses.equations import ModelStates
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.units import Unit, si
@@ -145,12 +146,12 @@ def _force_error(run: SceneRun, reference: SceneRun) -> float:
 
 def _singularity_distance(run: SceneRun) -> Array:
     """Return the smallest relative singular value of the loops at each record, (n,); 1 without loops."""
-    loops = run.scene.closure.loops
-    if not loops.rows or not len(loops.unknown):
+    closure = run.scene.closure
+    if not closure.equations.rows or not len(closure.free):
         return np.ones(len(run.qpos))
     with np.errstate(all="ignore"):
-        jacobian = loops.linearise(run.scene.closure.coordinates_of(run.qpos))[1]
-    matrix = np.moveaxis(jacobian[:, loops.unknown], -1, 0)
+        jacobian = closure.equations.linearise(ModelStates(run.qpos))[1]
+    matrix = np.moveaxis(jacobian[:, closure.free], -1, 0)
     valid = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
     values = np.linalg.svd(np.where(valid[:, None, None], matrix, 0.0), compute_uv=False)
     rank = int(significant(values[0], floor=0.0).sum())

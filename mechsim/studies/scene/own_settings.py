@@ -6,15 +6,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from mechsim.analytic.loops.kinematics import link_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
+from mechsim.model.links import GROUND
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, select_instants
 from mechsim.model.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.model_loops import loops_with_crank
 from mechsim.simulation.plain_settings import settings_of
+from mechsim.simulation.state import SCALAR, SLIDE, PosedBodies
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of
@@ -117,22 +118,24 @@ def published_motion(source: KinematicSolver, profile: CrankProfile, samples: in
     run = run_scene(scene, records=RECORDS_PER_SAMPLE * samples)
     if len(run.time) < 3:
         raise InputError(f"{scene.path}: with the file's own settings {run.broken or 'it takes two steps'}")
-    tree, state = scene.closure.loops.tree, scene.closure.coordinates_of(run.qpos)
 
     def rates(values: Array) -> tuple[Array, Array, Array]:
         rate = np.gradient(values, run.time, axis=0)
         return values, rate, np.gradient(rate, run.time, axis=0)
 
-    poses, joints = link_poses(tree, state), dict[str, JointMotion]()
-    for branch in tree.branches:
-        if branch.kind.dof == 1:
-            values = rates(state.values[branch.first])
-            joints[branch.joint.name] = JointMotion(*values, unit="m" if branch.kind.slides else "rad")
+    # the first joints of a mechanism are those of its model
+    joints: dict[str, JointMotion] = {}
+    for joint, kind, address in zip(
+        scene.mechanism.joints, run.model.jnt_type, run.model.jnt_qposadr, strict=False
+    ):
+        if kind in SCALAR:
+            values = rates(run.qpos[:, address])
+            joints[joint.name] = JointMotion(*values, unit="m" if kind == SLIDE else "rad")
+    position, rotation = PosedBodies(run.model).body_poses(run.qpos)
     links = {
-        name: _link_motion(
-            rates, np.moveaxis(poses.position[i], -1, 0), np.moveaxis(poses.rotation[i], -1, 0)
-        )
-        for name, i in tree.links.items()
+        name: _link_motion(rates, position[:, body], rotation[:, body])
+        for name, body in scene.closure.bodies.items()
+        if name != GROUND
     }
     points = {name: PointMotion(*rates(run.points[:, k])) for k, name in enumerate(scene.tracked)}
     crank = joints[source.mechanism.crank.name] if source.motion_laws.crank else None

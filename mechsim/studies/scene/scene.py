@@ -1,6 +1,6 @@
 """A custom MJCF scene and its motion, as plain MuJoCo runs them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.links import GROUND, Vector, vector
+from mechsim.model.links import GROUND, Pose, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
@@ -21,6 +21,7 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
+from mechsim.simulation.mjcf_reader.reading import states_of
 from mechsim.studies.scene.exact_closure import ASSEMBLED, ExactClosure, exact_closure
 
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -194,13 +195,20 @@ def scene_of(
     if read.fixed:
         fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.fixed, key)
     plain = plainly_compiled(spec)
-    _require_actuators(plain, ctrl)
-    _require_joints(plain, mechanism.drivers)
+    actuators, joints = actuator_names(plain), {plain.joint(i).name for i in range(plain.njnt)}
+    if unknown := [name for name in ctrl if name not in actuators]:
+        raise InputError(
+            f"--ctrl names {unknown[0]!r}{did_you_mean(unknown[0], actuators)}; "
+            f"actuators of the model are {listed(actuators)}"
+        )
+    if other := [name for name in mechanism.drivers if name not in joints]:
+        # the coordinate of a point or the pose of a body
+        raise InputError(f"{other[0]} is no joint; a plain MuJoCo scene is driven by joints: drive joints")
     named = plainly_compiled(read.spec.copy())
     bodies = {link_name(named, b): b for b in range(1, named.nbody) if named.body_jntnum[b]} | {GROUND: 0}
     if points is None:
         points = _all_points(mechanism, named)
-    closure = exact_closure(mechanism, plain, points)
+    closure = exact_closure(replace(mechanism, points=dict(points)), plain, bodies)
     joint_names = [joint.name for joint in mechanism.joints[: plain.njnt]]
     inertias = _add_drive_inertias(spec, plain, mechanism, tuple(joint_laws))
     model = with_scaled_tolerance(plain, plainly_compiled(spec), spec) if inertias else plain
@@ -209,14 +217,15 @@ def scene_of(
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
     start = (data.qpos if qpos is None else qpos).copy(), data.qvel.copy()
     if started:
-        assembly = closure.loops.read(start_poses(mechanism)[0])
-        start = closure.states_of(assembly, start[0])[0], start[1]
+        poses, values = start_poses(mechanism)
+        links = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
+        start = states_of(named, {name: np.array([x]) for name, x in values.items()}, links)[0], start[1]
     if joint_laws:
         # the assembled state and the velocities at the start of motion laws
         first = {name: [float(values[0]) for values in law(np.zeros(1))] for name, law in joint_laws.items()}
         closed = closure.moved_to(start[0], {name: value for name, (value, _, _) in first.items()})
         speeds = {name: rate for name, (_, rate, _) in first.items()}
-        start = closed, closure.rates(closed, speeds, model.jnt_dofadr.tolist(), model.nv)
+        start = closed, closure.rates(closed, speeds)
     return UserScene(
         read.path,
         model,
@@ -242,13 +251,13 @@ def with_assembled_start(scene: UserScene) -> UserScene:
         AssemblyError: if no assembled state is near.
     """
     qpos, qvel = scene.start
-    closed, violation = scene.closure.closed(scene.closure.coordinates_of(qpos[None]))
+    closed, violation = scene.closure.closed(qpos[None])
     if not violation[0] <= ASSEMBLED:
         raise AssemblyError(
             f"{scene.path}: its loops are open at the start, and no nearby pose closes them; start from "
             "another keyframe (--key)"
         )
-    return replace(scene, start=(scene.closure.states_of(closed, qpos)[0], qvel), assembled_start=True)
+    return replace(scene, start=(closed[0], qvel), assembled_start=True)
 
 
 def spec_of(scene: UserScene) -> mujoco.MjSpec:
@@ -273,24 +282,6 @@ def _all_points(mechanism: Mechanism, model: mujoco.MjModel) -> dict[str, tuple[
             if end.link != GROUND and point not in points.values():
                 points[f"{joint.name}@{end.link}"] = point
     return points
-
-
-def _require_joints(model: mujoco.MjModel, drivers: Sequence[str]) -> None:
-    """Raise InputError for a driver that is the coordinate of a point or the pose of a body."""
-    joints = {model.joint(i).name for i in range(model.njnt)}
-    for name in drivers:
-        if name not in joints:
-            raise InputError(f"{name} is no joint; a plain MuJoCo scene is driven by joints: drive joints")
-
-
-def _require_actuators(model: mujoco.MjModel, ctrl: Mapping[str, State]) -> None:
-    names = actuator_names(model)
-    for name in ctrl:
-        if name not in names:
-            raise InputError(
-                f"--ctrl names {name!r}{did_you_mean(name, names)}; "
-                f"actuators of the model are {listed(names)}"
-            )
 
 
 def _add_drive_inertias(
