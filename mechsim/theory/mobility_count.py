@@ -1,99 +1,25 @@
 """Mobility by Somov-Malyshev and by Grübler over planar pairs, confirmed by rank and explained."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import tree_loops
-from mechsim.analytic.loops.kinematics import twists
-from mechsim.analytic.loops.mobility import DofCount, dof_count
-from mechsim.analytic.loops.motion import assemble
+from mechsim.analytic.loops.mobility import dof_count, solver_at_generic_pose, undetermined_names
+from mechsim.analytic.loops.motion import assemble, spinning_links
 from mechsim.errors import AssemblyError, several
-from mechsim.model.joint_kinds import KINDS, Axis, Kind
-from mechsim.model.joints import End, Joint
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
 from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
-from mechsim.model.links import GROUND, Pose, Vector
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
-from mechsim.numerics.rank import null_spaces
 
 # components of a null vector below this are rounding: singular vectors have errors of 1e-16 divided by the
 # gap of RANK_TOLERANCE between zero and nonzero singular values
 ZERO_COMPONENT = 1e-6
-
-
-@dataclass(frozen=True, slots=True)
-class Twist:
-    """Velocity of the point at the ground's origin, (3,) in [m/s], and angular velocity, (3,) in [rad/s]."""
-
-    velocity: Array
-    spin: Array
-
-    def velocity_at(self, point: Array) -> Array:
-        return self.velocity + np.cross(self.spin, point)
-
-
-def motion_words(
-    mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: Twist
-) -> str | None:
-    """Return about or along which joints a body moves; None if no joint determines it."""
-    length = mechanism.characteristic_length
-    ends = [
-        (joint, end)
-        for joint in joints_between(mechanism, set(body))
-        for end in (joint.a, joint.b)
-        if end.link in body
-    ]
-    positions = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
-    speed = float(np.linalg.norm(twist.spin))
-    if speed <= ZERO_COMPONENT:
-        along = _along(poses, ends, twist.velocity, lambda kind: kind.slides)
-        return f"slides along the axis of joint {along[0]}" if along else None
-    direction = twist.spin / speed
-    pitch = float(twist.velocity @ direction) / speed
-    verb = "spins" if abs(pitch) <= ZERO_COMPONENT * length else "screws"
-    foot = np.cross(direction, twist.velocity) / speed
-    on_axis = [
-        name
-        for name, position in positions.items()
-        if np.linalg.norm(np.cross(position - foot, direction)) <= ZERO_COMPONENT * length
-    ]
-    along = _along(poses, ends, direction, lambda kind: kind.turns)
-    for name in along:
-        if name in on_axis:
-            return f"{verb} about the axis of joint {name}"
-    for first, second in combinations(on_axis, 2):
-        if np.linalg.norm(positions[first] - positions[second]) > ZERO_COMPONENT * length:
-            return f"{verb} about the line through {first} and {second}"
-    if on_axis:
-        return f"{verb} about a line through {on_axis[0]} along ({', '.join(f'{x:.3g}' for x in direction)})"
-    return None
-
-
-def _along(
-    poses: Mapping[str, Pose],
-    ends: list[tuple[Joint, End]],
-    direction: Array,
-    axes: Callable[[Kind], tuple[Axis, ...]],
-) -> list[str]:
-    """Return the joints with an axis of given kinds parallel to a direction."""
-    unit = direction / np.linalg.norm(direction)
-    return [
-        joint.name
-        for joint, end in ends
-        if "a" in axes(KINDS[joint.kind])
-        and np.linalg.norm(np.cross(poses[end.link].rotation[0] @ np.asarray(end.axis), unit))
-        <= ZERO_COMPONENT
-    ]
-
-
-def joints_between(mechanism: Mechanism, links: set[str]) -> list[Joint]:
-    """Return the joints between some links and the others."""
-    return [joint for joint in mechanism.joints if (joint.a.link in links) != (joint.b.link in links)]
 
 
 def plane_normal(mechanism: Mechanism) -> Array | None:
@@ -165,119 +91,6 @@ def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
     return False
 
 
-@dataclass(frozen=True, slots=True)
-class FreeMotion:
-    """A degree of freedom that the crank does not determine.
-
-    Attributes:
-        links: the moving links.
-        idle: whether it is passive: no tracked point moves, and where a link on the frame takes part, no
-            joint moves either (a wheel or rod that rotates in place).
-        text: the motion in words.
-    """
-
-    links: tuple[str, ...]
-    idle: bool
-    text: str
-
-    def __str__(self) -> str:
-        return f"{'idle' if self.idle else 'undriven'} degree of freedom: {self.text}"
-
-
-def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) -> tuple[FreeMotion, ...]:
-    """Return the degrees of freedom with the crank locked, in words.
-
-    The basis of the null space of the loop Jacobian is chosen so that each vector moves few links.
-
-    Args:
-        mechanism: the mechanism.
-        poses: moving link -> one pose that closes the loops, arrays with a leading axis of length 1.
-        count: number of these degrees of freedom (`loops.DofCount.passive`).
-    """
-    if count == 0:
-        return ()
-    loops, q = tree_loops(mechanism, {name: pose.select(0) for name, pose in poses.items()}, {})
-    _, jacobian, placed = loops.linearise(q)
-    rates = np.zeros((loops.tree.count, count))
-    rates[loops.unknown] = np.linalg.svd(jacobian[:, loops.unknown, 0])[2][-count:].T
-    scale = np.array([mechanism.characteristic_length] * 3 + [1.0] * 3)
-    every = twists(loops.tree, placed, rates * loops.units[:, None])[[*loops.tree.links.values()]]
-    space = np.linalg.qr((every / scale[:, None]).reshape(-1, count))[0]  # (6 links, count)
-    motions: list[FreeMotion] = []
-    for vector in _localised(space, len(mechanism.links)):
-        components = dict(zip(loops.tree.links, vector.reshape(-1, 6), strict=True))
-        moving = {
-            name: Twist(*np.split(scale * component, 2))
-            for name, component in components.items()
-            if np.linalg.norm(component) > ZERO_COMPONENT * np.linalg.norm(vector)
-        }
-        motions.append(_named(mechanism, poses, moving))
-    return tuple(motions)
-
-
-def _localised(space: Array, links: int) -> Iterable[Array]:
-    """Yield a basis of a space of twists, (6 links, k), whose vectors move few links each."""
-    basis = np.zeros((space.shape[1], 0))
-    for count in range(1, links + 1):
-        for chosen in combinations(range(links), count):
-            outside = np.ones(links, dtype=bool)
-            outside[list(chosen)] = False
-            rows = space[np.repeat(outside, 6)]
-            inside = null_spaces(np.vstack([rows, basis.T]), 0.0, ZERO_COMPONENT)[1].T
-            for i in range(inside.shape[1]):
-                basis = np.column_stack([basis, inside[:, i]])
-                yield space @ inside[:, i]
-            if basis.shape[1] == space.shape[1]:
-                return
-
-
-def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> FreeMotion:
-    still = ZERO_COMPONENT * mechanism.characteristic_length
-
-    def moves(link: str, local: Vector) -> bool:
-        position = poses[link].point(local)[0]
-        return float(np.linalg.norm(twists[link].velocity_at(position))) > still
-
-    moved = [
-        point for point, (link, local) in mechanism.points.items() if link in twists and moves(link, local)
-    ]
-    ends = [end for joint in mechanism.joints for end in (joint.a, joint.b) if end.link in twists]
-    on_frame = any(GROUND in (joint.a.link, joint.b.link) for joint in joints_between(mechanism, set(twists)))
-    felt = on_frame and any(moves(end.link, end.point) for end in ends)
-    words = _words(mechanism, poses, twists) + (f", which moves {', '.join(moved)}" if moved else "")
-    return FreeMotion(tuple(twists), not moved and not felt, words)
-
-
-def _words(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> str:
-    """Return the motion of each rigid body in words; bodies without such a joint move with the others."""
-    phrases: list[str] = []
-    carried: list[str] = []
-    for body in _rigid_bodies(twists, mechanism.characteristic_length):
-        motion = motion_words(mechanism, poses, body, twists[body[0]])
-        if motion:
-            phrases.append(f"{' and '.join(body)} {motion}")
-        else:
-            carried += body
-    if not phrases:
-        return f"{' and '.join(carried)} {'moves' if len(carried) == 1 else 'move'}"
-    return ", ".join(phrases) + (f", carrying {' and '.join(carried)}" if carried else "")
-
-
-def _rigid_bodies(twists: Mapping[str, Twist], length: float) -> list[tuple[str, ...]]:
-    """Return groups of links that move as one rigid body."""
-    bodies: list[list[str]] = []
-    for name, twist in twists.items():
-        for body in bodies:
-            first = twists[body[0]]
-            gap = np.concatenate([(twist.velocity - first.velocity) / length, twist.spin - first.spin])
-            if np.linalg.norm(gap) <= ZERO_COMPONENT:
-                body.append(name)
-                break
-        else:
-            bodies.append([name])
-    return [tuple(body) for body in bodies]
-
-
 # displacement of the crank to either side, in [rad], that distinguishes a special pose from the general one:
 # large enough for the rank, small enough for almost any range
 CRANK_STEP = 1e-3
@@ -296,7 +109,8 @@ class Mobility:
         redundant: number of redundant constraints in space.
         crank_moves: whether the crank can move.
         first_order: whether the mechanism can move to first order, but closes on neither side of its pose.
-        free: the degrees of freedom with the crank locked.
+        undetermined: coordinates and points that can move with the crank locked, one for each DOF.
+        idle: links that spin in place with the crank locked, if nothing else moves.
     """
 
     actual: int
@@ -307,7 +121,8 @@ class Mobility:
     redundant: int
     crank_moves: bool
     first_order: bool
-    free: tuple[FreeMotion, ...]
+    undetermined: tuple[str, ...]
+    idle: tuple[str, ...]
 
     @property
     def somov_malyshev(self) -> int:
@@ -326,11 +141,6 @@ class Mobility:
         return (
             3 * self.links - sum((constraints - 3) * count for constraints, count in self.joints) - self.gears
         )
-
-    @property
-    def idle(self) -> tuple[FreeMotion, ...]:
-        """The passive degrees of freedom."""
-        return tuple(motion for motion in self.free if motion.idle)
 
     @property
     def redundant_in_plane(self) -> int:
@@ -365,7 +175,10 @@ class Mobility:
             where = " within the plane" if self.planar else ""
             count = several(self.redundant_in_plane, "redundant constraint")
             lines.append(f"{count}{where}: it moves because of its special dimensions")
-        lines += [str(motion) for motion in self.free]
+        lines += [
+            f"undriven degree of freedom: {name} moves with the crank locked" for name in self.undetermined
+        ]
+        lines += [f"idle degree of freedom: {link} spins" for link in self.idle]
         if self.actual == 0:
             lines.append("locked: no link can move")
         elif not self.crank_moves:
@@ -402,11 +215,10 @@ def mobility(mechanism: Mechanism) -> Mobility:
             stands.append(assemble(mechanism, [mechanism.start + aside], stands[0]))
         except AssemblyError:
             continue  # a dead centre or a locked structure: the other poses count
-    ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [
-        (dof_count(mechanism, poses), poses) for poses in stands
-    ]
-    best, poses = max(ranked, key=lambda item: item[0].rank)
+    best = max((dof_count(mechanism, poses) for poses in stands), key=lambda count: count.rank)
     crank_moves = best.mobility > best.passive
+    solver = solver_at_generic_pose(mechanism)[0]
+    undetermined = tuple(undetermined_names(solver))
     constraints = Counter(KINDS[joint.kind].forces + KINDS[joint.kind].moments for joint in mechanism.joints)
     return Mobility(
         actual=best.mobility,
@@ -417,5 +229,6 @@ def mobility(mechanism: Mechanism) -> Mobility:
         redundant=best.redundant,
         crank_moves=crank_moves,
         first_order=crank_moves and len(stands) == 1,
-        free=free_motions(mechanism, poses, best.passive),
+        undetermined=undetermined,
+        idle=() if undetermined else tuple(sorted(spinning_links(solver))),
     )

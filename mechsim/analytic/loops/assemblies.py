@@ -118,7 +118,7 @@ def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) ->
 
 def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, float]]]:
     """Yield joint points, and tracked points of links that do not spin: link and position in its frame."""
-    mechanism, spinning = path.loops.tree.original, spinning_links(path)
+    mechanism, spinning = path.loops.tree.original, spinning_links(path.first)
     for joint in mechanism.joints:
         yield from ((end.link, end.point) for end in (joint.a, joint.b) if end.link != GROUND)
     for link, position in mechanism.points.values():

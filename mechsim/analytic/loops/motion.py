@@ -194,15 +194,18 @@ def _on_other_revolution(path: LoopPath, revolutions: int) -> LoopPath | None:
     return LoopPath(first, path.prescribed, path.initial + revolutions * REVOLUTION, path.policy)
 
 
-def spinning_links(path: LoopPath) -> frozenset[str]:
-    """Return the links that rotate while all drivers and tracked points are at rest, as spinning rods."""
-    tree = path.loops.tree
+def spinning_links(solver: TreeSolver) -> frozenset[str]:
+    """Return the links that rotate while all drivers are at rest, as spinning rods.
+
+    Args:
+        solver: about a pose that the drivers determine: tracked points are at rest too.
+    """
+    tree = solver.loops.tree
     names: set[str] = set()
-    # with more undetermined motions at the start than elsewhere no path begins
-    for direction in path.first.null_space:
+    for direction in solver.null_space:
         rates = np.zeros((tree.count, 1))
-        rates[path.loops.unknown, 0] = direction
-        link_twists = twists(tree, path.first.at_reference.poses, rates)
+        rates[solver.loops.unknown, 0] = direction
+        link_twists = twists(tree, solver.at_reference.poses, rates)
         angular = np.abs(link_twists[:, 3:]).max((1, 2))
         names |= {name for name, i in tree.links.items() if angular[i] > MIN_SPIN * angular.max()}
     return frozenset(names)
@@ -233,7 +236,8 @@ def motion_record(
         links=links,
         joints=tree_joint_motions(tree, mechanism.joints, links, coordinates),
         conditioning=motion.conditioning,
-        spinning=spinning_links(path),
+        # with more undetermined motions at the start than elsewhere no path begins
+        spinning=spinning_links(path.first),
     )
 
 
