@@ -317,19 +317,15 @@ class _Problem:
 
 def _groups(undetermined: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return groups of dimensions connected by directions (d, p) along which no measured value changes."""
+    from scipy.sparse.csgraph import connected_components
+
     reach = np.sqrt((undetermined**2).sum(0))
     joined = (np.abs(undetermined.T @ undetermined) > MIN_COMPONENT**2) & np.outer(
         reach > MIN_COMPONENT, reach > MIN_COMPONENT
     )
-    remaining = [i for i in range(len(names)) if reach[i] > MIN_COMPONENT]
-    groups: list[tuple[str, ...]] = []
-    while remaining:
-        group = {remaining[0]}
-        while more := {j for i in group for j in np.flatnonzero(joined[i]).tolist()} - group:
-            group |= more
-        groups.append(tuple(names[i] for i in sorted(group)))
-        remaining = [i for i in remaining if i not in group]
-    return groups
+    _, labels = connected_components(joined, directed=False)
+    groups = [np.flatnonzero((labels == label) & (reach > MIN_COMPONENT)) for label in dict.fromkeys(labels)]
+    return [tuple(names[i] for i in group.tolist()) for group in groups if len(group)]
 
 
 def fit(

@@ -133,43 +133,6 @@ KINDS = ("position", "joint")
 AskFunction = Callable[[EvaluationPoints], Sequence[Candidate]]
 
 
-@dataclass(frozen=True)
-class Attribution:
-    """The difference of one quantity, split into components.
-
-    Attributes:
-        name: name of the quantity.
-        unit: unit of all components.
-        instant: crank angle in [rad], or time of motion laws in [s], of the largest difference.
-        at_unit: unit of `instant`; "row" for a table without times.
-        whole: largest difference between the run and the candidate.
-        components: component -> its projection on the largest difference; they add up to `whole`.
-        largest: component -> its own largest magnitude over all instants.
-        how: description of the run.
-    """
-
-    name: str
-    unit: str
-    instant: float
-    at_unit: str
-    whole: float
-    components: dict[str, float]
-    largest: dict[str, float]
-    how: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the attribution in the format of `mechsim validate --json`."""
-        attribution_data = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.instant}
-        attribution_data["at_unit"] = self.at_unit
-        return {**self.components, **attribution_data, "largest": self.largest, "run": self.how}
-
-    @property
-    def text(self) -> str:
-        """The components in one line."""
-        components = ", ".join(f"{name} {self.components[name]:.2g}" for name in COMPONENTS)
-        return f"run against {self.name}: {self.whole:.2g} {self.unit} = {components}"
-
-
 def attribution_data(
     evaluation: EvaluationPoints, candidates: Sequence[Candidate], scales: Scales, ask: AskFunction | None
 ) -> dict[str, Any]:
@@ -194,19 +157,18 @@ def attribution_data(
         # a run, and another one with a finer step and the same compliance
         runs, how = runs_of(evaluation, [candidate.quantity for candidate in positions])
         claims = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0].exact)}
-        results = [
-            _attribution(evaluation, runs, i, candidate, claims.get(candidate.quantity.name), how)
+        results: list[dict[str, Any]] = [
+            _attribution(evaluation, runs, i, candidate, claims.get(candidate.quantity.name)) | {"run": how}
             for i, candidate in enumerate(positions)
         ]
     except MechsimError as error:
         return {"note": str(error)}
     scale = {candidate.quantity.name: scales.scale(candidate.quantity) for candidate in positions}
-    results.sort(key=lambda result: -result.whole / scale[result.name])
-    return {
-        **results[0].as_dict(),
-        "says": results[0].text,
-        "quantities": {result.name: result.as_dict() for result in results},
-    }
+    results.sort(key=lambda result: -result["whole"] / scale[result["quantity"]])
+    first = results[0]
+    components = ", ".join(f"{name} {first[name]:.2g}" for name in COMPONENTS)
+    summary = f"run against {first['quantity']}: {first['whole']:.2g} {first['unit']} = {components}"
+    return {**first, "says": summary, "quantities": {result["quantity"]: result for result in results}}
 
 
 def _attribution(
@@ -215,9 +177,11 @@ def _attribution(
     i: int,
     candidate: Candidate,
     at_run: Candidate | None,
-    how: str,
-) -> Attribution:
-    """Return the components of the difference of the i-th candidate; `at_run` has its values at the run."""
+) -> dict[str, Any]:
+    """Return the components of the difference of the i-th candidate where it is largest, as plain data.
+
+    `at_run` has its values at the run; `largest` has the largest size of each component.
+    """
     quantity = candidate.quantity
     law = requested.exact(quantity)
     plain, fine = (run.exact.exact(quantity) for run in runs)
@@ -234,15 +198,14 @@ def _attribution(
     lengths = np.linalg.norm(whole, axis=1)
     index = int(np.argmax(lengths))
     along = whole[index] / lengths[index] if lengths[index] > 0.0 else np.zeros(whole.shape[1])
-    return Attribution(
-        name=quantity.name,
-        unit=quantity.unit,
-        instant=float(requested.instants.value[index]),
-        at_unit=requested.instants.unit,
-        whole=float(lengths[index]),
-        components={name: float(difference[index] @ along) for name, difference in components.items()},
-        largest={
+    return {
+        **{name: float(difference[index] @ along) for name, difference in components.items()},
+        "unit": quantity.unit,
+        "whole": float(lengths[index]),
+        "quantity": quantity.name,
+        "at": float(requested.instants.value[index]),
+        "at_unit": requested.instants.unit,
+        "largest": {
             name: float(np.linalg.norm(difference, axis=1).max()) for name, difference in components.items()
         },
-        how=how,
-    )
+    }

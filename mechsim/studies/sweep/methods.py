@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.formulas.many_designs import (
-    CrankRanges,
     allowed,
     crank_ranges,
     formula_of_many,
@@ -66,41 +65,25 @@ def by_one_formula(task: SweepTask) -> TwoBranchForm | None:
 
 
 def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array], result: Measured) -> Rows:
-    """Measure designs by one formula; return those that it cannot determine."""
-    valid, turning_ranges = _turning_ranges(formula, rows)
-    if turning_ranges is None:
-        return np.arange(len(result.outcome))
-    certain = ~turning_ranges.uncertain
-    remaining = _swing_blocks(task, rows, valid, turning_ranges, result)
-    remaining += _blocks(task, rows, valid[turning_ranges.full & certain], result)
-    return np.sort(np.concatenate([np.setdiff1d(np.arange(len(result.outcome)), valid[certain]), *remaining]))
-
-
-def _turning_ranges(formula: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, CrankRanges | None]:
-    """Return the designs with valid parameters, and their reachable crank ranges."""
+    """Measure designs by one formula, over a turn or the reachable range; return those that it cannot."""
+    every = np.arange(len(result.outcome))
     valid = np.flatnonzero(allowed(formula, rows))
-    return valid, crank_ranges(formula, _subset(rows, valid)) if len(valid) else None
-
-
-def _swing_blocks(
-    task: SweepTask,
-    rows: Mapping[str, Array],
-    valid: Rows,
-    turning_ranges: CrankRanges,
-    result: Measured,
-) -> list[Rows]:
-    """Measure designs whose cranks swing over their reachable ranges; return those to measure one by one."""
-    swing = np.flatnonzero(~turning_ranges.uncertain & ~turning_ranges.full)
-    low, high = swing_arcs(turning_ranges)
-    certain = swing[np.isfinite(low[swing])]
-    remaining = [valid[np.setdiff1d(swing, certain)]]
+    if not len(valid):
+        return every
+    ranges = crank_ranges(formula, _subset(rows, valid))
+    low, high = swing_arcs(ranges)
+    swinging = np.flatnonzero(~ranges.uncertain & ~ranges.full & np.isfinite(low))
+    turning = np.flatnonzero(~ranges.uncertain & ranges.full)
+    stored: list[Rows] = []
     step = max(1, BLOCK // len(task.angles))
-    for first in range(0, len(certain), step):
-        block = certain[first : first + step]
+    for first in range(0, len(swinging), step):
+        block = swinging[first : first + step]
         values = _block(task, rows, valid[block], task.within(low[block], high[block]))
-        stored = result.store_finite(valid[block], values, swings=(low[block], high[block]))
-        remaining.append(np.setdiff1d(valid[block], stored))
-    return remaining
+        stored.append(result.store_finite(valid[block], values, swings=(low[block], high[block])))
+    for first in range(0, len(turning), step):
+        block = valid[turning[first : first + step]]
+        stored.append(result.store_finite(block, _block(task, rows, block, task.revolution)))
+    return np.setdiff1d(every, np.concatenate([every[:0], *stored]))
 
 
 def _block(task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows) -> dict[str, Array]:
@@ -129,17 +112,6 @@ def _turns(task: SweepTask, rows: Mapping[str, Array], motion: Motion) -> Turns:
         assert task.subject.closed is not None
         more[TRANSMISSION] = transmissions(task.subject.closed, rows, motion).reshape(designs, poses)
     return Turns(designs, poses, motion, more)
-
-
-def _blocks(task: SweepTask, rows: Mapping[str, Array], selected: Rows, result: Measured) -> list[Rows]:
-    """Measure designs that turn fully in blocks; return those with a measure that is not finite."""
-    remaining = [np.zeros(0, dtype=np.intp)]
-    step = max(1, BLOCK // len(task.angles))
-    for first in range(0, len(selected), step):
-        block = selected[first : first + step]
-        stored = result.store_finite(block, _block(task, rows, block, task.revolution))
-        remaining.append(np.setdiff1d(block, stored))
-    return remaining
 
 
 def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
@@ -217,7 +189,9 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         try:
             made = task.subject.design_family.make({name: float(values[i]) for name, values in rows.items()})
             solver = made.with_closed_guess()
-            values, outcome, reason = measured_alone(task, solver)
+            arc = swing_arc(solver)
+            values = _solved_alone(task, solver, task.revolution if arc is None else task.within(*arc))
+            outcome, reason = ("passed", "") if arc is None else ("swings", swings_between(*arc))
         except MeasureError:
             raise
         except MechsimError as error:
@@ -232,18 +206,6 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         result.reject(row, outcome, reason)
         if invalid:
             result.reject(row, "not measured", f"{invalid[0]} is not finite")
-
-
-def measured_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, float], str, str]:
-    """Return the measures of one design, its outcome, and the reason if it is not "passed".
-
-    Raises:
-        AssemblyError: if it cannot be assembled along the whole motion.
-    """
-    arc = swing_arc(solver)
-    crank = task.revolution if arc is None else task.within(*arc)
-    values = _solved_alone(task, solver, crank)
-    return (values, "passed", "") if arc is None else (values, "swings", swings_between(*arc))
 
 
 def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:

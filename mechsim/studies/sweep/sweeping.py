@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,7 +35,6 @@ from mechsim.studies.sweep.methods import (
 from mechsim.studies.sweep.table import dataset, require_libraries, suffix_of, write_sweep
 from mechsim.studies.sweep.task import (
     BUILT,
-    Measured,
     SweepTask,
     SweptSubject,
     nothing_measured,
@@ -170,41 +168,6 @@ BY_FORMULA, BY_LOOPS, SINGLE = 8192, 256, 64
 # largest number of chunks in a sweep: more designs make longer chunks
 MAX_CHUNKS = 20_000
 
-Keep = Callable[[tuple[int, int], Measured], None]
-
-
-def chunk_bounds(task: SweepTask) -> list[tuple[int, int]]:
-    """Return the first design of each chunk, and the one after its last."""
-    count = task.designs.count
-    usual = BY_FORMULA if by_one_formula(task) else SINGLE if task.loops is None else BY_LOOPS
-    length = max(usual, -(-count // MAX_CHUNKS))
-    return [(low, min(low + length, count)) for low in range(0, count, length)]
-
-
-def run_chunks(task: SweepTask, chunks: Sequence[tuple[int, int]], keep: Keep) -> None:
-    """Measure chunks of a sweep by threads.
-
-    Args:
-        task: the sweep.
-        chunks: first design, and the one after the last, of each.
-        keep: called with each chunk and its result when it ends, by one thread at a time.
-    """
-    lock = threading.Lock()
-
-    def run(chunk: tuple[int, int]) -> None:
-        measured_values = measured_designs(task, *chunk)
-        with lock:
-            keep(chunk, measured_values)
-
-    pool = ThreadPoolExecutor(os.cpu_count())
-    try:
-        # before threads start: each thread would restore the state that it finds
-        with quiet():
-            for _ in pool.map(run, chunks):
-                pass
-    finally:
-        pool.shutdown(cancel_futures=True)
-
 
 def run_sweep(
     task: SweepTask,
@@ -218,22 +181,27 @@ def run_sweep(
     require_memory(f"{count:,} designs", count, 2.0 * each, "{most} fit: reduce the number")
     if output is not None:
         suffix_of(output)
-    chunks, table, measured = chunk_bounds(task), nothing_measured(task, count), 0
-
-    def keep(chunk: tuple[int, int], result: Measured) -> None:
-        nonlocal measured
-        rows = slice(*chunk)
-        for name, values in result.values.items():
-            table.values[name][rows] = values
-        table.outcome[rows], table.reason[rows] = result.outcome, result.reason
-        measured += chunk[1] - chunk[0]
-        progress(f"{measured:,} of {count:,} designs", measured / count)
-
-    run_chunks(task, chunks, keep)
-    result = dataset(task, table.values, table.outcome, table.reason)
+    usual = BY_FORMULA if by_one_formula(task) else SINGLE if task.loops is None else BY_LOOPS
+    length = max(usual, -(-count // MAX_CHUNKS))
+    chunks = [(low, min(low + length, count)) for low in range(0, count, length)]
+    table = nothing_measured(task, count)
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        # before threads start: each thread would restore the state that it finds
+        with quiet():
+            for (low, high), result in zip(
+                chunks, pool.map(lambda chunk: measured_designs(task, *chunk), chunks), strict=True
+            ):
+                for name, values in result.values.items():
+                    table.values[name][low:high] = values
+                table.outcome[low:high], table.reason[low:high] = result.outcome, result.reason
+                progress(f"{high:,} of {count:,} designs", high / count)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    swept = dataset(task, table.values, table.outcome, table.reason)
     if output is not None:
-        write_sweep(output, result)
-    return result
+        write_sweep(output, swept)
+    return swept
 
 
 def built(result: Dataset) -> int:

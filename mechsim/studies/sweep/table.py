@@ -48,7 +48,8 @@ def dataset(
     xarray = library("xarray")
     designs, shape, dims = task.designs, task.designs.shape, task.designs.dims
     measured = {
-        column_name(column.name): (dims, values[column.name].reshape(shape), {"units": column.unit or "1"})
+        # FILE.py:FUNC loses its folder
+        Path(column.name).name: (dims, values[column.name].reshape(shape), {"units": column.unit or "1"})
         for column in task.measures
     }
     texts = {"outcome": np.array(OUTCOMES, dtype=object)[outcome], "reason": reason}
@@ -74,11 +75,6 @@ def _driven(task: SweepTask) -> dict[str, object]:
     if motion_laws.crank:
         return {"speed": task.path_speed, "speed_units": "rad/s"}
     return {"duration": motion_laws.duration, "duration_units": "s"}
-
-
-def column_name(measure: str) -> str:
-    """Return the name of a measure in a table: the requested one; FILE.py:FUNC loses its folder."""
-    return Path(measure).name
 
 
 def suffix_of(path: str | Path) -> str:
