@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,27 +83,22 @@ def close_each(
         qpos: initial guesses, (n, nq).
         locked: indices of the DOFs that keep their values in place of the crank; the others move least.
     """
-    if locked is None:
-        step = partial(_crank_locked_step, loops)
-    else:
-        step = partial(_least_step, loops, np.setdiff1d(np.arange(loops.model.nv), locked))
+    free = None if locked is None else np.setdiff1d(np.arange(loops.model.nv), locked)
+
+    def step(jacobian: Array, scaled_residual: Array) -> Array:
+        if free is None:
+            return -newton_step(loops, scaled_residual / loops.scale, jacobian)
+        result = np.zeros((len(jacobian), loops.model.nv))
+        matrix = jacobian[:, :, free] * loops.scale[..., None] * loops.units[free]
+        result[:, free] = loops.units[free] * least_norm(matrix, scaled_residual)
+        return result
+
     try:
         states = newton(LoopEquations(loops), qpos, NEWTON, step).q
     except np.linalg.LinAlgError:
         states = qpos
     error = loops.closure_error(loops.residual(states))
     return states, np.where(np.isfinite(error), error, np.inf)
-
-
-def _crank_locked_step(loops: ModelLoops, jacobian: Array, scaled_residual: Array) -> Array:
-    return -newton_step(loops, scaled_residual / loops.scale, jacobian)
-
-
-def _least_step(loops: ModelLoops, free: NDArray[np.int64], jacobian: Array, scaled_residual: Array) -> Array:
-    step = np.zeros((len(jacobian), loops.model.nv))
-    matrix = jacobian[:, :, free] * loops.scale[..., None] * loops.units[free]
-    step[:, free] = loops.units[free] * least_norm(matrix, scaled_residual)
-    return step
 
 
 def rounding(loops: ModelLoops) -> float:

@@ -45,8 +45,11 @@ def run_within(driven: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run, with its outcome, whose number of steps is chosen for a tolerance in [m]."""
     settings, first = steps_needed(driven, settings, tolerance)
     run = _run_to_tolerance(driven, settings, tolerance, first)
-    if run.outcome == "failed":
-        run = _with_affordable_compliance(driven, settings, run)
+    if run.outcome == "failed" and (driven.budget is None or driven.budget.affords(run.seconds)):
+        try:
+            run = _with_other_compliance(driven, settings, run)
+        except BudgetError as error:
+            run = replace(run, shortfall=f"{run.shortfall}; other compliances: {error}")
     return replace(run, note=_joined(run.note, run.shortfall, _lag_note(driven, run)))
 
 
@@ -66,17 +69,6 @@ def _lag_note(driven: DrivenRun, run: Run) -> str:
         f"positions differ by up to {distance:.2g} m from those of the motion laws at the same time: the "
         "drivers lag, which this tolerance does not include; the lag falls with the square of the steps"
     )
-
-
-def _with_affordable_compliance(driven: DrivenRun, settings: Settings, run: Run) -> Run:
-    """Return the result of `_with_other_compliance`, or the run unchanged if the budget ends first."""
-    budget = driven.budget
-    if budget is not None and not budget.affords(run.seconds):
-        return run
-    try:
-        return _with_other_compliance(driven, settings, run)
-    except BudgetError as error:
-        return replace(run, shortfall=f"{run.shortfall}; other compliances: {error}")
 
 
 def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run) -> Run:

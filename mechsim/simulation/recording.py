@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
@@ -202,7 +202,10 @@ def _evaluated(
         change = _correction(loops, jacobian, states, qacc, links, *targets)
         qacc += change
         links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
-        points = {name: _moved_point(sims, model, name, point, change) for name, point in points.items()}
+        for name, point in points.items():
+            linear, _ = sims.jac(int(model.site_bodyid[model.site(name).id]), point.position)
+            acceleration = point.acceleration + (linear @ change[..., None])[..., 0]
+            points[name] = replace(point, acceleration=acceleration)
     return Motion(
         source,
         states.qpos[:, loops.crank_address],
@@ -331,14 +334,6 @@ def _moved_link(
         link.acceleration + (linear @ change[..., None])[..., 0],
         link.angular_acceleration + (angular @ change[..., None])[..., 0],
     )
-
-
-def _moved_point(
-    sims: batch.Batch, model: mujoco.MjModel, name: str, point: PointMotion, change: Array
-) -> PointMotion:
-    linear, _ = sims.jac(int(model.site_bodyid[model.site(name).id]), point.position)
-    acceleration = point.acceleration + (linear @ change[..., None])[..., 0]
-    return PointMotion(point.position, point.velocity, acceleration)
 
 
 def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dict[str, JointMotion]:

@@ -21,7 +21,6 @@ from mechsim.model.instructions import (
     NotCompiledError,
     c_source,
 )
-from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 from mechsim.simulation.equality_rows import DIFFERENCE, CouplingConstraint, RodPair
 from mechsim.simulation.model_loops import ModelLoops
@@ -129,7 +128,11 @@ def velocity_products(loops: ModelLoops, data: mujoco.MjData) -> Generator[Calla
             data.efc_D[row] = 1.0 / data.efc_R[row]
 
     def expand() -> None:
-        expand_functions(loops, data.qpos)
+        """Set the polynomials of couplings that are functions to their Taylor polynomials at the state."""
+        for row in loops.couplings:
+            if row.function is not None and row.right is not None:
+                right = float(row.right.value(data.qpos[None])[0])
+                loops.model.eq_data[row.equality, :5] = row.expanded(right)
 
     with CALLBACKS:
         before = callback = mujoco.get_mjcb_passive()
@@ -148,13 +151,6 @@ def velocity_products(loops: ModelLoops, data: mujoco.MjData) -> Generator[Calla
             yield expand
         finally:
             mujoco.set_mjcb_passive(before)
-
-
-def expand_functions(loops: ModelLoops, qpos: Array) -> None:
-    """Set the polynomials of couplings that are functions to their Taylor polynomials at a state, (nq,)."""
-    for row in loops.couplings:
-        if row.function is not None and row.right is not None:
-            loops.model.eq_data[row.equality, :5] = row.expanded(float(row.right.value(qpos[None])[0]))
 
 
 def _mobility_ratio(model: mujoco.MjModel, coupling: CouplingConstraint, rate: float) -> float:

@@ -7,7 +7,6 @@ import numpy as np
 from mechsim.analytic.dynamics import dynamic_model, prescribed
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -57,7 +56,10 @@ def joint_loads(
     They act on link b of each joint, under the masses and forces of `dynamic_model`.
     """
     if method == "simulated":
-        reactions = simulated_forces(solver, profile, len(motion) - 1).reactions
+        model = dynamic_model(solver.starting_at(profile.angles))
+        as_driven = driven_as(solver, profile)
+        run = driven(model.mechanism, model.forces, samples=len(motion) - 1, **as_driven)
+        reactions = run.forces.reactions
     else:
         instants = (motion.angle, motion.speed, motion.acceleration)
         study = prescribed(dynamic_model(solver), *instants, time=motion.time, as_run=motion)
@@ -74,9 +76,3 @@ def joint_loads(
         for name, reaction in reactions.items()
     }
     return {"forces": forces, "moments": moments}
-
-
-def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
-    """Return forces from MuJoCo along a motion, under the masses and forces of `dynamic_model`."""
-    model = dynamic_model(solver.starting_at(profile.angles))
-    return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).forces

@@ -224,8 +224,13 @@ def _compared_with_mujoco(
         # damping of light links limits the step of an explicit method
         finest = 2 * substeps > (most if valid else MAX_STEPS // intervals)
         if valid:
-            compared = _forward_quantities(section, dynamic_model.mechanism, coarse, fine)
-            largest = _largest_values(run, compared, dynamic_model.mechanism)
+            mechanism = dynamic_model.mechanism
+            motions, turning = (section.motion, coarse.motion, fine.motion), _turning(mechanism)
+            compared = [*_compared(*motions, turning, rates_only=fine.compliant)]
+            for name, effort in section.driving.items():
+                unit = mechanism.effort_unit(name)
+                compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
+            largest = _largest_values(run, compared, mechanism)
             changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
             errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
             if enough > 1.0:
@@ -303,18 +308,6 @@ def _gains(changes: Iterable[tuple[str, float]]) -> dict[str, float]:
 def _remaining(change: float, before: float) -> float:
     """Return the error after halving the step: the change, or less if it falls with high order."""
     return change / (2.0**HIGH_ORDER - 1.0) if change * 2.0**HIGH_ORDER <= before else change
-
-
-def _forward_quantities(
-    run: DynamicRun, mechanism: Mechanism, coarse: SteppedRun, fine: SteppedRun
-) -> list[tuple[str, str, Array, Array, Array]]:
-    """Return name, unit and values of the quantities of a run and of two runs in MuJoCo."""
-    turning = _turning(mechanism)
-    compared = [*_compared(run.motion, coarse.motion, fine.motion, turning, rates_only=fine.compliant)]
-    for name, effort in run.driving.items():
-        unit = mechanism.effort_unit(name)
-        compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
-    return compared
 
 
 def _largest_values(

@@ -108,7 +108,11 @@ def export(
         raise InputError(f"--hole applies to drawings; leave it out, or add --format {' or '.join(DRAWINGS)}")
     if format in SERIAL_FORMATS:
         loops = options.pop("loops", None)
-        _require_twin(style, scene, settings, timestep, speed, *options.values())
+        if style != "plain" or scene != LEVEL or any((settings, timestep, speed, *options.values())):
+            raise InputError(
+                "a serial twin takes --independent, --loops and --set only; leave out --style, --scene, "
+                "--speed, --drive, --lock and what else changes the model"
+            )
         from mechsim.studies.robots.serial_twin import serial_twin
 
         twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
@@ -200,15 +204,6 @@ def _with_formula_from(solver: KinematicSolver, folder: Path) -> tuple[Kinematic
         )
         return solver.with_mechanism(solver.mechanism, formula=""), reason
     return solver.with_mechanism(solver.mechanism, formula=address), ""
-
-
-def _require_twin(style: str, scene: str, *others: object) -> None:
-    """Raise InputError for options that a serial twin excludes."""
-    if style != "plain" or scene != LEVEL or any(others):
-        raise InputError(
-            "a serial twin takes --independent, --loops and --set only; leave out --style, --scene, "
-            "--speed, --drive, --lock and what else changes the model"
-        )
 
 
 def require_compatible(

@@ -133,7 +133,11 @@ def crosscheck(
     allowed = _motion_tolerances(motion, exact, tolerance) | dict(bounds or {})
     checks = [*checks_of(MOTION, motion, exact, allowed, _conditioning(motion, exact, solver))]
     if speed is not None:
-        checks += checks_of(CRANK_DRIVE, motion, _at_constant_speed(motion, speed), allowed)
+        # a constant speed from the first angle
+        time = motion.time
+        angle = motion.angle if time is None else motion.angle[0] + speed * (time - time[0])
+        steady = replace(motion, angle=angle, speed=np.full_like(angle, speed))
+        checks += checks_of(CRANK_DRIVE, motion, steady, allowed)
     motion_laws = getattr(solver, "motion_laws", CRANK)
     if motion.drivers and not motion_laws.crank:
         checks += checks_of(DRIVERS, motion, _under_motion_laws(motion, motion_laws), allowed)
@@ -211,13 +215,6 @@ def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Ar
     return np.min(conditionings, axis=0) if conditionings else None
 
 
-def _at_constant_speed(simulated: Motion, speed: float) -> Motion:
-    """Return the motion of the crank at a constant speed from its first angle."""
-    time = simulated.time
-    angle = simulated.angle if time is None else simulated.angle[0] + speed * (time - time[0])
-    return replace(simulated, angle=angle, speed=np.full_like(angle, speed))
-
-
 def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
     """Return the motion of the drivers by their motion laws."""
     assert simulated.time is not None
@@ -248,20 +245,16 @@ def _require_points(simulated: Motion, exact: Motion) -> None:
             if missing
             else f"the analytic motion has no point; give one or more of {', '.join(simulated.points)}"
         )
+    instants = instants_of(simulated)
     for name, point in exact.points.items():
         finite = np.isfinite(point.position).all(1)
         if not finite.all():
+            value = instants.value[int(np.argmin(finite))]
+            label = f"crank angle {value:.6g} rad" if instants.unit == "rad" else f"t = {value:.6g} s"
             raise InputError(
-                f"the analytic motion has no finite position of point {name!r} at "
-                f"{_instant_label(simulated, int(np.argmin(finite)))}; give one at every simulated instant"
+                f"the analytic motion has no finite position of point {name!r} at {label}; give one at every "
+                "simulated instant"
             )
-
-
-def _instant_label(motion: Motion, row: int) -> str:
-    """Return the label of an instant of a motion."""
-    instants = instants_of(motion)
-    value = instants.value[row]
-    return f"crank angle {value:.6g} rad" if instants.unit == "rad" else f"t = {value:.6g} s"
 
 
 def _analytic_motion(simulated: Motion, analytic: Motion | Solver) -> Motion:

@@ -180,7 +180,11 @@ def followed_motion(
         crank_rate(solver.name, what, value, len(angle))
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
-    path, instants = driven_instants(solver, angle, *rates)
+    motion_laws = solver.motion_laws
+    path = driven_path(solver.mechanism, motion_laws, solver.change_point)
+    if motion_laws.crank:
+        path, _ = motion_along(path, angle, *rates)
+    instants = with_locked_values(path.loops, instants_of_laws(motion_laws, angle, *rates))
     chunks = list(closed_chunks(path, instants))
     singular = path.near_change_point(angle)
     if singular.any():
@@ -190,17 +194,6 @@ def followed_motion(
             "keep away from it"
         )
     return TracedMotion(solver, solver.mechanism, path, instants, chunks)
-
-
-def driven_instants(
-    solver: KinematicSolver, angle: Array, speed: Array, acceleration: Array
-) -> tuple[LoopPath, Instants]:
-    """Return the continuation path of a solver, and instants along it."""
-    motion_laws = solver.motion_laws
-    path = driven_path(solver.mechanism, motion_laws, solver.change_point)
-    if motion_laws.crank:
-        path, _ = motion_along(path, angle, speed, acceleration)
-    return path, with_locked_values(path.loops, instants_of_laws(motion_laws, angle, speed, acceleration))
 
 
 def _changed(

@@ -206,7 +206,7 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
         energy = energy + stored
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
-        stretch = joint_value(unit, joint) - spring.rest
+        stretch = _joint_values(unit, joint)[..., 0] - spring.rest
         if KINDS[joint.kind].hinge:
             stretch = wrapped(stretch)
         add_joint_forces(unit, springs, joint, [-spring.stiffness * stretch])
@@ -310,11 +310,6 @@ def _add_along(unit: UnitMotion, stack: Array, spring: NonlinearSpring, tension:
         return _add_tension(unit, stack, spring.ends, tension)
     joint, k = unit.mechanism.joint_with(spring.ends)
     return add_joint_forces(unit, stack, joint, [-tension * (i == k) for i in range(KINDS[joint.kind].dof)])
-
-
-def joint_value(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the coordinate of a revolute or prismatic joint, (n,) in [rad] or [m]."""
-    return _joint_values(unit, joint)[..., 0]
 
 
 def _joint_values(unit: UnitMotion, joint: Joint) -> Array:

@@ -18,7 +18,6 @@ from mechsim.analytic.dynamics.contacts import CLOSED_GAP, ContactMode, Stop, ga
 from mechsim.analytic.dynamics.crank_turns import TURNS_BUDGET, CrankTurns
 from mechsim.analytic.dynamics.equations_of_motion import (
     EquationsOfMotion,
-    Kinematics,
     conditionings,
     equations_of_motion,
     moving_links,
@@ -38,7 +37,6 @@ from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.analytic.dynamics.singular_passages import singular_passages
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
@@ -307,7 +305,12 @@ def with_ranges_checked(result: DynamicRun, mechanism: Mechanism, ranges: Ranges
 def _run_until(integration: Integration, end: float, event: Event, text: str | None) -> Trajectory:
     """Return the trajectory to an event, given as a text, or to a time in [s]."""
     equations = integration.equations
-    _require_later(event, text, equations, integration.kinematics())
+    first = float(event.function(equations, integration.kinematics())[0])
+    if abs(first) <= EVENT_ROUNDING * (1.0 + abs(event.value)):
+        raise InputError(
+            f"{equations.model.mechanism.name}: {text} holds at the start already, where the run would end; "
+            "start elsewhere, or give an event that is reached later"
+        )
     trajectory = integration.run(end, {UNTIL: lambda state, _: event.function(equations, state)})
     if trajectory.outcome != "done" or trajectory.event:
         return trajectory
@@ -544,27 +547,13 @@ def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequenc
         unit = equations.loops.units[stop.index]
         value, limit = float(q.values[stop.index, 0]), stop.limit * unit
         if stop.side * (value - limit) > CLOSED_GAP * unit:
+            source, name = equations.model.solver.source, names[stop.index]
+            keyframes = "" if source is None else "".join(f"--key {key}, " for key in source.keyframes)
             raise InputError(
-                f"{equations.model.mechanism.name}: {names[stop.index]} starts at {value:.6g}, beyond its "
+                f"{equations.model.mechanism.name}: {name} starts at {value:.6g}, beyond its "
                 f"stop at {limit:.6g}; start within its range, by "
-                f"{_start_options(equations.model.solver, names[stop.index])}"
+                f"{keyframes}--initial {name}.q=VALUE or --start JOINT=VALUE"
             )
-
-
-def _start_options(solver: KinematicSolver, joint: str) -> str:
-    """Return the options that choose another start: a keyframe, a value of the joint, another assembly."""
-    keyframes = () if solver.source is None else solver.source.keyframes
-    options = [f"--key {name}" for name in keyframes]
-    return ", ".join([*options, f"--initial {joint}.q=VALUE or --start JOINT=VALUE"])
-
-
-def _require_later(event: Event, text: str | None, equations: EquationsOfMotion, state: Kinematics) -> None:
-    """Raise InputError for an event that already holds in the initial state."""
-    if abs(float(event.function(equations, state)[0])) <= EVENT_ROUNDING * (1.0 + abs(event.value)):
-        raise InputError(
-            f"{equations.model.mechanism.name}: {text} holds at the start already, where the run would end; "
-            "start elsewhere, or give an event that is reached later"
-        )
 
 
 def require_settings(

@@ -95,6 +95,8 @@ def projected(
 def _moved(
     equations: EquationsOfMotion, coordinates: Mapping[str, float | Array], rotations: Mapping[str, Array]
 ) -> Coordinates:
+    from scipy.spatial.transform import Rotation
+
     requested = _columns(coordinates)
     named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(requested.shape[1])
     balls = {name: _ball_index(equations, name) for name in rotations}
@@ -102,7 +104,7 @@ def _moved(
     kept = _independent(equations, q, [*named, *constant])
     first_rotations = [q.turns[number, ..., 0] for _, number in balls.values()]
     changes = [
-        _rotation_vector(target @ start.T)
+        Rotation.from_matrix(target @ start.T).as_rotvec()
         for target, start in zip(rotations.values(), first_rotations, strict=True)
     ]
     indices = [*named, *kept.values()]
@@ -119,12 +121,6 @@ def _moved(
         values = begin + (target - begin) * (k / steps)
         q = _closed(equations, q, indices, values, kept, constant, CLOSED if k == steps else BETWEEN)
     return q
-
-
-def _rotation_vector(rotation: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(rotation).as_rotvec()
 
 
 def _columns(values: Mapping[str, float | Array]) -> Array:

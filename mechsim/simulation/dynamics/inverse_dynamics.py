@@ -148,13 +148,9 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
     if drives is None:
         return multipliers, drive_force(loaded.loops.crank)
     multipliers[:, first_driven:] = np.stack([drive_force(int(dof)) for dof in drives.dofs], 1)
-    return multipliers, _on_parameter(loaded, state.jacobian, multipliers)
-
-
-def _on_parameter(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array:
-    """Return the torque on the path parameter with the power of all drives, (n,) in [N m]."""
+    # the torque on the path parameter with the power of all drives
     rows = loaded.loops.driven_rows
-    return -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)
+    return multipliers, -(multipliers[:, rows] * state.jacobian[:, rows, loaded.loops.crank]).sum(1)
 
 
 def force_record(
@@ -460,7 +456,11 @@ def forces_of_states(
                 acting.generalised[:, moved] += driving
             nonlinear = _coupling_accelerations(loaded, state)
             acting.generalised[:] -= (state.plain["inertia"] @ nonlinear[..., None])[..., 0]
-            fields = _looked(loaded, model, chunk, acting)
+
+            def look(force: Array) -> Mapping[str, Array]:
+                return loaded.look(model, chunk, replace(acting, generalised=acting.generalised + force))
+
+            fields = rigid_forces(look, *chunk.qvel.shape)
             fields["qacc"] = fields["qacc"] + nonlinear
             multipliers, torque = constraint_forces(loaded, state, fields)
             return force_record(loaded, state, fields["qacc"], multipliers, torque)
@@ -468,17 +468,6 @@ def forces_of_states(
         state = loaded_state(loaded, chunk, record_of)
         records.append(record_of(state))
     return join(records)
-
-
-def _looked(
-    loaded: LoadedModel, model: mujoco.MjModel, states: States, acting: AppliedForces
-) -> dict[str, Array]:
-    """Return MuJoCo's fields of states with rigid constraints."""
-
-    def look(force: Array) -> Mapping[str, Array]:
-        return loaded.look(model, states, replace(acting, generalised=acting.generalised + force))
-
-    return rigid_forces(look, *states.qvel.shape)
 
 
 def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> None:

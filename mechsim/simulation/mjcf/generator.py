@@ -169,7 +169,12 @@ def _close(
     for joint in tree.cuts:
         heights = coincident_points(KINDS[joint.kind])
         if heights is None:
-            _weld(spec, joint, bodies)
+            # a fixed joint: frame on frame
+            names = []
+            for end in (joint.a, joint.b):
+                names.append(f"{joint.name}@{end.link}")
+                bodies[end.link].add_site(name=names[-1], pos=end.point, quat=quaternion(end.frame))
+            add_equality(spec, joint.name, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_SITE, names)
             continue
         # in a planar mechanism one point is sufficient: no link can leave the plane
         for suffix, height in zip(("", "+"), heights[:1] if planar else heights, strict=False):
@@ -184,16 +189,6 @@ def _close(
             add_equality(
                 spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
             )
-
-
-def _weld(spec: mujoco.MjSpec, joint: Joint, bodies: Mapping[str, mujoco.MjsBody]) -> None:
-    """Close a cut fixed joint: frame on frame."""
-    names = []
-    for end in (joint.a, joint.b):
-        name = f"{joint.name}@{end.link}"
-        bodies[end.link].add_site(name=name, pos=end.point, quat=quaternion(end.frame))
-        names.append(name)
-    add_equality(spec, joint.name, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_SITE, names)
 
 
 def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:

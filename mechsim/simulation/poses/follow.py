@@ -42,17 +42,6 @@ def point_positions(loops: ModelLoops, states: Array) -> Array:
     return np.concatenate([*points, loops.posed.site_positions(states)], 1)
 
 
-def on_other_revolutions(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Array]:
-    """Yield a closed state (nq,) at crank angles within a revolution of the given ones, (n,).
-
-    There is none if a gear makes the pose differ after a revolution of the crank, or under motion laws.
-    """
-    for revolutions in other_revolutions(float(state[loops.crank_address]), angles):
-        shifted = _shifted(loops, state, revolutions)
-        if shifted is not None:
-            yield shifted
-
-
 def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     """Return the state with revolutions added to the crank angle; None if that is another pose."""
     if loops.drivers is not None:
@@ -209,9 +198,11 @@ def follow_path(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Arr
     try:
         return _follow_path(loops, start, angles)
     except AssemblyError:
-        for shifted in on_other_revolutions(loops, start, angles):
-            with suppress(AssemblyError):
-                return _follow_path(loops, shifted, angles)
+        for revolutions in other_revolutions(float(start[loops.crank_address]), angles):
+            shifted = _shifted(loops, start, revolutions)
+            if shifted is not None:
+                with suppress(AssemblyError):
+                    return _follow_path(loops, shifted, angles)
         raise
 
 

@@ -415,7 +415,9 @@ def loop_equations(
         AssemblyError: if a link is disconnected from the ground without the rods.
     """
     require_polynomials(mechanism, "proved")
-    mechanism, radii = with_rods(mechanism, {})[0], {**radii, **_of_rods(radii)}
+    mechanism = with_rods(mechanism, {})[0]
+    # the second joints of the rods of distance joints have the same ends
+    radii = {**radii, **{f"{VIRTUAL_PREFIX}{end}": radius for end, radius in radii.items()}}
     rods = {
         link.name: [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
         for link in mechanism.links
@@ -445,11 +447,6 @@ def loop_equations(
         turn_offsets,
         radii,
     )
-
-
-def _of_rods(radii: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the radii of the ends of distance joints for the second joints of their rods."""
-    return {f"{VIRTUAL_PREFIX}{end}": radius for end, radius in radii.items()}
 
 
 def concentric(mechanism: Mechanism) -> Mechanism:

@@ -124,12 +124,10 @@ def ranges_in_si(
     model: mujoco.MjModel, ranges: Mapping[str, tuple[float | str, float | str] | None]
 ) -> dict[str, tuple[float, float] | None]:
     """Return ranges of joints in [rad] or [m] from numbers in SI or text; None means the joint limits."""
-    return {name: None if ends is None else _ends(model, name, ends) for name, ends in ranges.items()}
-
-
-def _ends(model: mujoco.MjModel, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
-    low, high = (quantity_of_joint(model, name, end) for end in ends)
-    return low, high
+    return {
+        name: ends and (quantity_of_joint(model, name, ends[0]), quantity_of_joint(model, name, ends[1]))
+        for name, ends in ranges.items()
+    }
 
 
 def quantity_of_joint(model: mujoco.MjModel, name: str, value: float | str) -> float:

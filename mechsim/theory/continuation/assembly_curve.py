@@ -263,15 +263,13 @@ class AssemblyCurve:
 
         Accuracy: values to rounding, arcs to about 1e-9, in a dwell to the spacing of the samples.
         """
-        by_column = [(i, self._turning_points(i, turns)) for i, turns in self._turns_by_column()]
+        turns = self.joints.turns()
+        by_column = [
+            (i, self._turning_points(i, [(which, arc) for column, which, arc in turns if column == i]))
+            for i in sorted({column for column, _, _ in turns})
+        ]
         points = [point for i, row in by_column for point in self._one_per_dwell(i, row)]
         return tuple(sorted(points, key=lambda point: point.arc))
-
-    def _turns_by_column(self) -> Iterator[tuple[int, list[tuple[Extremum, float]]]]:
-        """Yield each column that turns, and the kinds and arcs of its turns."""
-        turns = self.joints.turns()
-        for i in sorted({column for column, _, _ in turns}):
-            yield i, [(which, arc) for column, which, arc in turns if column == i]
 
     def _turning_points(self, column: int, turns: Sequence[tuple[Extremum, float]]) -> list[TurningPoint]:
         """Return the turning points of a column at arcs."""

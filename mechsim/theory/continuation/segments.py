@@ -161,7 +161,11 @@ def trace_curve(
         segment, crossed, length = _next_segment(loops, segments, solver, start, length, largest)
         if segment is None:
             if length < MIN_LENGTH:
-                raise AssemblyError(_blocked_message(loops, start))
+                mechanism, driver = tree.mechanism, tree.mechanism.drivers[0]
+                raise AssemblyError(
+                    f"{mechanism.name}: the curve of assemblies has no smooth continuation at {driver} = "
+                    f"{start.values[tree.index_of[driver], 0]:.7g}; change the dimensions a little"
+                )
             continue
         branch_points += crossed
         closing_arc = _closing_arc(segment, start_node.features[0], plane, not segments)
@@ -312,12 +316,3 @@ def _same_revolutions(
     values = loops.unflat(states).values + revolutions[:, None]
     counting = [row for row in loops.loops.couplings if _counted(row).any()]
     return all(bool((np.abs(row.evaluate(values)[0]) < REPEATED).all()) for row in counting)
-
-
-def _blocked_message(loops: FreeLoops, coordinates: Coordinates) -> str:
-    tree = loops.loops.tree
-    driver = tree.mechanism.drivers[0]
-    return (
-        f"{tree.mechanism.name}: the curve of assemblies has no smooth continuation at {driver} = "
-        f"{coordinates.values[tree.index_of[driver], 0]:.7g}; change the dimensions a little"
-    )
