@@ -1,17 +1,21 @@
 """A page for each machine element, from the comment at the head of its TOML file in `elements/`.
 
 The comment has the title, `Law:` in LaTeX, `Source:`, sentences, `Check:` with Python, and `Wrong: TEXT -> TEXT`, a
-change of the file that mechsim rejects.
+change of the file that mechsim rejects. The code runs when the page is written, in one process for many pages: a
+notebook would start a process for each.
 """
 
 import contextlib
-import io
-import sys
+import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
-from mechsim.cli import main
+import numpy as np
+from gallery_page import draw
+
+import mechsim as ms
 
 ELEMENTS = Path(__file__).parent / "elements"
 PICTURE_SIZE = "480x360"
@@ -23,13 +27,6 @@ input with the sentence that rejects it.
 
 | element | formula |
 |---|---|
-"""
-
-FRONT = """---
-file_format: mystnb
-kernelspec:
-  name: python3
----
 """
 
 
@@ -90,11 +87,11 @@ def _read(path: Path) -> Element:
     )
 
 
-def page(element: Element) -> str:
-    """Return the page of an element; its code runs when it is built."""
+def page(element: Element, rejection: str) -> str:
+    """Return the page of an element, with the sentence that rejects its wrong file."""
     file = f"{element.name}.toml"
     check = f": {element.check}" if element.check else ""
-    return f"""{FRONT}# {element.title}
+    return f"""# {element.title}
 
 $$ {element.law} $$
 
@@ -102,14 +99,14 @@ $$ {element.law} $$
 
 <img src="../../pictures/elements/{element.name}.png" alt="{element.title}" width="480" height="360">
 
-```{{code-cell}} ipython3
-:tags: [remove-output]
-%%writefile {file}
+`{file}`:
+
+```toml
 {element.toml}```
 
 The check uses another equation{check}.
 
-```{{code-cell}} ipython3
+```python
 import numpy as np
 import mechsim as ms
 
@@ -120,15 +117,8 @@ model = ms.load(FILE, still=True)
 
 With `{element.wrong[1]}` instead of `{element.wrong[0]}` the file is rejected:
 
-```{{code-cell}} ipython3
-wrong = open(FILE).read().replace({element.wrong[0]!r}, {element.wrong[1]!r})
-_ = open("wrong.toml", "w").write(wrong)
-try:
-    ms.load("wrong.toml", still=True)
-except ms.InputError as error:
-    print(error)
-else:
-    raise RuntimeError("the file was accepted")
+```text
+{rejection}
 ```
 """
 
@@ -141,30 +131,31 @@ def write(folder: Path) -> None:
     listed = elements()
     rows = "".join(f"| [{item.title}](elements/{item.name}.md) | ${item.law}$ |\n" for item in listed)
     contents = "".join(f"elements/{item.name}\n" for item in listed)
+    with ProcessPoolExecutor(max_workers=2) as pool:
+        rejections = list(pool.map(run_and_draw, listed, repeat(pictures)))
     pages = {
         folder / "elements.md": f"{HEAD}{rows}\n```{{toctree}}\n:hidden:\n{contents}```\n",
-        **{folder / "elements" / f"{item.name}.md": page(item) for item in listed},
+        **{
+            folder / "elements" / f"{item.name}.md": page(item, rejection)
+            for item, rejection in zip(listed, rejections, strict=True)
+        },
     }
     for path, text in pages.items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
-    with ProcessPoolExecutor(max_workers=2) as pool:
-        list(pool.map(draw, [pictures] * len(listed), listed))
 
 
-def draw(folder: Path, element: Element) -> None:
-    """Write the picture of an element; a machine without OpenGL gets none."""
-    picture = folder / f"{element.name}.png"
-    if picture.is_file():
-        return
-    source = folder / f"{element.name}.toml"
-    source.write_text(element.toml, encoding="utf-8")
-    sys.argv = ["mechsim", "render", str(source), "--size", PICTURE_SIZE, "-o", str(picture)]
-    messages = io.StringIO()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(messages):
+def run_and_draw(element: Element, pictures: Path) -> str:
+    """Run the check of an element and draw its picture; return the sentence that rejects its wrong file."""
+    picture = pictures.absolute() / f"{element.name}.png"
+    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+        file = Path(f"{element.name}.toml")
+        file.write_text(element.toml, encoding="utf-8")
+        exec(element.code, {"np": np, "ms": ms, "FILE": str(file), "model": ms.load(file, still=True)})
+        draw(picture, f"render {file} --size {PICTURE_SIZE}")
+        Path("wrong.toml").write_text(element.wrong_toml, encoding="utf-8")
         try:
-            main()
-        except SystemExit as ended:
-            if ended.code:
-                print(messages.getvalue(), file=sys.__stderr__)
-    source.unlink()
+            ms.load("wrong.toml", still=True)
+        except ms.InputError as error:
+            return str(error)
+    raise RuntimeError(f"{element.name}: the wrong file was accepted")

@@ -39,11 +39,11 @@ def write(folder: Path) -> None:
     """Write gallery.md, the pictures and the views; existing pictures and views are kept."""
     for name in ("extra/pictures", "extra/views"):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    listed = json.loads(_output("list --json"))
+    listed = json.loads(printed("list --json"))
     about = {**listed["mechanisms"], **listed["gallery"]}
     names = sorted(about, key=lambda name: (FIRST.index(name) if name in FIRST else len(FIRST), name))
     with ProcessPoolExecutor(max_workers=2) as pool:
-        list(pool.map(_draw, [folder / "extra"] * len(names), names))
+        list(pool.map(_mechanism, [folder / "extra"] * len(names), names))
     cards = "\n".join(card(folder / "extra", name, about[name]) for name in names)
     laws, machines = _table("gallery", "Law"), _table("machines", "Known")
     head = HEAD.format(pictures=megabytes(folder, "*.gif"), view=megabytes(folder, "*.html") / len(names))
@@ -59,39 +59,45 @@ def megabytes(folder: Path, pattern: str) -> float:
     return sum(path.stat().st_size for path in (folder / "extra").rglob(pattern)) / 1e6
 
 
-def _output(line: str) -> str:
+def printed(line: str) -> str:
     """Return what a command prints; raise RuntimeError with its message if it fails."""
-    printed, messages = io.StringIO(), io.StringIO()
+    output, messages = io.StringIO(), io.StringIO()
     sys.argv = ["mechsim", *line.split()]
-    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(messages):
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(messages):
         try:
             main()
         except SystemExit as ended:
             if ended.code:
                 raise RuntimeError(f"mechsim {line}: {messages.getvalue()}") from None
-    return printed.getvalue()
+    return output.getvalue()
 
 
-def _draw(extra: Path, name: str) -> None:
+def draw(path: Path, line: str) -> None:
+    """Draw a picture by a command unless it exists; a machine without OpenGL draws none."""
+    if path.is_file():
+        return
+    try:
+        printed(f"{line} -o {path}")
+    except RuntimeError as error:
+        if "no picture can be drawn" not in str(error):
+            raise
+        print(error)
+
+
+def _mechanism(extra: Path, name: str) -> None:
     """Write the still, the animation and the view of a mechanism; a machine without OpenGL gets the view only."""
     # several drivers follow their motion laws and have no turn
-    crank = json.loads(_output(f"show {name} --json")).get("crank_range")
+    crank = json.loads(printed(f"show {name} --json")).get("crank_range")
     if not (view := extra / "views" / f"{name}.html").is_file():
         options = f"-o {view}"
         try:
-            _output(f"view {name} --live {options}")
+            printed(f"view {name} --live {options}")
         except RuntimeError:
             # dimensions of cams and slotted wheels cannot be changed on a page: their functions are not compiled
-            _output(f"view {name} {options}")
-    still = extra / "pictures" / f"{name}.png"
-    try:
-        if not still.is_file():
-            _output(f"render {name} --size {PICTURE_SIZE} --no-labels -o {still}")
-        if not (animation := still.with_suffix(".gif")).is_file():
-            motion = "--frames-per-turn 24" if crank else ""
-            _output(f"render {name} {RENDER} {motion} -o {animation}")
-    except RuntimeError as error:
-        print(error)
+            printed(f"view {name} {options}")
+    still, motion = extra / "pictures" / f"{name}.png", "--frames-per-turn 24" if crank else ""
+    draw(still, f"render {name} --size {PICTURE_SIZE} --no-labels")
+    draw(still.with_suffix(".gif"), f"render {name} {RENDER} {motion}")
 
 
 def card(extra: Path, name: str, about: str) -> str:

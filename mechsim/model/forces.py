@@ -5,7 +5,7 @@ Both methods read these descriptions. Vectors are in the ground frame, in SI.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import KINDS, kinds_that
-from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
@@ -262,49 +261,6 @@ class Forces:
     def sprung(self) -> list[str]:
         """Coordinates along which nonlinear springs act."""
         return [spring.ends for spring in self.nonlinear_springs if isinstance(spring.ends, str)]
-
-
-def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[LinkPoint, LinkPoint], ...]:
-    """Return the ends of all springs between points and in slides, each as a link and a point in [m].
-
-    A spring in a slide is drawn from a point on the first link, half of the mechanism's size before the
-    unloaded position of the second.
-    """
-    springs = () if forces is None else (*forces.springs, *forces.nonlinear_springs)
-    pairs = [(spring.a, spring.b) if isinstance(spring, Spring) else spring.ends for spring in springs]
-    ends = [
-        (located(mechanism, pair[0]), located(mechanism, pair[1]))
-        for pair in pairs
-        if not isinstance(pair, str)
-    ]
-    for joint, rest in _joint_springs(mechanism, forces):
-        if KINDS[joint.kind].slides:
-            before = (rest - 0.5 * mechanism.characteristic_length) * np.asarray(joint.a.axis)
-            x, y, z = (before + joint.a.point).tolist()
-            ends.append(((joint.a.link, (x, y, z)), (joint.b.link, joint.b.point)))
-    return tuple(ends)
-
-
-def torsion_springs(mechanism: Mechanism, forces: Forces | None) -> tuple[str, ...]:
-    """Return the revolute joints in which springs act."""
-    springs = _joint_springs(mechanism, forces)
-    return tuple(dict.fromkeys(joint.name for joint, _ in springs if KINDS[joint.kind].turns))
-
-
-def _joint_springs(mechanism: Mechanism, forces: Forces | None) -> Iterator[tuple[Joint, float]]:
-    """Yield the joints of one coordinate in which springs act, without stops, and their unloaded value."""
-    if forces is None:
-        return
-    joints = {joint.name: joint for joint in mechanism.joints if KINDS[joint.kind].single}
-    rests = [(spring.joint, spring.rest) for spring in forces.joint_springs]
-    rests += [
-        (spring.ends, spring.law.reference)
-        for spring in forces.nonlinear_springs
-        if isinstance(spring.ends, str) and not hasattr(spring.law, "side")
-    ]
-    for name, rest in rests:
-        if name in joints:
-            yield joints[name], rest
 
 
 def forces_of(source: object, forces: Forces | None = None) -> Forces:

@@ -70,8 +70,9 @@ NEXT_LENGTH = 0.3
 WELL_CONDITIONED = 0.05
 # shift of an end, relative to the interval, for a second search of a change point
 END_SHIFT = 0.05
-# distance that a path is traced beyond the requested parameter; not round, since change points often are
-OVERSHOOT = 0.2137
+# distance that a path is traced beyond the requested parameter, not round, since change points often are; and
+# length of a segment there below which it is not traced on: its end is near, which nobody asks for
+OVERSHOOT, LEAST_BEYOND = 0.2137, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,12 +153,14 @@ class ContinuationPath(PathStates[E, Q]):
             return
         direction = 1 if target > self.initial else -1
         with suppress(AssemblyError):
-            self.reach(target + direction * self.overshoot, direction)
+            self.reach(target + direction * self.overshoot, direction, goal=target)
             return
         self.reach(target, direction)
 
-    def reach(self, target: float, direction: int, length: float | None = None) -> None:
+    def reach(self, target: float, direction: int, length: float | None = None, goal: float = np.nan) -> None:
         """Trace the assembly to a parameter and no farther; the length is that of the next segment, if known.
+
+        Beyond a goal before the target no end of the path is approached closely.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
@@ -182,7 +185,7 @@ class ContinuationPath(PathStates[E, Q]):
             short = short + 1 if length < MIN_EXTRAPOLATED else 0
             if segment is not None:
                 segments.append(segment)
-            elif length < _shortest(self, current) or short > MAX_SHORT:
+            elif length < _shortest(self, current, direction * (current - goal) >= 0.0) or short > MAX_SHORT:
                 raise _end_error(self, current, self.remaining_text(current, target))
 
     def require_travel(self, start: float, target: float) -> None:
@@ -392,10 +395,8 @@ class ContinuationPath(PathStates[E, Q]):
 
     def near_change_point(self, s: Array) -> NDArray[np.bool_]:
         """Return which parameters lie in the singular neighbourhood of a change point, (n,)."""
-        mask = np.zeros(len(s), dtype=np.bool_)
-        for crossing in self.crossings:
-            mask |= np.abs(s - crossing.parameter) < crossing.radius
-        return mask
+        singular = [np.abs(s - crossing.parameter) < crossing.radius for crossing in self.crossings]
+        return np.logical_or.reduce([np.zeros(len(s), dtype=np.bool_), *singular])
 
     def interpolated(self, s: Array) -> Q:
         """Return coordinates from the segments' polynomials at parameters (n,)."""
@@ -407,9 +408,10 @@ class ContinuationPath(PathStates[E, Q]):
         return first.evaluate(s), first.derivative().evaluate(s)
 
 
-def _shortest(path: ContinuationPath[E, Q], current: float) -> float:
-    """Return the length below which a segment has no distinct nodes, or is singular."""
-    return max(path.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
+def _shortest(path: ContinuationPath[E, Q], current: float, beyond: bool = False) -> float:
+    """Return the length below which a segment has no distinct nodes, or is singular; or not worth tracing."""
+    least = LEAST_BEYOND if beyond else path.control.min_length
+    return max(least, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
 
 def _end_error(path: ContinuationPath[E, Q], parameter: float, remaining: str) -> AssemblyError:

@@ -14,7 +14,6 @@ from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.forces import spring_ends
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.model.quantities import numeric_quantity, quantity_names
@@ -188,9 +187,7 @@ PLOTS = {
     "schematic": PlotKind(
         "kinematic diagram",
         lambda source: plots.schematic_plot(
-            source.solver.mechanism,
-            source.motion("closed"),
-            spring_ends(source.solver.mechanism, source.solver.forces),
+            source.solver.mechanism, source.motion("closed"), source.solver.forces
         ),
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, transmission=True),

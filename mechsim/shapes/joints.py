@@ -1,12 +1,11 @@
 """Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 import numpy as np
 
-from mechsim.model.forces import Forces, spring_ends
+from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import with_rods
@@ -15,10 +14,11 @@ from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import Canvas, edges, free_sides, hull, rod_radius, stations, upright_end
+from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations, upright_end
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
 from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of, vector
+from mechsim.shapes.springs import spring_ends, torsion_springs
 
 
 def revolute(canvas: Canvas, joint: Joint) -> None:
@@ -217,7 +217,7 @@ def link_shapes(
     mechanism: Mechanism,
     travel: Mapping[str, tuple[float, float]] | None = None,
     outward: Mapping[str, float] | None = None,
-    sprung: Sequence[str] = (),
+    forces: Forces | None = None,
 ) -> dict[str, list[Shape]]:
     """Return the shapes of every link, "ground" included.
 
@@ -227,7 +227,7 @@ def link_shapes(
             other sliding joints get rails long enough for any motion from the guess.
         outward: joint -> direction along its axis from which its shaft extends to a bearing, +1 or -1; see
             `free_sides`. The default is the side that is free in the guess.
-        sprung: revolute joints with a spring.
+        forces: whose springs and bushings are drawn on the links.
     """
     mechanism = with_rods(mechanism, {})[0]
     if outward is None:
@@ -240,8 +240,9 @@ def link_shapes(
     for joint in mechanism.joints:
         if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
-    for name in sprung:
+    for name in torsion_springs(mechanism, forces):
         draw_torsion_spring(canvas, mechanism.joint(name))
+    draw_mounts(canvas, forces)
     draw_gears(canvas)
     if any(coupling.belt or coupling.rope for coupling in mechanism.couplings):
         from mechsim.shapes.belts import draw_belts, draw_ropes
@@ -318,20 +319,16 @@ def draw_torsion_spring(canvas: Canvas, joint: Joint) -> None:
         canvas.add(end.link, "capsule", frm, to, 0.35 * canvas.r, STEEL)
 
 
-def mounts(mechanism: Mechanism, forces: Forces | None) -> dict[str, list[Shape]]:
-    """Return the shapes of springs and bushings by link.
+def draw_mounts(canvas: Canvas, forces: Forces | None) -> None:
+    """Draw a ball where a spring ends on the frame, and a bushing as a ring with its core on side b.
 
-    They are a ball where a spring ends on the frame, so that its end is seen and lies within the picture, and
-    the ring of a bushing with its core on side b.
+    With the ball the end of the spring is seen and lies within the picture.
     """
-    shapes, r = defaultdict[str, list[Shape]](list), rod_radius(mechanism)
-    for ends in spring_ends(mechanism, forces):
-        for link, point in ends:
+    for a, b, _ in spring_ends(canvas.mechanism, forces):
+        for link, point in (a, b):
             if link == GROUND:
-                shapes[link].append(Shape("sphere", point, point, (1.2 * r,), HOUSING))
+                canvas.add(link, "sphere", point, point, 1.2 * canvas.r, HOUSING)
     for bushing in () if forces is None else forces.bushings:
         for end, length, radius, colour in ((bushing.a, 0.8, 2.2, RUBBER), (bushing.b, 1.2, 1.1, STEEL)):
-            half = length * r * np.asarray(end.axis)
-            low, high = vector(end.point - half), vector(end.point + half)
-            shapes[end.link].append(Shape("cylinder", low, high, (radius * r,), colour))
-    return shapes
+            half = length * canvas.r * np.asarray(end.axis)
+            canvas.add(end.link, "cylinder", end.point - half, end.point + half, radius * canvas.r, colour)

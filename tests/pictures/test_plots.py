@@ -12,7 +12,7 @@ from grids import grid
 from mechsim import catalog, load_profile
 from mechsim.errors import InputError, OutputError
 from mechsim.model.belts import belts_of
-from mechsim.model.forces import Forces, spring_ends
+from mechsim.model.forces import Forces
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
@@ -271,11 +271,19 @@ def test_a_schematic_shows_profiles_rollers_belts_and_springs():
     assert length == pytest.approx(paths[0].length, rel=1e-3)
     assert 1 + len(pulleys) == sum(1 + len(path.radii) for path in paths)
     suspension = load("bicycle_suspension")
-    ends = spring_ends(suspension.mechanism, suspension.forces)
-    figure = plots.schematic_plot(suspension.mechanism, suspension.solve([0.0, 0.1]), ends)
+    motion = suspension.solve([0.0, 0.1])
+    figure = plots.schematic_plot(suspension.mechanism, motion, suspension.forces)
     (zigzag,) = (line for line in lines_of(figure) if len(line) == 12)
     names = {text.get_text(): text.xy for text in figure.axes[0].texts}
     np.testing.assert_allclose(sorted(zigzag[[0, -1]].tolist()), sorted([names["shock"], names["frame"]]))
+    # a damper is a piston in a cylinder that is open towards it
+    (spring,) = suspension.forces.springs
+    damper = replace(suspension.forces, springs=(replace(spring, stiffness=0.0),))
+    figure = plots.schematic_plot(suspension.mechanism, motion, damper)
+    (symbol,) = (line for line in lines_of(figure) if np.isnan(line).any())
+    np.testing.assert_allclose(symbol[[0, -1]], zigzag[[0, -1]])
+    along = (symbol - symbol[0]) @ (symbol[-1] - symbol[0]) / np.sum((symbol[-1] - symbol[0]) ** 2)
+    assert along[6] < along[1] < along[7]
 
 
 def test_a_schematic_is_not_mirrored():

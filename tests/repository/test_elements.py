@@ -33,7 +33,7 @@ def test_the_wrong_input_of_an_element_is_rejected_in_one_sentence(element, tmp_
 def test_a_page_has_formula_source_picture_and_the_code_of_its_file():
     assert len(element_pages.elements()) >= 22
     for element in element_pages.elements():
-        text = element_pages.page(element)
+        text = element_pages.page(element, "wrong.toml: no")
         assert f"$$ {element.law} $$" in text
         assert f"Source: {element.source}." in text
         assert f"pictures/elements/{element.name}.png" in text

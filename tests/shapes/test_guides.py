@@ -6,9 +6,9 @@ import numpy as np
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.model.forces import spring_ends, torsion_springs
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import STEEL
+from mechsim.shapes.springs import spring_ends, torsion_springs
 
 ELEMENTS = Path(__file__).parents[2] / "docs/elements"
 MODEL = model_text("guides_model.toml")
@@ -73,7 +73,7 @@ def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):
     assert torsion_springs(pivot.mechanism, pivot.forces) == ("hip",)
     spiral = [
         shape
-        for shape in link_shapes(pivot.mechanism, sprung=("hip",))["arm"]
+        for shape in link_shapes(pivot.mechanism, forces=pivot.forces)["arm"]
         if shape.kind == "capsule" and shape.rgba == STEEL
     ]
     radii = [float(np.hypot(*shape.to[:2])) for shape in spiral]
@@ -85,8 +85,10 @@ def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):
     )
     slide = ms.load(str(tmp_path / "slide.toml"), still=True)
     assert torsion_springs(slide.mechanism, slide.forces) == ()
-    ((a, start), (b, end)) = spring_ends(slide.mechanism, slide.forces)[0]
-    assert (a, b) == ("ground", "block")
+    ((a, start), (b, end), damper) = spring_ends(slide.mechanism, slide.forces)[0]
+    assert (a, b, damper) == ("ground", "block", False)
+    oil = ms.load(str(ELEMENTS / "damper.toml"), still=True)
+    assert [damper for *_, damper in spring_ends(oil.mechanism, oil.forces)] == [True]
     # unloaded, the block is half of the mechanism's size from the other end
     length = slide.mechanism.characteristic_length
     assert np.abs(np.add(end, [0.0, 0.1, 0.0]) - start - [0.0, 0.5 * length, 0.0]).max() < 1e-15

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim.model.belts import belts_of
-from mechsim.model.forces import LinkPoint
+from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import hinged_normals, moved_links
@@ -31,6 +31,7 @@ from mechsim.shapes.camera import clearest_pose, directions, nice
 from mechsim.shapes.gears import racks_of, wheels_of
 from mechsim.shapes.guides import CHORDS, contact_points, hidden_links
 from mechsim.shapes.shape import vector
+from mechsim.shapes.springs import spring_ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,19 +43,30 @@ PAPER, SHADE = "#ffffff", "#dfe3e9"
 RADIUS, BLOCK, FOOT = 0.018, 0.045, 0.05
 # keeps names readable over lines
 BEHIND_NAMES: dict[str, Any] = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5}
-# corners of the zigzag of a spring
-ZIGZAGS = 8
+# symbols of a spring and of a damper: part of the way between its ends, and side; nan lifts the pen
+SPRING = np.array(
+    [
+        (0.0, 0.0),
+        (0.15, 0.0),
+        *((0.2 + 0.6 * k / 7, 1.0 - k % 2 * 2.0) for k in range(8)),
+        (0.85, 0.0),
+        (1.0, 0.0),
+    ]
+)
+PISTON = [(0.0, 0.0), (0.45, 0.0), (np.nan, 0.0), (0.45, 0.8), (0.45, -0.8), (np.nan, 0.0)]
+DASHPOT = np.array(
+    [*PISTON, (0.3, 1.0), (0.7, 1.0), (0.7, -1.0), (0.3, -1.0), (np.nan, 0.0), (0.7, 0.0), (1.0, 0.0)]
+)
 
 
 @styled()
-def schematic_plot(
-    mechanism: Mechanism, motion: Motion, springs: Sequence[tuple[LinkPoint, LinkPoint]] = ()
-) -> "Figure":
+def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None = None) -> "Figure":
     """Draw a mechanism as a kinematic diagram in a clear pose, with a scale bar (symbols of ISO 3952).
 
     Revolute joints are circles, on the ground with a hatched foot; sliding joints are blocks on a line;
     spherical and universal joints are filled circles; gears are pitch circles, racks pitch lines; cams have
-    their profiles, belts their strands; springs are zigzags. Points and joints on the ground have names.
+    their profiles, belts their strands; springs are zigzags, dampers pistons in cylinders. Points and joints
+    on the ground have names.
     """
     poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
     back, up = directions(mechanism, "iso")
@@ -78,9 +90,10 @@ def schematic_plot(
         ax.plot(*(line @ view).T, color=INK, lw=0.9 if len(line) > 2 else 1.8, zorder=2)
     # a profile can be larger than all links
     length_scale = max(length_scale, 0.4 * float(ax.dataLim.size.max()))
-    for ends in springs:
-        a, b = (shown[link].point(point) @ view for link, point in ends)
-        ax.plot(*_zigzag(a, b, 0.6 * BLOCK * length_scale).T, color=INK, lw=1.0, zorder=2)
+    for end, other, damper in spring_ends(mechanism, forces):
+        a, b = (shown[link].point(point) @ view for link, point in (end, other))
+        symbol = _along(DASHPOT if damper else SPRING, a, b, 0.6 * BLOCK * length_scale)
+        ax.plot(*symbol.T, color=INK, lw=1.0, zorder=2)
     for joint in joints:
         _draw_joint(ax, joint, shown, view, sliding, length_scale)
     names = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
@@ -160,12 +173,10 @@ def _circle(end: End, radius: float, height: float = 0.0) -> Array:
     return np.asarray(end.point) + ring @ end.frame.T
 
 
-def _zigzag(a: Array, b: Array, half: float) -> Array:
-    """Return the zigzag of a spring between two points, (n, 2), with straight ends."""
-    share = np.array([0.0, 0.15, *np.linspace(0.2, 0.8, ZIGZAGS), 0.85, 1.0])
-    side = half * np.array([0.0, 0.0, *np.where(np.arange(ZIGZAGS) % 2, -1.0, 1.0), 0.0, 0.0])
+def _along(symbol: Array, a: Array, b: Array, half: float) -> Array:
+    """Return the symbol of a spring or damper between two points, (n, 2), with a half width."""
     along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-300)
-    return a + share[:, None] * (b - a) + side[:, None] * np.array([-along[1], along[0]])
+    return a + symbol[:, :1] * (b - a) + half * symbol[:, 1:] * np.array([-along[1], along[0]])
 
 
 def _legs(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> Iterator[Array]:

@@ -31,10 +31,11 @@ from mechsim.pictures.render.frame_poses import (
 )
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
-from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil, put_arrow
+from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil, dashpot, put_arrow
 from mechsim.shapes.body import point_colours
 from mechsim.shapes.camera import clearest_pose
 from mechsim.shapes.shape import STEEL
+from mechsim.shapes.springs import spring_ends
 
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 # colour of the arrows from points to those of a ghost
@@ -73,11 +74,15 @@ class Trace:
             for shown in every:
                 self._put_mark(scene, now.starts[name][shown])
         self._put_arrows(scene, frame)
-        for ends in self.drawn.look.springs:
+        radius = self.drawn.radius
+        for end, other, damper in spring_ends(self.drawn.mechanism, self.drawn.look.forces):
             for copy, shown in enumerate(every):
-                a, b = (now.position(link, point, shown) for link, point in ends)
+                a, b = (now.position(link, point, shown) for link, point in (end, other))
                 colour = faded(STEEL, (copy + 1) / len(every))
-                coil(a, b, 2.0 * self.drawn.radius, 1.5 * self.width, colour).put(scene)
+                if damper:
+                    dashpot(a, b, radius, colour).put(scene)
+                else:
+                    coil(a, b, 2.0 * radius, 1.5 * self.width, colour).put(scene)
         if trace in ("grow", "tail"):
             self._put_passed(scene, frame, trace == "tail")
 

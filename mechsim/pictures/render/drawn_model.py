@@ -11,7 +11,7 @@ from typing import Any, TypedDict
 import mujoco
 import numpy as np
 
-from mechsim.model.forces import LinkPoint, spring_ends, torsion_springs
+from mechsim.model.forces import Forces
 from mechsim.model.link_poses import hinged_normals, with_rods
 from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism
@@ -25,7 +25,7 @@ from mechsim.pictures.render.scenery import GREY, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
 from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
-from mechsim.shapes.joints import link_shapes, mounts
+from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted
@@ -56,22 +56,13 @@ class Drawn(TypedDict):
     bodies: dict[str, list[Shape]] | None
     closures: tuple[str, ...]
     angles: Angles | None
-    springs: tuple[tuple[LinkPoint, LinkPoint], ...]
-    torsion_springs: tuple[str, ...]
-    mounts: Mapping[str, Sequence[Shape]]
+    forces: Forces | None
 
 
 def drawn_as(solver: Any) -> Drawn:
     """Return the look of a model: its springs, and for MJCF its bodies, closures and camera."""
-    read, drawn = solver.source, (solver.mechanism, solver.forces)
-    plain: Drawn = {
-        "bodies": None,
-        "closures": (),
-        "angles": None,
-        "springs": spring_ends(*drawn),
-        "torsion_springs": torsion_springs(*drawn),
-        "mounts": mounts(*drawn),
-    }
+    read = solver.source
+    plain: Drawn = {"bodies": None, "closures": (), "angles": None, "forces": solver.forces}
     bodies = file_bodies(read) if isinstance(read, MjcfModel) else None
     if bodies is None or not isinstance(read, MjcfModel):
         return plain
@@ -314,11 +305,8 @@ class DrawnModel:
         links = [GROUND, *self.links]
         if self.look.bodies:
             return {link: list(self.look.bodies.get(link, ())) for link in links}
-        travel, sprung = travels(self.mechanism, self.frames.poses), self.look.torsion_springs
-        shapes = link_shapes(self.mechanism, travel, self._free_sides(), sprung)
-        for link, own in self.look.mounts.items():
-            shapes[link] += own
-        return shapes
+        travel = travels(self.mechanism, self.frames.poses)
+        return link_shapes(self.mechanism, travel, self._free_sides(), self.look.forces)
 
     def _slot(self, body: str) -> int:
         return int(self.model.body(body).mocapid[0])

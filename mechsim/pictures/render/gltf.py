@@ -47,7 +47,7 @@ def write_gltf(
         path: of the file.
         mechanism: the mechanism.
         motion: its motion; between frames the viewer interpolates.
-        look: of it count `bodies` and `up`; None is the default.
+        look: of it count `bodies`, `forces` and `up`; None is the default.
         fps: frames per second.
         every: number of samples from one frame to the next.
 
@@ -57,7 +57,7 @@ def write_gltf(
     look = look or Look()
     poses = frame_poses(mechanism, motion, every=every).poses
     travel, sides = travels(mechanism, poses), free_sides(mechanism, poses)
-    bodies = look.bodies or link_shapes(mechanism, travel, sides, look.torsion_springs)
+    bodies = look.bodies or link_shapes(mechanism, travel, sides, look.forces)
     file = _File()
     stated = look.up or mechanism.up
     up = unit_vector(stated) if stated else upright(mechanism)

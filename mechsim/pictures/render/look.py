@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
-from mechsim.model.forces import LinkPoint
+from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Up, require_axis
 from mechsim.shapes.camera import PRESETS, Angles
 from mechsim.shapes.shape import Shape
@@ -49,9 +49,7 @@ class Look:
         bodies: link -> its body from a user's file; None draws bodies from the joints.
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
-        springs: the ends of springs, each as a link and a point in its frame in [m].
-        torsion_springs: revolute joints with a spring.
-        mounts: link -> shapes of springs and bushings on it, next to those from the joints.
+        forces: whose springs, dampers and bushings are drawn.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
@@ -71,9 +69,7 @@ class Look:
     bodies: Mapping[str, Sequence[Shape]] | None = None
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
-    springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
-    torsion_springs: tuple[str, ...] = ()
-    mounts: Mapping[str, Sequence[Shape]] = field(default_factory=dict[str, Sequence[Shape]])
+    forces: Forces | None = None
     up: Up | None = option(
         None,
         "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",

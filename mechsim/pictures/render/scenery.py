@@ -141,8 +141,8 @@ class Chain:
         scene.ngeom = ngeom
 
 
-def chain(path: Array, width: float, rgba: ArrayLike) -> Chain:
-    """Return the rods along a path, (m, 3), with a given width."""
+def chain(path: Array, width: ArrayLike, rgba: ArrayLike) -> Chain:
+    """Return the rods along a path, (m, 3), with a given width, or one for each rod, (m - 1,)."""
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     along = np.where(lengths[:, None] > 0.0, steps / np.maximum(lengths, 1e-300)[:, None], [1.0, 0.0, 0.0])
@@ -150,9 +150,9 @@ def chain(path: Array, width: float, rgba: ArrayLike) -> Chain:
     x = np.cross(least, along)
     x /= np.linalg.norm(x, axis=1)[:, None]
     frames = np.stack([x, np.cross(along, x), along], axis=-1).reshape(-1, 9)
-    sizes = np.full((len(steps), 3), width / 2.0)
+    widths = np.broadcast_to(np.asarray(width, dtype=np.float64), len(steps))
     # half a width at each end closes the outer side of a bend
-    sizes[:, 2] = (lengths + 0.5 * width) / 2.0
+    sizes = np.column_stack([widths, widths, lengths + 0.5 * widths]) / 2.0
     return Chain((path[:-1] + path[1:]) / 2.0, frames, sizes, np.asarray(rgba, dtype=np.float32))
 
 
@@ -168,6 +168,12 @@ def coil(a: Array, b: Array, radius: float, width: float, rgba: ArrayLike) -> Ch
     circle = np.sin(angles) * np.cross(side, along) + np.cos(angles) * side
     path = a + (0.1 + 0.8 * angles / angles[-1]) * (b - a) + radius * circle
     return chain(np.vstack([a, a + 0.1 * (b - a), path, b - 0.1 * (b - a), b]), width, rgba)
+
+
+def dashpot(a: Array, b: Array, radius: float, rgba: ArrayLike) -> Chain:
+    """Return a damper between two points: a piston rod from a, and a cylinder about it that ends at b."""
+    path = a + np.array([0.0, 0.45, 0.9, 1.0])[:, None] * (b - a)
+    return chain(path, radius * np.array([0.8, 3.0, 0.8]), rgba)
 
 
 GEOMS = {
@@ -274,7 +280,7 @@ def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     # a geom whose colour is MuJoCo's usual one takes that of its material: the same
     spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=GREY)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.resolution
-    spec.visual.quality.shadowsize = 2048
+    spec.visual.quality.shadowsize = min(2048, 4 * max(camera.resolution))
     # details are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
     spec.visual.quality.numslices = 20
     spec.visual.quality.numstacks = 8

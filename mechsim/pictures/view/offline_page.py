@@ -23,6 +23,7 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
+from mechsim.shapes.springs import spring_ends
 
 TEMPLATES = Path(__file__).parent / "templates"
 # number of poses from which the extent of a mechanism is determined
@@ -77,9 +78,7 @@ def _data(view: View) -> dict[str, Any]:
         shapes = {link: list(view.bodies.get(link, ())) for link in poses}
     else:
         travel, sides = travels(mechanism, poses), free_sides(mechanism, poses)
-        shapes = link_shapes(mechanism, travel, sides, view.torsion_springs)
-        for link, own in view.mounts.items():
-            shapes[link] += own
+        shapes = link_shapes(mechanism, travel, sides, view.forces)
     radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     up = cameras.upright(mechanism, view.up)
@@ -102,7 +101,10 @@ def _data(view: View) -> dict[str, Any]:
             {"link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
             for name in view.closures
         ],
-        "springs": [[{"link": link, "at": point} for link, point in ends] for ends in view.springs],
+        "springs": [
+            {"ends": [{"link": link, "at": point} for link, point in (a, b)], "damper": damper}
+            for a, b, damper in spring_ends(mechanism, view.forces)
+        ],
         "anchors": {link.name: drawn.ends(link.name)[0].point for link in drawn.links},
         "vertical": _short(up),
         "cameras": _cameras(view, balls, radii),

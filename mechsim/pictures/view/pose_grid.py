@@ -1,12 +1,12 @@
 """Records of an interactive page: sliders, poses, read-outs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.model.forces import LinkPoint
+from mechsim.model.forces import Forces
 from mechsim.model.link_poses import moved_links, with_rods
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism, Up
@@ -149,9 +149,7 @@ class View:
         bodies: link -> its body from a user's file; None draws bodies from the joints.
         closures: joints that close the loops of a user's file, which are marked.
         angles: azimuth and elevation of a file's camera in [deg]; None without one.
-        springs: the ends of springs, each as a link and a point in its frame in [m].
-        torsion_springs: revolute joints with a spring.
-        mounts: link -> shapes of springs and bushings on it, next to those from the joints.
+        forces: whose springs, dampers and bushings are drawn.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
             only.
@@ -164,9 +162,7 @@ class View:
     bodies: Mapping[str, Sequence[Shape]] | None = None
     closures: tuple[str, ...] = ()
     angles: Angles | None = None
-    springs: tuple[tuple[LinkPoint, LinkPoint], ...] = ()
-    torsion_springs: tuple[str, ...] = ()
-    mounts: Mapping[str, Sequence[Shape]] = field(default_factory=dict[str, Sequence[Shape]])
+    forces: Forces | None = None
     up: Up | None = None
     live: LivePage | None = None
 

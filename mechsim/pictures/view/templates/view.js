@@ -197,28 +197,27 @@ function build() {
     mark.renderOrder = 3;
     bodies[closure.link].add(mark);
   }
-  for (const ends of DATA.springs) {
+  for (const { ends, damper } of DATA.springs) for (const shape of damper ? [rod, cylinder] : [coil]) {
     const line = new THREE.Line2(new THREE.LineGeometry(), new THREE.LineMaterial({ color: 0x707682, linewidth: 3 }));
     line.frustumCulled = false;
     scene.add(line);
-    springLines.push({ line, ends });
+    springLines.push({ line, ends, shape });
   }
   addFloor();
 }
 
-/* coils between the ends of springs, with straight pieces at both */
+/* lines of springs and dampers: part of the way between the ends, and offsets in radii to both sides */
+const coil = [[0, 0, 0], ...Array.from({ length: 129 }, (_, k) => [0.1 + 0.8 * k / 128, 2 * Math.sin(k * Math.PI / 8), 2 * Math.cos(k * Math.PI / 8)]), [1, 0, 0]];
+const rod = [[0, 0, 0], [0.45, 0, 0], [0.45, 1.6, 0], [0.45, -1.6, 0]];
+const cylinder = [[1, 0, 0], [0.7, 0, 0], [0.7, 2, 0], [0.3, 2, 0], [0.7, 2, 0], [0.7, -2, 0], [0.3, -2, 0]];
 function drawSprings() {
-  for (const { line, ends } of springLines) {
+  for (const { line, ends, shape } of springLines) {
     const [a, b] = ends.map((end) => new THREE.Vector3(...end.at).applyMatrix4(bodies[end.link].matrixWorld));
     const along = b.clone().sub(a), side = new THREE.Vector3(0, 0, 1).cross(along);
     if (side.lengthSq() < 1e-12 * along.lengthSq()) side.set(1, 0, 0);
-    side.setLength(2 * DATA.radius);
-    const other = along.clone().normalize().cross(side), points = [a];
-    for (let k = 0; k <= 128; k++) {
-      const turn = k * Math.PI / 8;
-      points.push(a.clone().addScaledVector(along, 0.1 + 0.8 * k / 128).addScaledVector(side, Math.sin(turn)).addScaledVector(other, Math.cos(turn)));
-    }
-    line.geometry.setPositions([...points, b].flatMap((point) => point.toArray()));
+    side.setLength(DATA.radius);
+    const other = along.clone().normalize().cross(side);
+    line.geometry.setPositions(shape.flatMap(([share, right, over]) => a.clone().addScaledVector(along, share).addScaledVector(side, right).addScaledVector(other, over).toArray()));
   }
 }
 
