@@ -18,7 +18,11 @@ def balanced_friction(constant: Array, base: Array, response: Array) -> tuple[Ar
     The right side changes by at most B times the change of x, with B_kj = sum over t of norm(response_ktj).
     If the spectral radius of B is below 1, it is a contraction: the solution exists and is unique, and the
     iteration converges to it (J. Ortega and W. Rheinboldt, Iterative Solution of Nonlinear Equations in
-    Several Variables, 1970, section 13.1). Newton's method is faster.
+    Several Variables, 1970, section 13.1). Newton's method is faster. The right side is convex: for a single
+    friction with a larger radius there are two solutions or none. Newton's method from zero finds the smaller
+    one, at which the right side grows by less than the friction. The larger one is unstable if contacts yield
+    at all: a load off by any amount grows (A. Oledzki, Modelling and simulation of self-locking drives,
+    Mechanism and Machine Theory 30 (1995) 929-942).
 
     Args:
         constant: parts c of the frictions that do not depend on loads, (n, k).

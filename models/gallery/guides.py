@@ -30,9 +30,9 @@ def scotch_yoke(angle, p):
 def elliptic_trammel(angle, p):
     """Return both ends of the bar, on the axes, and the pen on its ellipse."""
     return {
-        "A": placed(p["bar"] * np.cos(angle), 0.0),
+        "A": placed(-p["bar"] * np.cos(angle), 0.0),
         "B": placed(0.0, p["bar"] * np.sin(angle)),
-        "pen": placed(-p["arm"] * np.cos(angle), (p["bar"] + p["arm"]) * np.sin(angle)),
+        "pen": placed(p["arm"] * np.cos(angle), (p["bar"] + p["arm"]) * np.sin(angle)),
     }
 
 

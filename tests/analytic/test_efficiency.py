@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from model_files import model_text
+from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.analytic.dynamics.initial_state import InitialValues
@@ -59,6 +60,37 @@ def test_a_released_hoist_accelerates_as_by_its_closed_form(tmp_path, rate):
         run.motion.joints["pinion"].rate, rate + acceleration * time, rtol=0, atol=1e-9 * abs(rate)
     )
     assert run.energy_error < 1e-10
+
+
+def with_elastic_teeth(efficiency, rate, times):
+    """Return the rates of the pinion and the wheel with a spring and a damper between the teeth."""
+    loss, stiffness, damping = 1.0 / efficiency - 1.0, 1e7, 2e3
+
+    def rates(_, state):
+        pinion, wheel, angle, other = state
+        force = stiffness * (RATIO * angle - other) + damping * (RATIO * pinion - wheel)
+        on_pinion = -RATIO * force - loss * abs(RATIO * force) * np.tanh(pinion / 1e-3)
+        return on_pinion / PINION, (LOAD + force) / WHEEL, pinion, wheel
+
+    start, span = (rate, RATIO * rate, 0.0, 0.0), (0.0, times[-1])
+    return solve_ivp(rates, span, start, "Radau", times, rtol=1e-8, atol=1e-10).y[:2]
+
+
+@pytest.mark.parametrize("efficiency", [0.45, 0.3])
+def test_a_self_locking_hoist_in_motion_is_driven_or_jams_as_with_elastic_teeth(tmp_path, efficiency):
+    source = hoist(tmp_path, efficiency)
+    model, start = ms.dynamics.dynamic_model(source), {"pinion.v": 20.0}
+    run = ms.dynamics.run(model, initial=start, duration=0.02, samples=21)
+    pinion = run.motion.joints["pinion"].rate
+    # a pinion that drives the load comes to rest and holds it
+    assert pinion == pytest.approx(with_elastic_teeth(efficiency, 20.0, run.time)[0], abs=2e-3)
+    short = ms.dynamics.run(model, initial=start, duration=1e-3, samples=11)
+    assert crosscheck_forward(short, model, InitialValues({}, {"pinion": 20.0})).passed
+    assert ms.dynamics.run(model, initial=start, duration=0.03).outcome == "stopped"
+    # one that the load drives jams at once: the teeth stop both within the time that they yield
+    assert np.abs(with_elastic_teeth(efficiency, -20.0, np.array([0.0, 3e-3]))[:, -1]).max() < 1e-2
+    jammed = ms.dynamics.run(model, initial={"pinion.v": -20.0}, duration=0.02)
+    assert (jammed.outcome, jammed.time[-1]) == ("jammed", 0.0)
 
 
 @pytest.mark.parametrize("efficiency", [0.8, 0.5, 0.4])

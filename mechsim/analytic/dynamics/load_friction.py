@@ -77,7 +77,8 @@ class LoadFriction:
 
     Attributes:
         magnitude: magnitude of each, (n, k) in [N] or [N m].
-        radius: spectral radius of the map, (n,); below 1 the frictions exist and are unique.
+        radius: spectral radius of the map, (n,); below 1 the frictions exist and are unique. With any
+            radius a single friction has one stable solution or none, as of a self-locking gear.
         undetermined: whether self-stresses change the load of each, (n, k).
         jammed: whether no frictions were solution that balance the forces, (n,).
     """
@@ -90,7 +91,8 @@ class LoadFriction:
     def require_determined(self, coordinates: Sequence[LoadedCoordinate], labels: Sequence[str]) -> None:
         """Raise FrictionError at the first instant, labelled, without unique frictions."""
         loose: NDArray[np.bool_] = np.asarray(self.undetermined.any(1), dtype=np.bool_)
-        wrong: NDArray[np.bool_] = loose | (self.radius >= 1.0) | self.jammed
+        several: NDArray[np.bool_] = (self.radius >= 1.0) & (len(coordinates) > 1)
+        wrong = loose | several | self.jammed
         if not wrong.any():
             return
         i = int(np.argmax(wrong))

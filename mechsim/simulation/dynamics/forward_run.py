@@ -20,7 +20,7 @@ from mechsim.model.nonlinear_springs import OPEN, Phases, SoftStop
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
 from mechsim.numerics.rounding import CLOSED
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
@@ -38,7 +38,7 @@ from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import assembled
-from mechsim.simulation.state import HINGE, SLIDE
+from mechsim.simulation.state import HINGE, SLIDE, data_at, dense_rows, mass_matrix
 
 # RK4 with stiff equalities
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
@@ -46,6 +46,10 @@ FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
 # inconsistency. Of compliances 1e-8 to 1e4 and time constants of 3 to 20 steps these conserve the energy best
 # (Bennett linkage: angle to 4e-9 rad with steps that leave 9e-3 rad by stiff equalities)
 REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
+# largest number by which the stiffness of constraints exceeds an inertia that moves: its digits are lost at
+# 1e16, and each of the `ITERATIONS` regains those that are left. A light cam under a loaded follower is at
+# 4e16 to 1e20 with stiff equalities, and its motion wrong from the first step
+CANCELLED = 1e14
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
 NO_LINKS: Mapping[str, LinkMotion] = {}
@@ -92,7 +96,7 @@ class Start:
         qpos: coordinates with closed loops, (nq,).
         qvel: rates that satisfy the loops, (nv,).
         activation: states of actuators that have one.
-        redundant: whether loop constraints depend on one another.
+        settings: of the integrator and the constraints.
         phases: phases of the nonlinear springs, if one has memory; else empty.
     """
 
@@ -100,7 +104,7 @@ class Start:
     qpos: Array
     qvel: Array
     activation: Array
-    redundant: bool
+    settings: Settings
     phases: Phases = ()
 
     @quiet()
@@ -114,7 +118,7 @@ class Start:
     ) -> SteppedRun:
         """Step the model; see `stepped_run`."""
         timestep = float(times[1] - times[0]) / substeps
-        settings = settings or (REDUNDANT if self.redundant else FREE)
+        settings = settings or self.settings
         controls = AppliedControls(
             self.model, prepared(self.model, settings, timestep, ITERATIONS), prescribed, self.phases
         )
@@ -156,8 +160,7 @@ def stepped_run(
         rates: initial rates per second, likewise.
         times: instants to record, evenly spaced, the first of the initial state, (n,) in [s].
         substeps: number of steps between two recorded instants.
-        settings: of the integrator and the constraints; None chooses `FREE`, or `REDUNDANT` if loop
-            constraints depend on one another.
+        settings: of the integrator and the constraints; None chooses them by `settings_at`.
         kept: as in `start_of`.
 
     Raises:
@@ -214,7 +217,7 @@ def start_of(
     springs = forces.nonlinear_springs
     remembered = any(isinstance(spring.law, SoftStop) and spring.law.hysteresis for spring in springs)
     phases = (phases or (OPEN,) * len(springs)) if remembered else ()
-    return Start(model, qpos, qvel, activation, is_redundant(model.loops, qpos), phases)
+    return Start(model, qpos, qvel, activation, settings_at(model, qpos), phases)
 
 
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
@@ -353,6 +356,29 @@ def is_redundant(loops: ModelLoops, qpos: Array) -> bool:
     largest = float(sizes.max(initial=0.0))
     rows = jacobian[0][sizes > max(RANK_TOLERANCE * largest, loop_jacobian.rounding(loops))]
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * largest)) < len(rows)
+
+
+def settings_at(model: LoadedModel, qpos: Array) -> Settings:
+    """Return the settings of steps: of redundant loops, or stiff ones unless a motion is light.
+
+    MuJoCo factorises M + J^T D J with the mass matrix M, constraints J and their stiffness D. Along a motion
+    z, J z = 0, the terms D (J_k z_k)^2 cancel, and what they exceed z^T M z by is lost of that inertia. The
+    constraints then yield more.
+    """
+    if is_redundant(model.loops, qpos):
+        return REDUNDANT
+    stepped = prepared(model, FREE, STEP, ITERATIONS).model
+    stepped.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
+    data, units = data_at(stepped, qpos), model.loops.units[:, None]
+    rows, stiffness = dense_rows(data)[: data.ne], data.efc_D[: data.ne]
+    motions = null_spaces(rows * units.T)[1].T * units
+    inertias, directions = np.linalg.eigh(motions.T @ mass_matrix(data) @ motions)
+    exceeds = (
+        float((stiffness[:, None] * (rows * motion) ** 2).max(initial=0.0)) / inertia
+        for motion, inertia in zip((motions @ directions).T, inertias, strict=True)
+    )
+    excess = max(exceeds, default=0.0) / CANCELLED
+    return replace(FREE, compliance=COMPLIANCE * max(1.0, excess))
 
 
 def _steps(

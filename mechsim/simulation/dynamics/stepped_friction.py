@@ -30,6 +30,8 @@ from mechsim.simulation.model_loops import ModelLoops
 PLACEHOLDER = 1e-12
 # relative change of the frictions of one state at which they have converged, and largest number of iterations
 CONVERGED, MAX_ITERATIONS = 1e-12, 100
+# friction relative to that of the loads without any at which its derivative is measured
+SMALL = 1e-3
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 # where the magnitude of a friction is that acts by controls
@@ -83,6 +85,8 @@ class UpdatedFriction:
         self.evaluated = model.looking(native=False)
         self.data = mujoco.MjData(self.evaluated)
         self.loads = np.zeros(len(self.stored))
+        # change of a single friction by the load that it causes, negative as of a gear that drives its load
+        self.derivative = 0.0
         self.fastest = 0.0
         # frictions by the load at the start of each step
         self.history = list[Array]()
@@ -118,19 +122,28 @@ class UpdatedFriction:
             self._converge(data)
         else:
             before, last = self.history[-2:][0], self.loads
-            self.set(2.0 * last - before)
-            self.loads = self._loads(data)
+            self._improve(data, 2.0 * last - before)
             self.set(1.5 * self.loads - 0.5 * last)
         self.history.append(self.loads)
 
     def _converge(self, data: mujoco.MjData) -> None:
         """Set the friction that the constraint forces of a state under this friction cause."""
+        self._improve(data, self.loads)
+        if len(self.loads) == 1 and self.loads.any():
+            base, self.loads = self.loads, SMALL * self.loads
+            self.set(self.loads)
+            self.derivative = min(0.0, float((self._loads(data) - base)[0] / self.loads[0]))
         for _ in range(MAX_ITERATIONS):
-            after = self._loads(data)
-            change, self.loads = np.abs(after - self.loads).max(), after
-            self.set(after)
-            if change <= CONVERGED * np.abs(after).max():
+            before = self.loads
+            self._improve(data, before)
+            if np.abs(self.loads - before).max() <= CONVERGED * np.abs(self.loads).max():
                 break
+        self.set(self.loads)
+
+    def _improve(self, data: mujoco.MjData, friction: Array) -> None:
+        """Set the loads by a step of Newton's method from a friction, with the derivative `derivative`."""
+        self.set(friction)
+        self.loads = friction + (self._loads(data) - friction) / (1.0 - self.derivative)
 
     def set(self, loads: Array) -> None:
         """Set the friction in MuJoCo's model from frictions by the load."""
