@@ -9,7 +9,6 @@ import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
@@ -247,7 +246,8 @@ class Evaluator:
                 term = self.evaluate(operand, depth + 1)
                 return replace(term, value=-term.value)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return _OPERATORS[type(op)](self.evaluate(left, depth + 1), self.evaluate(right, depth + 1))
+                rule, combine = _OPERATORS[type(op)]
+                return rule(combine, self.evaluate(left, depth + 1), self.evaluate(right, depth + 1))
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 return self._call(name, args, depth + 1)
             case _:
@@ -285,6 +285,7 @@ class Evaluator:
 
 
 _RADIAN: Powers = (0.0, 0.0, 0.0, 1.0)
+Combine = Callable[[Any, Any], Any]
 
 
 def _plain(value: Any) -> Any:
@@ -318,18 +319,19 @@ def _mixed(terms: Sequence[Term]) -> Mixed:
     return "variable" if "variable" in kinds else "number" if "number" in kinds else ""
 
 
-def _sum(combine: Callable[[Any, Any], Any], first: Term, second: Term) -> Term:
+def _sum(combine: Combine, first: Term, second: Term) -> Term:
     """Return the sum or the difference of two terms."""
     return replace(_of_shared_unit([first, second]), value=combine(first.value, second.value))
 
 
-def _product(combine: Callable[[Any, Any], Any], sign: float, first: Term, second: Term) -> Term:
-    """Return the product of two terms, or their quotient with the sign -1 of the second exponents."""
+def _product(combine: Combine, first: Term, second: Term) -> Term:
+    """Return the product or the quotient of two terms."""
+    sign = -1.0 if combine is operator.truediv else 1.0
     powers = tuple(a + sign * b for a, b in zip(first.powers, second.powers, strict=True))
     return Term(combine(first.value, second.value), powers, _mixed([first, second]))
 
 
-def _power(base: Term, exponent: Term) -> Term:
+def _power(combine: Combine, base: Term, exponent: Term) -> Term:
     if not exponent.dimensionless:
         raise InputError(f"has an exponent that is {exponent.description}; give a plain number")
     constant = isinstance(exponent.value, float)
@@ -340,17 +342,18 @@ def _power(base: Term, exponent: Term) -> Term:
     if constant and isinstance(base.value, float):
         value = math.pow(base.value, exponent.value)
     else:
-        value = base.value**exponent.value
+        value = combine(base.value, exponent.value)
     factor = exponent.value if constant else 0.0
     return Term(value, tuple(power * factor for power in base.powers), base.without_unit)
 
 
-_OPERATORS: dict[type[ast.AST], Callable[[Term, Term], Term]] = {
-    ast.Add: partial(_sum, operator.add),
-    ast.Sub: partial(_sum, operator.sub),
-    ast.Mult: partial(_product, operator.mul, 1.0),
-    ast.Div: partial(_product, operator.truediv, -1.0),
-    ast.Pow: _power,
+# operator -> its rule of units, and its function of values
+_OPERATORS: dict[type[ast.AST], tuple[Callable[[Combine, Term, Term], Term], Combine]] = {
+    ast.Add: (_sum, operator.add),
+    ast.Sub: (_sum, operator.sub),
+    ast.Mult: (_product, operator.mul),
+    ast.Div: (_product, operator.truediv),
+    ast.Pow: (_power, operator.pow),
 }
 
 
@@ -419,15 +422,6 @@ class Table:
         return Instruction("variable", "x"), Instruction("table", self, 1)
 
 
-_ARITHMETIC: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-}
-
-
 def _instructions(node: ast.AST) -> tuple[Instruction, ...]:
     """Return the evaluation of an expression that `Evaluator` accepts, operands first."""
     match node:
@@ -439,7 +433,7 @@ def _instructions(node: ast.AST) -> tuple[Instruction, ...]:
             negative = isinstance(op, ast.USub)
             return (*_instructions(operand), *([Instruction("Neg", operator.neg, 1)] if negative else []))
         case ast.BinOp(left=left, op=op, right=right):
-            last = Instruction(type(op).__name__, _ARITHMETIC[type(op)], 2)
+            last = Instruction(type(op).__name__, _OPERATORS[type(op)][1], 2)
             return (*_instructions(left), *_instructions(right), last)
         case ast.Call(func=ast.Name(id=name), args=args):
             inner = (instruction for argument in args for instruction in _instructions(argument))

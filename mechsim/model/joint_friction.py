@@ -93,10 +93,7 @@ class Friction:
             at_least_zero(f"viscous friction in joint {self.joint!r}", getattr(self, name))
         for name in ("coulomb", "coulomb_turn"):
             at_least_zero(f"Coulomb friction in joint {self.joint!r}", getattr(self, name))
-        for name in ("coefficient", *RADII):
-            what = f"{name} of friction in joint {self.joint!r}".replace("_", " ")
-            at_least_zero(what, getattr(self, name))
-        for name in ("static", "stribeck", *BRISTLES):
+        for name in ("coefficient", *RADII, "static", "stribeck", *BRISTLES):
             what = f"{name} of friction in joint {self.joint!r}".replace("_", " ")
             at_least_zero(what, getattr(self, name))
         moving = self.coefficient or self.coulomb

@@ -21,6 +21,7 @@ from mechsim.model.links import (
     Link,
     Pose,
     Vector,
+    rows,
     vector,
 )
 from mechsim.model.mechanism import Mechanism
@@ -307,8 +308,7 @@ def _shared(inertia: Inertia, count: int) -> Inertia:
     """Return the inertia of one of `count` equal parts that are rigidly joined."""
     if count == 1:
         return inertia
-    x, y, z = ((a / count, b / count, c / count) for a, b, c in inertia.moments)
-    return Inertia(inertia.mass / count, inertia.centre, (x, y, z))
+    return Inertia(inertia.mass / count, inertia.centre, rows(inertia.matrix / count))
 
 
 # directions count as parallel below this: frames are accurate to 1e-16, real tilts are far larger

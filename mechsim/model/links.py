@@ -93,9 +93,8 @@ def combine(inertias: Iterable[Inertia]) -> Inertia:
     bodies = list(inertias)
     mass = sum(body.mass for body in bodies)
     centre = sum((body.mass * np.asarray(body.centre) for body in bodies), np.zeros(3)) / (mass or 1.0)
-    centre_of_mass = (float(centre[0]), float(centre[1]), float(centre[2]))
-    moments = sum((body.about(centre_of_mass) for body in bodies), np.zeros((3, 3)))
-    return Inertia(mass, centre_of_mass, _rows(moments))
+    moments = sum((body.about(vector(centre)) for body in bodies), np.zeros((3, 3)))
+    return Inertia(mass, vector(centre), rows(moments))
 
 
 def _spread(arm: Array) -> Array:
@@ -103,8 +102,9 @@ def _spread(arm: Array) -> Array:
     return float(arm @ arm) * np.eye(3) - np.outer(arm, arm)
 
 
-def _rows(moments: Array) -> Matrix:
-    a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in moments)
+def rows(moments: Array) -> Matrix:
+    """Return the rows of a matrix (3, 3) as tuples."""
+    a, b, c = (vector(row) for row in moments)
     return a, b, c
 
 
@@ -131,7 +131,7 @@ def _checked(moments: Array) -> Matrix:
             f"{principal}; no body has one above the sum of the others, {least + middle:.6g} kg m2: "
             "check units, axes, and that they are about the centre of mass"
         )
-    return _rows((moments + moments.T) / 2.0)
+    return rows((moments + moments.T) / 2.0)
 
 
 GROUND = "ground"

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.links import Inertia, Matrix, Rods, Vector, combine
+from mechsim.model.links import Inertia, Rods, Vector, combine, rows, vector
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE, number
@@ -182,9 +182,9 @@ def _link_inertia(
     if len(points) == 1:
         axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
         arm = 0.5 * PIN_LENGTH * diameter * axis
-        pin = round_rod(_tuple(points[0] - arm), _tuple(points[0] + arm), density, diameter)
+        pin = round_rod(vector(points[0] - arm), vector(points[0] + arm), density, diameter)
         return replace(pin, rods=Rods(PIN_LENGTH * diameter, diameter, density))
-    rods = [(_tuple(points[i]), _tuple(points[j])) for i, j in _spanning_tree(np.array(points))]
+    rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
     whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
     return replace(whole, rods=Rods(sum(_length(a, b) for a, b in rods), diameter, density))
 
@@ -193,8 +193,7 @@ def _rod(start: Vector, end: Vector, mass: float, along: float, across: float) -
     a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     line = (b - a) / _length(start, end)
     moments = across * np.eye(3) + (along - across) * np.outer(line, line)
-    matrix: Matrix = (_tuple(moments[0]), _tuple(moments[1]), _tuple(moments[2]))
-    return Inertia(mass, _tuple((a + b) / 2.0), matrix)
+    return Inertia(mass, vector((a + b) / 2.0), rows(moments))
 
 
 def _spanning_tree(points: Array) -> list[tuple[int, int]]:
@@ -229,8 +228,3 @@ def _length(start: Vector, end: Vector) -> float:
 def _positive(what: str, value: float, unit: str) -> None:
     if not 0.0 < number(value) < HUGE:
         raise InputError(f"{what} is {value} {unit}; give a finite number above 0, below {HUGE:g}")
-
-
-def _tuple(vector: Array) -> Vector:
-    x, y, z = vector.tolist()
-    return x, y, z

@@ -1,6 +1,6 @@
 """A mechanism from an MJCF file, solved by mechsim's loop equations; MuJoCo can run the file itself."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,9 @@ from mechsim.units import Unit
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
     from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
-    from mechsim.subjects.model_source import LockedAt
+
+# no request of a user
+AS_WRITTEN = Prescription()
 
 
 @dataclass(frozen=True)
@@ -38,43 +40,18 @@ class MujocoSource(ModelSource):
         """Return the mechanism with locks, keyframe and tracked points, without motion laws."""
         if changed:
             raise InputError(f"{self.model}: an MJCF file has no parameters; leave out --set")
-        solver = read_mjcf(
-            with_loops(self.model, prescription.loops),
-            drivers=tuple(prescription.drive),
-            lock=prescription.lock,
-            fix_base=prescription.fix_base,
-            key=prescription.key,
-            track=prescription.track,
-            still=prescription.still,
-            start=prescription.start,
-        )
+        solver = read_mjcf(with_loops(self.model, prescription.loops), prescription)
         return ModelDescription(solver, prescribed=True)
 
 
-def read_mjcf(
-    source: "MujocoInput",
-    *,
-    drivers: Sequence[str] = (),
-    lock: Mapping[str, "LockedAt"] | None = None,
-    fix_base: bool = False,
-    key: str | None = None,
-    track: Sequence[str] = (),
-    still: bool = False,
-    start: Mapping[str, str | float] | None = None,
-) -> KinematicSolver:
+def read_mjcf(source: "MujocoInput", request: Prescription = AS_WRITTEN) -> KinematicSolver:
     """Return the mechanism of a model that MuJoCo compiles.
 
     Args:
         source: path of an MJCF or URDF file, or an object.
-        drivers: driven joints; empty selects those with actuators, else a hinge called crank.
-        lock: joint -> value at which it is locked, as text or in SI; None is its initial value,
-            and a vector the axis of one rotation of a ball, as in `spin_rod`.
-        fix_base: whether bodies with free joints are fixed.
-        key: keyframe to start from; the default is the reference configuration.
-        track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty selects the named sites, or the
-            origins of bodies if there are none.
-        still: whether the model may have no driver, because it is only described.
-        start: joint -> value as text or in SI; the nearest assembly is the initial one.
+        request: its drivers, without their motion laws; none selects the joints with actuators, else a hinge
+            called crank. Locks, keyframe, start, and the points to track in [m]: none selects the named
+            sites, or the origins of bodies if there are none.
 
     Raises:
         InputError: for models that MuJoCo rejects, or an unknown joint, keyframe or point; one line.
@@ -83,20 +60,22 @@ def read_mjcf(
     from mechsim.simulation.mjcf_reader.parsed_file import model_label
     from mechsim.simulation.mjcf_reader.reading import read_model
 
+    def parser(name: str, text: str) -> Callable[[Unit], float]:
+        return lambda unit: units.parse_coordinate(text, unit, f"the locked position of {name}")
+
     values = {
-        name: _parser(name, value) if isinstance(value, str) else value
-        for name, value in (lock or {}).items()
+        name: parser(name, value) if isinstance(value, str) else value for name, value in request.lock.items()
     }
 
     def read(described: "MujocoInput") -> "MjcfModel":
         return read_model(
             described,
-            drivers=drivers,
+            drivers=tuple(request.drive),
             lock=values,
-            fix_base=fix_base,
-            key=key,
-            track=track,
-            describe_only=still,
+            fix_base=request.fix_base,
+            key=request.key,
+            track=request.track,
+            describe_only=request.still,
         )
 
     try:
@@ -110,12 +89,12 @@ def read_mjcf(
         exact = corrected(model.mechanism, MAX_ANGLE)
     # pictures of a scene without gravity have z up, too
     mechanism = exact.mechanism
-    if start:
+    if request.start:
         from mechsim.subjects.requested_start import started_near
 
-        mechanism = started_near(mechanism, start)
+        mechanism = started_near(mechanism, request.start)
     initial = started(model, mechanism)
-    if initial.note or start:
+    if initial.note or request.start:
         model = replace(model, qpos=state_of(model, initial.mechanism))
     mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
     return KinematicSolver(
@@ -132,10 +111,6 @@ def read_mjcf(
         ),
         corrected=(exact.moved, exact.rotated),
     )
-
-
-def _parser(name: str, text: str) -> Callable[[Unit], float]:
-    return lambda unit: units.parse_coordinate(text, unit, f"the locked position of {name}")
 
 
 def _initial_gap(model: "MjcfModel") -> list[str]:

@@ -199,29 +199,22 @@ def _with_prescription(
     )
 
 
-class _NeedsStartError(Exception):
-    """A motion law starts at the initial value of its driver, which is unknown."""
-
-
 def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> KinematicSolver:
     """Return a mechanism whose drivers start at the initial values of their motion laws if these are unknown.
 
-    A value in the file, or a guess of both links of a driver's joint, has priority.
+    A value in the file, or a guess of both links of a driver's joint, has priority. A law of a constant speed
+    starts at the initial value itself, and gives none.
     """
     mechanism = solver.mechanism
     guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.guess_coordinates)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
         if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:
-            with suppress(_NeedsStartError):
-                state = _state(mechanism, name, laws[name], _no_start, solver.written)
-                starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
-    if starts == mechanism.guess_coordinates or not np.isfinite(list(starts.values())).all():
+            state = _state(mechanism, name, laws[name], lambda: np.nan, solver.written)
+            value = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
+            starts |= {name: value} if np.isfinite(value) else {}
+    if starts == mechanism.guess_coordinates:
         return solver
     return solver.with_mechanism(replace(mechanism, guess_coordinates=starts))
-
-
-def _no_start() -> float:
-    raise _NeedsStartError
 
 
 def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: "Start", written: WrittenUnits) -> State:

@@ -122,12 +122,9 @@ def load(
     Raises:
         InputError: for an invalid model or option; names the file, the line, the value and the remedy.
     """
-    return prescribed_solver(
-        open_model(model),
-        set or {},
-        _prescription(drive, lock, fix_base, key, track, duration, still, lock_others, loops, start),
-        assembled=True,
-    )
+    options = {"drive": drive, "lock": lock, "start": start, "fix_base": fix_base, "key": key, "track": track}
+    more = {"lock_others": lock_others, "duration": duration, "still": still, "loops": loops}
+    return prescribed_solver(open_model(model), set or {}, _prescription(options | more), assembled=True)
 
 
 def load_by_motors(
@@ -157,30 +154,17 @@ def load_by_motors(
     return load(source, set, **driven)
 
 
-def _prescription(
-    drive: Mapping[str, str | State] | None = None,
-    lock: Mapping[str, str | float | None] | Iterable[str] = (),
-    fix_base: bool = False,
-    key: str | None = None,
-    track: Iterable[str] = (),
-    duration: str | float | None = None,
-    still: bool = False,
-    lock_others: bool = False,
-    loops: str | None = None,
-    start: Mapping[str, str | float] | None = None,
-) -> Prescription:
-    return Prescription(
-        drive=drive or {},
-        lock=lock if isinstance(lock, Mapping) else dict.fromkeys(lock),
-        fix_base=fix_base,
-        key=key,
-        track=tuple(track),
-        duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
-        still=still,
-        lock_others=lock_others,
-        start=start or {},
-        loops=None if loops is None else fspath(loops),
-    )
+def _prescription(options: Mapping[str, Any]) -> Prescription:
+    """Return the prescription of options of `load`, of which None stands for the default."""
+    given = {name: value for name, value in options.items() if value is not None}
+    if not isinstance(given.get("lock", {}), Mapping):
+        given["lock"] = dict.fromkeys(given["lock"])
+    given["track"] = tuple(given.get("track", ()))
+    if "duration" in given:
+        given["duration"] = units.si(given["duration"], "s", "the duration")
+    if "loops" in given:
+        given["loops"] = fspath(given["loops"])
+    return Prescription(**given)
 
 
 def parametric_model(
@@ -200,7 +184,7 @@ def parametric_model(
     Raises:
         InputError: as `load`.
     """
-    changed, prescription = dict(set or {}), _prescription(**options)
+    changed, prescription = dict(set or {}), _prescription(options)
     source = open_model(model)
     # an object keeps its own guess
     own = isinstance(source, GivenObject)

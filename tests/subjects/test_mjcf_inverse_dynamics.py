@@ -8,6 +8,7 @@ from model_files import model_text
 from mechsim.analytic import dynamics
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.subjects.mjcf_source import read_mjcf
+from mechsim.subjects.model_source import Prescription
 
 ARM = model_text("mjcf_inverse_dynamics_arm.xml")
 NAMES = ("shoulder", "yaw", "rail")
@@ -29,7 +30,7 @@ def waving(middle, reach, rate):
 def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM.format(dry=0.0))
-    solver = read_mjcf(str(file), drivers=NAMES)
+    solver = read_mjcf(str(file), Prescription(drive=dict.fromkeys(NAMES, "0")))
     states = dict(zip(NAMES, map(waving, MIDDLES, REACHES, RATES), strict=True))
     moves = make_motion_laws(solver.mechanism, states, 1.0)
     limit = type(solver)(solver.mechanism, forces=solver.forces, source=solver.source, motion_laws=moves)
@@ -48,7 +49,7 @@ def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
 def test_friction_gravity_and_masses_of_a_file_are_read(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM.format(dry=0.2))
-    solver = read_mjcf(str(file), drivers=NAMES)
+    solver = read_mjcf(str(file), Prescription(drive=dict.fromkeys(NAMES, "0")))
     assert solver.forces is not None
     friction = {item.joint: item for item in solver.forces.friction}
     assert (friction["shoulder"].viscous, friction["shoulder"].coulomb) == (0.3, 0.2)

@@ -10,6 +10,7 @@ from mechsim.model.motion_laws import steady
 from mechsim.report.facts import facts
 from mechsim.simulation.mjcf_reader.reading import states_of
 from mechsim.subjects.mjcf_source import read_mjcf
+from mechsim.subjects.model_source import Prescription
 from mechsim.subjects.readers import load
 from mechsim.subjects.scene_findings import scene_findings
 
@@ -97,7 +98,7 @@ def test_a_spatial_chain_satisfies_the_weld_in_mujoco(file):
 
 
 def test_a_keyframe_is_the_initial_configuration(file):
-    solver = read_mjcf(file(WELDED), key="other")
+    solver = read_mjcf(file(WELDED), Prescription(key="other"))
     assert solver.mechanism.start == 7.3
     assert solver.source.gap > 1e-3
     assert mujoco_residual(solver, solver.solve([7.3, 7.4])) < 1e-13
@@ -105,7 +106,7 @@ def test_a_keyframe_is_the_initial_configuration(file):
 
 def test_a_joint_moves_to_its_locked_value_within_the_assembly_mode(file):
     path = file(five_bar())
-    solver = read_mjcf(path, drivers=["left"], lock={"right": "8.0rad"})
+    solver = read_mjcf(path, Prescription(drive={"left": "0"}, lock={"right": "8.0rad"}))
     assert solver.mechanism.locked == {"right": 8.0}
     motion = solver.solve([2.0, 2.1])
     _, moved = driven(path, {"left": steady(2.0, 0.1), "right": lambda t: (8.0 + 0 * t, 0 * t, 0 * t)})
@@ -114,7 +115,7 @@ def test_a_joint_moves_to_its_locked_value_within_the_assembly_mode(file):
 
 def test_an_unreachable_locked_value_is_rejected_with_the_configuration(file):
     with pytest.raises(AssemblyError, match=r"on the path to the locked position right = 6.28"):
-        read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], lock={"right": 6.28})
+        read_mjcf(file(five_bar(rod=0.078)), Prescription(drive={"left": "0"}, lock={"right": 6.28}))
 
 
 def test_a_floating_base_is_reported_with_its_remedy(file):

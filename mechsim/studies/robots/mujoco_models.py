@@ -51,7 +51,7 @@ def started_model(
         raise InputError(f"{model}: a MuJoCo model has no parameters; leave out --set")
     compiled_model = mujoco_model(model, set, loops)
     try:
-        read = read_mjcf(own, key=key, start=start, still=True).source
+        read = read_mjcf(own, Prescription(key=key, start=start or {}, still=True)).source
     except MechsimError:
         if start:
             raise
@@ -101,7 +101,7 @@ def notes_on(
     own = mujoco_input(model)
     if own is not None:
         with suppress(MechsimError):
-            return [*read_mjcf(own, key=key, start=start, still=True).facts]
+            return [*read_mjcf(own, Prescription(key=key, start=start or {}, still=True)).facts]
         return printed(parse_file(own).unread)
     from mechsim.subjects.readers import load
 
