@@ -156,15 +156,15 @@ def load_by_motors(
 
 def _prescription(options: Mapping[str, Any]) -> Prescription:
     """Return the prescription of options of `load`, of which None stands for the default."""
-    given = {name: value for name, value in options.items() if value is not None}
-    if not isinstance(given.get("lock", {}), Mapping):
-        given["lock"] = dict.fromkeys(given["lock"])
-    given["track"] = tuple(given.get("track", ()))
-    if "duration" in given:
-        given["duration"] = units.si(given["duration"], "s", "the duration")
-    if "loops" in given:
-        given["loops"] = fspath(given["loops"])
-    return Prescription(**given)
+    stated = {name: value for name, value in options.items() if value is not None}
+    if not isinstance(stated.get("lock", {}), Mapping):
+        stated["lock"] = dict.fromkeys(stated["lock"])
+    stated["track"] = tuple(stated.get("track", ()))
+    if "duration" in stated:
+        stated["duration"] = units.si(stated["duration"], "s", "the duration")
+    if "loops" in stated:
+        stated["loops"] = fspath(stated["loops"])
+    return Prescription(**stated)
 
 
 def parametric_model(
