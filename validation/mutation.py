@@ -40,6 +40,8 @@ TESTS: dict[str, list[str]] = tomllib.loads(
 IGNORED = ["-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"]
 # plain asserts: rewriting them needs an import hook that would precede `Mutated`
 OPTIONS = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=no", *IGNORED]
+# those that take long, too
+OPTIONS += ["-m", "not slow and not browser"]
 # imported once for all mutants
 SHARED = ("mujoco", "mujoco.batch", "networkx", "scipy.linalg", "scipy.optimize")
 

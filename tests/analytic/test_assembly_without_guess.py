@@ -50,6 +50,7 @@ def test_a_spherical_four_bar_closes_without_a_guess(seed):
     assert np.abs(loops.linearise(q)[0]).max() < 1e-12
 
 
+@pytest.mark.long
 def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     # a slide that starts out of reach of the rod, and a rod too short for every slide position
     def press(rod: float, start: float) -> Mechanism:

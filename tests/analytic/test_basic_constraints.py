@@ -52,6 +52,7 @@ b = {{ link = "crank" }}
     return "".join(texts)
 
 
+@pytest.mark.long
 def test_peaucelliers_linkage_of_rods_draws_a_straight_line_by_both_methods(tmp_path):
     model = load(tmp_path, peaucellier(0.1, 0.04, 0.045))
     motion = model.solve(t=np.linspace(0.0, 1.0, 73))

@@ -14,6 +14,7 @@ def test_lists_and_arrays_are_valid_vectors(pivot):
     assert linkage == catalog.make("rssr")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
 def test_every_coupler_length_gives_finite_numbers_or_an_error(name):
     link = {"slider_crank": "rod"}.get(name, "coupler")

@@ -117,6 +117,7 @@ def test_friction_by_the_curve_of_stribeck_is_the_same_in_c_and_in_numpy(model):
     assert np.abs(result - constant_friction).max() > 1e-2 * np.abs(expected).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["four_bar", "slider_crank", "rssr", "rrsrr"])
 def test_friction_by_the_load_is_the_same_in_c_and_in_numpy(model):
     joints = ms.load(model).mechanism.joints
@@ -260,6 +261,7 @@ VARYING = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(len(VARYING)))
 def test_forces_over_time_and_state_are_the_same_in_c_and_in_numpy(number):
     for time in (0.0, 0.7):
@@ -467,6 +469,7 @@ def test_the_error_follows_the_tolerance(tolerance):
     assert 1e-4 * tolerance <= error <= 10.0 * tolerance
 
 
+@pytest.mark.long
 def test_without_a_compiler_the_run_is_in_numpy(fresh_library, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     run = run_of()

@@ -21,6 +21,7 @@ def forces(folder, load, closure="force"):
     return contact_forces(model, profile.state, np.linspace(0.0, profile.duration, 61))["contact"]
 
 
+@pytest.mark.long
 def test_a_follower_lifts_off_where_its_weight_is_too_small(tmp_path):
     contact = forces(tmp_path, 0.0)
     # m (h w**2 cos(q) + g) = 0

@@ -160,6 +160,7 @@ HIGH_CURVATURE = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", HIGH_CURVATURE)
 def test_a_path_of_high_curvature_is_resolved(which):
     lengths = HIGH_CURVATURE[which]

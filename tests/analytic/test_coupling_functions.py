@@ -63,6 +63,7 @@ def test_a_free_run_through_a_function_follows_an_independent_integration(tmp_pa
     assert abs(run.motion.joints["out"].value[-1] - law(exact)[0]) < 1e-10
 
 
+@pytest.mark.long
 def test_a_table_is_a_cubic_spline_that_advances_by_its_period(tmp_path):
     q = np.linspace(0.0, 2 * np.pi, 65)
     rows = "\n".join(f"{a!r},{b!r}" for a, b in zip(q.tolist(), (q + 0.2 * np.sin(q)).tolist(), strict=True))
@@ -86,6 +87,7 @@ def test_a_belt_has_the_ratio_of_its_radii(tmp_path, crossed, sign):
     assert ms.validate(model).passed
 
 
+@pytest.mark.long
 def test_a_motion_beyond_the_table_ends_with_an_outcome(tmp_path):
     rows = "\n".join(f"{q},{0.5 * q}" for q in np.linspace(-1.0, 1.0, 9))
     (tmp_path / "t.csv").write_text(f"q,value\n{rows}\n")

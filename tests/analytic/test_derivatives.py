@@ -41,6 +41,7 @@ def exact_derivatives(function, linkage, parameter, angle):
         return [np.array([float(item) for item in value(point, k)]) * SPEED**k for k in range(3)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "point", "function", "parameters"),
     [

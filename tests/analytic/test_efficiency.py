@@ -49,6 +49,7 @@ def test_drive_torques_agree_with_mujoco(tmp_path):
     assert not crosscheck_driven(run, ideal).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [40.0, -40.0])
 def test_a_released_hoist_accelerates_as_by_its_closed_form(tmp_path, rate):
     run = ms.dynamics.run(hoist(tmp_path, 0.8), initial={"pinion.v": rate}, duration=0.02)
@@ -102,6 +103,7 @@ def test_a_hoist_has_a_range_of_holding_torques_and_locks_itself(tmp_path, effic
     assert (low <= 1e-12) == (efficiency <= 0.5)
 
 
+@pytest.mark.long
 def test_a_self_locking_hoist_stays_at_rest(tmp_path):
     run = ms.dynamics.run(hoist(tmp_path, 0.45), initial={"pinion.v": 0.0}, duration=0.1)
     assert run.outcome == "stopped"

@@ -143,6 +143,7 @@ def test_free_asymmetric_body():
     assert np.abs(run.motion.joints["J.x"].value - 0.5 * run.time).max() < ERROR
 
 
+@pytest.mark.long
 def test_a_body_that_starts_near_its_unstable_axis():
     """Euler's equations in the body's frame, integrated by scipy: the motion stays in them by itself."""
     moments, start = np.array([1.0, 2.0, 3.0]), np.array([0.01, 5.0, 0.0])

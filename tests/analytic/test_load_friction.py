@@ -86,6 +86,7 @@ def test_a_slider_crank_with_friction_at_pins_and_slide_needs_the_torque_by_hand
     assert abs(slider_crank_by_hand(1.1, 25.0, -300.0) - backwards) > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_mujoco_finds_the_same_friction_by_its_own_reactions(method, tmp_path):
     model = dynamics.dynamic_model(loaded(SLIDER_CRANK + LOADED, tmp_path))

@@ -107,17 +107,3 @@ def test_actuators_in_place_of_the_drivers_change_no_reaction(study):
     for name, reaction in study.forces.reactions.items():
         np.testing.assert_allclose(result.forces.reactions[name].force, reaction.force, atol=1e-12)
         np.testing.assert_allclose(result.forces.reactions[name].moment, reaction.moment, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("actuators", "message"),
-    [
-        (("left", "wheel"), "wheel"),
-        (("left",), "do not determine"),
-        ({"left": 1.0, "right": 0.0}, "above 0"),
-        ({"left": 1.0, "right": float("nan")}, "above 0"),
-    ],
-)
-def test_invalid_actuators_are_rejected(study, actuators, message):
-    with pytest.raises(ms.InputError, match=message):
-        ms.dynamics.actuator_forces(study, actuators)

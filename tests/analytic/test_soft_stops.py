@@ -211,6 +211,7 @@ def test_rest_on_a_stop(tmp_path):
     assert crosscheck_equilibrium(at_rest, dynamic_model(solver)).passed
 
 
+@pytest.mark.long
 def test_a_stop_distinguishes_angles_that_differ_by_revolutions(tmp_path):
     """The arm rests on its stop, hangs a revolution above it, or balances upright."""
     solver = loaded(

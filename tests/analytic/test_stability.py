@@ -39,6 +39,7 @@ def disc(name, parent, position):
     return link, joint
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("viscous", [300.0, 3e7, 1e-6])
 def test_damping_does_not_hide_an_unstable_root(equilibria, viscous):
     model, (below, above) = equilibria(WEIGHT + f"friction.h = {{ viscous = {viscous} }}")

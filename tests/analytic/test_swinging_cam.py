@@ -59,6 +59,7 @@ def test_a_released_cam_against_lagrange(initial, tmp_path):
     assert verdict.passed, str(verdict)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("angle", ["0deg", "-30deg", "-50deg"])
 def test_a_preloaded_follower_on_a_dwell_stays_at_rest(angle, tmp_path):
     run = ms.dynamics.run(model_of(tmp_path, LIGHT), initial={"cam.q": angle}, duration="1s")

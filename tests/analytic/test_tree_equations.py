@@ -149,6 +149,7 @@ def test_links_on_a_common_link_agree_with_separate_chains():
     assert_close(positions(range(count)), alone, 1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("swap", [0, 1])
 @pytest.mark.parametrize("sides", ["dh", "hd", "d-", "-d"])
 @pytest.mark.parametrize("kind", KINDS)

@@ -53,6 +53,7 @@ def test_a_description_that_closes_far_from_its_guess_is_rejected_without_a_read
         driver_determinacy(as_written)
 
 
+@pytest.mark.long
 def test_a_driver_moves_if_the_loops_do_not_close_at_its_start(tmp_path):
     # the crank's end reaches the circles of rod and rocker where it is 0.15 - 0.08 m from the pivot
     solver = read_mjcf(str(_line(tmp_path, 0.15)))

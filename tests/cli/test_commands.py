@@ -234,6 +234,7 @@ def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
     assert not usual & {"pint", "xarray", "scipy", "matplotlib", "mediapy", "mujoco"}
 
 
+@pytest.mark.long
 def test_a_killed_run_leaves_no_partial_file(tmp_path: Path) -> None:
     code = "from mechsim.cli import main; import sys; sys.argv = ['mechsim', *sys.argv[1:]]; main()"
     words = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", str(tmp_path / "out.csv")]

@@ -39,6 +39,7 @@ def test_parameters_of_the_named_mechanism_are_completed():
     assert completions("broken.toml") == completions("robots/leg.xml") == []
 
 
+@pytest.mark.long
 def test_a_shell_gets_completions():
     environment = os.environ | {
         "_MECHSIM_COMPLETE": "complete_bash",

@@ -88,6 +88,7 @@ def test_a_motor_too_weak_to_start_is_reported(capsys, monkeypatch, tmp_path):
     assert out.startswith("four_bar: cannot start at ")
 
 
+@pytest.mark.long
 def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
     arguments = ("--set", "crank=0.2", "--set", "rocker=0.19", "--set", "coupler=0.05", "--samples", "24")
     code, out, _ = run(capsys, monkeypatch, "four_bar", *arguments, "--json")

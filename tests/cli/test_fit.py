@@ -71,6 +71,7 @@ def test_the_zero_of_the_encoder_is_identified_by_its_name(fit, table):
     assert "coupler" in json.loads(out)["values"]
 
 
+@pytest.mark.long
 def test_masses_and_friction_are_identified_from_torques(fit, mechsim, tmp_path):
     code, out, err = mechsim("export", "slider_crank", "--format", "toml")
     assert code == 0, err

@@ -89,6 +89,7 @@ def test_equilibria_are_listed_with_their_stability(facts):
     assert result["holding"]["crank"] == pytest.approx(0.0035634582077113, rel=1e-9)
 
 
+@pytest.mark.long
 def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
     code, out, _ = command("statics", "--gravity", "0,0,0", "--method", "none")
     assert code == 0
@@ -198,6 +199,7 @@ def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):
     assert "fall: no equilibrium found along the motion; --assemblies N" in " ".join(out.split())
 
 
+@pytest.mark.long
 def test_one_equilibrium_is_counted_in_the_singular(tmp_path, mechsim):
     path = tmp_path / "fall.toml"
     spring = 'forces.joint_springs.slide = { stiffness = 100, rest = "0.1 m" }\n'

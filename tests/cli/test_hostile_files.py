@@ -54,6 +54,7 @@ def test_an_infinite_axis_is_rejected(run, tmp_path, arguments):
     assert not (tmp_path / "out.npz").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arguments", [MAP, SAMPLE])
 def test_parts_that_are_not_read_are_reported(run, arguments):
     code, shown = run(arguments, mimic='<mimic joint="moter" multiplier="2"/>')
@@ -150,6 +151,7 @@ def test_a_hostile_file_ends_in_one_short_line(run, tmp_path, name, text, comman
     assert not (tmp_path / "out.xml").exists()
 
 
+@pytest.mark.long
 def test_a_few_copies_and_the_largest_ratio_are_read(run, tmp_path):
     copies = mjcf(more='<replicate count="20"/><replicate count="9"><geom size="1"/></replicate>' * 60)
     for name, text in (("f.xml", copies), ("f.toml", GEARS.substitute(ratio="-1e6"))):
@@ -200,6 +202,7 @@ def test_a_link_of_a_planar_linkage_without_a_joint_is_rejected(run, tmp_path):
     assert "link lost has no joint" in shown.err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rocker+", "other"])
 def test_two_connects_of_a_hinge_of_a_file_agree_with_mujoco(run, tmp_path, name):
     """mechsim writes a cut hinge as connects `rocker` and `rocker+`, which are joints of the file it reads.

@@ -70,6 +70,7 @@ def test_dynamics_reports_the_masses(mechsim, press):
     assert free["masses"] == reported
 
 
+@pytest.mark.long
 def test_plots_report_masses_only_if_used(mechsim, press):
     arguments = ("plot", press, "-o", "out.svg", "--json", "--kind")
     reported = json.loads(mechsim(*arguments, "quantities", "--of", "torque").out)["masses"]

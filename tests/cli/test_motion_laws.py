@@ -68,6 +68,7 @@ def test_poses_of_a_table_are_solved_row_by_row(mechsim, tmp_path):
     np.testing.assert_allclose(result[:, 4], [0.1, 0.3], atol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "rows"),
     [("five_bar", "left,right\n2.0,1.0\n2.2,1.1\n2.2,1.1\n1.9,0.8\n"), ("rssr", "crank\n1.0\n-0.5\n7.0\n")],

@@ -23,6 +23,7 @@ def test_show_lists_the_findings_of_a_scene(mechsim, file, text, kinds):
         assert 0 <= item["explains"] <= 1
 
 
+@pytest.mark.long
 def test_simulate_prints_findings_before_the_verdict(mechsim, file):
     path = file(COMPLIANT)
     _, out, _ = mechsim("simulate", path, "--drive", "crank=0.3*sin(2*pi*t)")
@@ -65,6 +66,7 @@ WITH_FLOATING_BODY = changed(
 DRIVEN = ("--drive", "crank=0.3*sin(2*pi*t)", "--duration", "0.1")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_an_unconnected_floating_body_does_not_reject_a_run(mechsim, file, tmp_path, method):
     code, out, err = mechsim(

@@ -18,9 +18,8 @@ from model_files import model_text
 
 from mechsim import catalog, files
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError
 from mechsim.model.links import GROUND
-from mechsim.model.mechanism import MAX_NAME_LENGTH, Mechanism
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures import plots
 from mechsim.pictures.view.offline_page import page
@@ -156,16 +155,6 @@ def test_special_names_cause_no_internal_error(mechsim, line):
     assert reported.code == 0, reported.err
     assert "internal error" not in reported.err
     assert "Warning" not in reported.err
-
-
-@pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
-def test_unprintable_and_long_names_are_rejected(name):
-    mechanism = catalog.make("four_bar").mechanism
-    limit = f"give it {MAX_NAME_LENGTH} at most" if len(name) > MAX_NAME_LENGTH else "printable characters"
-    with pytest.raises(InputError, match=limit):
-        replace(mechanism, name=name)
-    with pytest.raises(InputError, match=limit):
-        replace(mechanism, points={name: (GROUND, (0.0, 0.0, 0.0))})
 
 
 @pytest.mark.long

@@ -35,6 +35,7 @@ def test_a_trace_is_reported_and_written_as_a_table(trace, tmp_path):
     assert np.abs(np.hypot(first["A.x"], first["A.y"]) - 0.09).max() <= 1e-16
 
 
+@pytest.mark.long
 def test_json_numbers_components_from_one_and_lists_branch_points(trace):
     code, out, err = trace(*FLAT, "--json")
     assert (code, err) == (0, "")

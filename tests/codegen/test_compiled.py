@@ -145,6 +145,7 @@ def test_angles_outside_the_range_are_rejected(compiled):
             compiled("rssr").solve_drivers([[bad]])
 
 
+@pytest.mark.long
 def test_a_fast_spin_within_a_step_is_resolved(compiled):
     # both cranks end nearly in one point, about which the other links turn
     ends = np.array([[2.452152, 0.477330], [1.564885, 1.936591]])

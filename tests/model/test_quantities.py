@@ -86,6 +86,7 @@ def test_every_study_accepts_every_quantity(name, dimension):
     require_understood(name, dimension)
 
 
+@pytest.mark.long
 def test_every_study_accepts_a_new_quantity(monkeypatch):
     def height(mechanism, point):
         return [Column(f"{point}.y", "m", "point", point)], lambda values: values[0] + 1.0, "m"

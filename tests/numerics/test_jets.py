@@ -47,6 +47,7 @@ def jet(values):
     return Jet(*(np.array([value]) for value in values))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FORMULAS)
 @given(series, series)
 def test_value_and_rates_agree_with_fifty_digits(name, x, y):

@@ -46,6 +46,7 @@ def test_both_methods_reject_unconverged_configurations(name, monkeypatch):
         KinematicSolver(mechanism).solve(angles, speed=1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypatch):
     linkage, chunks = catalog.make(name), ContinuationPath.chunks

@@ -43,6 +43,7 @@ def common_names():
     """Return the names that calls contain: public ones, and some models."""
     pivot = ms.Joint("crank", "revolute", ms.End("ground"), ms.End("bob"))
     four_bar = ms.catalog.make("four_bar").mechanism
+    points = ms.catalog.make("four_bar").positions(np.linspace(0.0, 6.0, 13))["C"]
     nothing = ms.Inertia(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     weight = ms.Forces(gravity=(0.0, -9.81, 0.0))
     return {
@@ -55,6 +56,9 @@ def common_names():
         "replace": replace,
         "file": file,
         "model": model,
+        "loops": tomllib.loads(model_text("urdf_loops_dialects.toml")),
+        # points of the coupler of a four-bar
+        "measured": {"angle": np.linspace(0.0, 6.0, 13), "C.x": points[:, 0], "C.y": points[:, 1]},
         "rssr": ms.catalog.make("rssr"),
         "four_bar": four_bar,
         # without any mass

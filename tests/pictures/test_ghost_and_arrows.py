@@ -121,6 +121,7 @@ def test_a_ghost_of_other_angles_is_rejected(linkage, motion):
         Source(linkage.mechanism, motion, motion).drawn(Look(overlay=4))
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize("camera", ["iso"])
 def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):

@@ -109,6 +109,7 @@ def decoded(path, size):
     return np.frombuffer(raw, np.uint8).reshape(-1, size[1], size[0], 3)
 
 
+@pytest.mark.long
 @draws
 @pytest.mark.parametrize("name", grid(NAMES, ("rssr",)))
 def test_every_link_is_visible_in_every_frame(name):
@@ -138,6 +139,7 @@ def test_no_link_reaches_the_border(name, view):
         assert max(edge.max(), saturation[:, -5:].max()) < 0.2
 
 
+@pytest.mark.long
 @draws
 def test_a_moving_point_is_drawn_at_its_projected_position():
     angles = np.linspace(0.0, 2.0 * np.pi, 9)
@@ -156,6 +158,7 @@ def test_a_moving_point_is_drawn_at_its_projected_position():
         assert np.abs(tip_pixels.mean(0) - end) @ np.abs([direction[1], direction[0]]) < 1.0
 
 
+@pytest.mark.long
 @draws
 def test_labels_and_notes_cover_little_of_the_picture(linkage, motion):
     plain = next(iter(frames_of(linkage.mechanism, motion)))
@@ -164,6 +167,7 @@ def test_labels_and_notes_cover_little_of_the_picture(linkage, motion):
     assert 0.002 < changed.mean() < 0.12
 
 
+@pytest.mark.long
 @draws
 def test_a_still_picture_shows_the_requested_crank_angle(linkage, motion):
     picture_at_angle = render.still(linkage.mechanism, motion, size=SIZE, angle=float(ANGLES[2]), paths=False)
@@ -392,6 +396,7 @@ def test_the_ring_of_a_bushing_lies_about_its_core():
     assert np.ptp([core.frm, core.to], axis=0)[2] > np.ptp([ring.frm, ring.to], axis=0)[2]
 
 
+@pytest.mark.long
 @draws
 def test_springs_are_drawn_between_their_ends():
     model = load("bicycle_suspension", drive={"pivot": "0.1rad*sin(2*pi*t)"})

@@ -77,6 +77,7 @@ def test_a_dossier_states_use_sources_uncertainty_and_hashes(write, tmp_path):
     assert ("outcome", "passed") in entries
 
 
+@pytest.mark.long
 def test_the_dossier_of_a_failing_model_states_the_failure(write, tmp_path):
     assert write("validate", "pump.toml", "--against", "wrong.py:piston", "--dossier", "out") == 1
     data, page = read(tmp_path / "out", "pump")
@@ -100,6 +101,7 @@ def test_a_table_counts_as_validation(write, tmp_path):
     assert "Compared with the table log.csv" in page
 
 
+@pytest.mark.long
 def test_a_dossier_states_that_nothing_is_stated(write, tmp_path):
     assert write("validate", "slider_crank", "--dossier", "out") == 0
     data, page = read(tmp_path / "out", "slider_crank")

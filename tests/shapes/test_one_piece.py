@@ -113,6 +113,7 @@ def test_only_the_lowest_of_stacked_bearings_gets_a_post():
     assert [post.frm[1] < 0.0 for post in under] == [True]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize("number", range(2, 10))
 def test_rods_connect_all_points_of_a_link_without_crossing_them(number, dimensions):

@@ -103,6 +103,7 @@ def test_an_overconstrained_linkage_keeps_its_assembly_mode_over_a_turn() -> Non
     assert np.ptp(states.qpos[:, 0]) > 5.0
 
 
+@pytest.mark.long
 def test_each_sample_is_independent_of_the_others(model: mujoco.MjModel) -> None:
     states = ms.sample(model, 5).qpos
     single = [ms.closed_qpos(model, {"crank": qpos[7]})[0] for qpos in states]
@@ -133,12 +134,11 @@ def test_rounded_dimensions_of_redundant_loops_are_tolerated() -> None:
 
 @pytest.mark.long
 def test_rounded_dimensions_do_not_excuse_an_unreachable_position() -> None:
-    for text in (ROUNDED, FOUR_BAR):
-        model = mujoco.MjModel.from_xml_string(text.replace('range="-40 40" limited="true"', ""))
-        # distances of the joints: 0.03, 0.0632, 0.0632 and 0.0806 m; moved off, the loop cannot close
-        model.body_pos[model.jnt_bodyid[3]] = [0.17, 0.0, 0.0]
-        with pytest.raises(ms.errors.AssemblyError):
-            ms.closed_qpos(model, {"crank": 0.1})
+    model = mujoco.MjModel.from_xml_string(ROUNDED.replace('range="-40 40" limited="true"', ""))
+    # distances of the joints: 0.03, 0.0632, 0.0632 and 0.0806 m; moved off, the loop cannot close
+    model.body_pos[model.jnt_bodyid[3]] = [0.17, 0.0, 0.0]
+    with pytest.raises(ms.errors.AssemblyError):
+        ms.closed_qpos(model, {"crank": 0.1})
 
 
 def test_a_reference_outside_the_limits_is_replaced() -> None:
@@ -246,6 +246,7 @@ def test_free_joints_of_loops_are_drawn_unless_they_are_fixed() -> None:
         ms.sample(mujoco.MjModel.from_xml_string(FOUR_BAR.replace("<freejoint/>", "")), 5, fix_base=True)
 
 
+@pytest.mark.long
 def test_loops_without_a_common_joint_are_rejected_one_by_one() -> None:
     # each loop alone accepts a half or a quarter of the draws: the rocker's limits exclude the others
     model = parallelograms(5)
@@ -271,6 +272,7 @@ def test_other_joints_can_be_locked() -> None:
         ms.sample(mujoco.MjModel.from_xml_string(FREE_LINKS), 5, lock_others=True)
 
 
+@pytest.mark.long
 def test_an_open_file_starts_in_the_assembly_of_every_command(tmp_path) -> None:
     text = FOUR_BAR.replace('site name="a" pos=".06 .02 0"', 'site name="a" pos=".02 .06 0"')
     path = tmp_path / "open.xml"

@@ -110,6 +110,7 @@ def test_a_joint_beyond_its_range_is_rejected_with_the_time():
         simulate(text, motion_laws=moves)
 
 
+@pytest.mark.long
 def test_a_wrong_motion_law_fails_the_check_of_its_driver():
     mechanism, moves = CASES["five-bar"]()
     other = make_motion_laws(mechanism, ARMS | {"right": sinusoidal(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
@@ -119,6 +120,7 @@ def test_a_wrong_motion_law_fails_the_check_of_its_driver():
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: right"]
 
 
+@pytest.mark.long
 def test_a_wrong_dimension_fails_the_check():
     mechanism, moves = CASES["five-bar"]()
     joints = tuple(

@@ -20,6 +20,7 @@ def test_coupled_wheels_turn_equally_through_multiple_change_points(wheels, lag)
     assert_equal_rotation(mechanism, run.motion, BOUNDS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wheels", [3, 4])
 @pytest.mark.parametrize("samples", [17, 64, 73])
 def test_change_points_are_found_for_any_number_of_samples(wheels, samples):

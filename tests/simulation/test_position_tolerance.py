@@ -40,6 +40,7 @@ def error(linkage, motion) -> float:
     )
 
 
+@pytest.mark.long
 def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
     # at this tolerance one turn of a Bennett linkage needs about 50 steps;
     # over ten turns such steps end in another assembly mode

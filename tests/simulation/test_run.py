@@ -46,6 +46,7 @@ def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str
 # poses
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
 def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: Mechanism) -> None:
     exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, REVOLUTION, 25), 10.0)
@@ -344,6 +345,7 @@ def test_both_methods_continue_smoothly_through_a_flat_sarrus_linkage() -> None:
         np.testing.assert_allclose(height.velocity[:, 2], 0.08 * speed * np.cos(motion.angle), atol=1e-11)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("compliance", [1e-8, 1e-10, 1e-12])
 def test_the_crank_speed_is_independent_of_the_loop_compliance(compliance):
     """Measured 1.3e-11, 1.3e-11 and 4.9e-13; with the same flywheel for all, 1.3e-11, 1.3e-9 and 4.9e-9."""

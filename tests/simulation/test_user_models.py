@@ -100,16 +100,10 @@ def test_a_run_starts_at_the_requested_keyframe():
     )
 
 
-def test_unknown_names_are_rejected():
+def test_a_motion_law_of_an_unknown_joint_is_rejected():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
-    with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, A, D, C\)"):
-        swept(text, speed=1.0)
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to drive \(it has motor, A, D, C\)"):
         simulate(text, motion_laws=laws_by_name({"X": steady(0.0, 1.0)}, 1.0))
-    with pytest.raises(InputError, match="--lock names 'X'"):
-        swept(text, drive="motor", speed=1.0, lock={"X": 0.0})
-    with pytest.raises(InputError, match=r"there is no keyframe 'behind'; there are ahead"):
-        swept(text, drive="motor", speed=1.0, key="behind")
 
 
 def test_an_unreachable_lock_position_is_rejected():

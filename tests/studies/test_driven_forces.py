@@ -102,6 +102,7 @@ def test_drive_power_balances_energy_rates_and_losses(case):
     assert result.power_in[4] == pytest.approx(power, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_both_methods_for_drive_forces_agree(case):
     study = study_of(CASES[case]())
@@ -151,6 +152,7 @@ def test_mujoco_agrees_and_a_heavier_link_is_rejected(case, method):
     assert not crosscheck_driven(run, wrong).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", list(NONLINEAR)[:1])
 def test_forces_without_the_velocity_product_of_a_coupling_are_rejected(case, monkeypatch):
     model = NONLINEAR[case]()

@@ -153,6 +153,7 @@ def test_the_error_of_mujoco_is_of_fourth_order_in_the_step():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
 
 
+@pytest.mark.long
 def test_mujoco_agrees_on_equilibria_and_their_stability():
     model = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
     result = ms.dynamics.equilibria(model, starts=25)
@@ -176,6 +177,7 @@ def test_a_seeded_wrong_equilibrium_is_rejected():
     assert "eigenvalue" in crosscheck_equilibrium(swapped, model).reason
 
 
+@pytest.mark.long
 def test_dry_friction_does_not_hide_a_wrong_equilibrium():
     forces = Forces(gravity=WEIGHT.gravity, friction=(Friction("crank", 1e-4, 0.5),))
     model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)

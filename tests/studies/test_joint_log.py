@@ -74,6 +74,7 @@ def json_log(path, topics=("/joint_states",), text=None):
         writer.finish()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stamped", [True, False])
 def test_a_ros_log_is_a_table_of_joint_states(tmp_path, stamped):
     ros_log(tmp_path / "run.mcap", stamped=stamped)
@@ -105,6 +106,7 @@ def fleeting(i):
     return ("pivot",) if i < 7 else ("elbow",)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("write", "message"),
     [

@@ -52,6 +52,7 @@ def test_reported_polynomial_errors_hold_between_grid_points(four_bar):
     assert torque == pytest.approx(fit.torque_error[0], rel=0.3)
 
 
+@pytest.mark.long
 def test_loop_equations_accept_a_map_and_reject_a_wrong_one(four_bar):
     assert compare_with_loop_equations(four_bar, "four_bar").passed
     for name in ("output", "jacobian", "jacobian_derivative"):
@@ -131,6 +132,7 @@ def test_rates_of_rotation_vectors_equal_finite_differences():
 TWO_MOTORS = model_text("joint_map_two_motors.xml")
 
 
+@pytest.mark.long
 def test_holding_torques_equal_energy_derivatives():
     model = mujoco.MjModel.from_xml_string(TWO_MOTORS)
     table = ms.joint_map(model, ["left", "right"], ["tip.x", "tip.y"], points=7)

@@ -261,6 +261,7 @@ def test_bearing_forces_of_redundant_planets_are_undetermined():
     assert not study.forces.undetermined
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", ["train 2", "linkage 22"])
 def test_links_are_in_equilibrium_in_stepped_runs(case):
     case_data = CASES[case]()

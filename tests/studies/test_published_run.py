@@ -98,6 +98,7 @@ def test_a_given_tolerance_applies_to_the_settings_of_the_file(tmp_path):
     assert "timestep 1 ms" in rows["as published: loop residual"].reason
 
 
+@pytest.mark.long
 def test_a_file_that_diverges_with_its_own_settings_fails(tmp_path):
     path = scene(tmp_path, ('kp="10"', 'kp="1e7"'))
     case = case_of(loaded(path), tolerance=1e-3)

@@ -14,6 +14,7 @@ def table_of(name):
     return reference_data.read(reference_data.folder(), name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rssr", "five_bar"])
 def test_all_methods_agree_with_the_data(name):
     table = table_of(name)
@@ -38,6 +39,7 @@ def test_a_relative_error_of_1e_10_fails_on_every_method():
     assert failed == {("loop equations", "acceleration"), ("pose", "acceleration")}
 
 
+@pytest.mark.long
 def test_a_wrong_force_or_length_fails():
     table = table_of("slider_crank")
     heavy = replace(table, drive_forces={"crank": table.drive_forces["crank"] * (1.0 + 1e-9)})

@@ -32,6 +32,7 @@ def test_the_screw_starts_at_the_guess_of_the_links_that_it_moves(lift):
     )
 
 
+@pytest.mark.long
 def test_a_crank_of_a_screw_does_not_return_after_a_revolution():
     lift = ms.load(str(LIFT))
     start = np.deg2rad(37440.0)
@@ -41,6 +42,7 @@ def test_a_crank_of_a_screw_does_not_return_after_a_revolution():
         lift.solve([start - 40.0 * np.pi])
 
 
+@pytest.mark.long
 def test_assemblies_keep_the_nut_where_it_is_threaded():
     # bars up or down, and the table towards either side of them
     every = ms.assemblies(str(LIFT), np.deg2rad(37440.0)).points

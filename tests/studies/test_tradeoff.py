@@ -65,6 +65,7 @@ def test_rk4_has_fourth_order_and_the_defaults_first(tradeoff):
     assert compliant.order < 1.5
 
 
+@pytest.mark.long
 def test_the_recommended_point_is_the_cheapest_within_its_bound(tradeoff):
     for limit in BOUNDS:
         point = tradeoff.choice(limit)
@@ -75,6 +76,7 @@ def test_the_recommended_point_is_the_cheapest_within_its_bound(tradeoff):
         assert point.cost == tradeoff.costs[tradeoff.errors() <= limit].min()
 
 
+@pytest.mark.long
 def test_a_diverged_motion_satisfies_no_bound(tradeoff):
     without_motion = tradeoff.subject.errors(None)
     assert all(error == np.inf for error in without_motion.values())

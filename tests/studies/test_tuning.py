@@ -43,6 +43,7 @@ def test_settings_of_a_model_round_trip_without_changes(controlled):
     assert controlled.model.opt.timestep == 0.002  # only the copy is changed
 
 
+@pytest.mark.long
 def test_a_search_ends_with_its_budget(driven):
     result = tuned(replace(driven, duration=0.05), 1e-14, budget=1e-3)
     assert result.chosen is None

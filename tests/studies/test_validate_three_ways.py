@@ -47,6 +47,7 @@ def wrong_mechanism(name):
     return ms.load(name, MECHANISMS[name][2]).mechanism
 
 
+@pytest.mark.long
 def test_a_wrong_formula_is_rejected(name, tmp_path):
     file, (right, wrong), _ = MECHANISMS[name]
     path = shutil.copy((MODELS / file).with_name(f"{name}.toml"), tmp_path)

@@ -46,6 +46,7 @@ def test_varying_loads_are_in_si(made):
     assert [item.over for item in forces.load_profiles] == ["time", "angle", "time", "angle"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_both_methods_agree_under_varying_loads(made, method):
     solver = made(VARYING)

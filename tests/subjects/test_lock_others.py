@@ -45,6 +45,7 @@ def test_explicit_locks_keep_their_values(robot):
     assert solver.mechanism.locked["elbow"] == 0.5
 
 
+@pytest.mark.long
 def test_in_a_loop_only_the_necessary_joints_are_locked(robot):
     solver = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
     assert "elbow" in solver.mechanism.locked
@@ -102,6 +103,7 @@ ROD = """<mujoco><worldbody>
 </worldbody><equality><connect body1="rod" body2="rocker" anchor=".3 .2 .1"/></equality></mujoco>"""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rod.xml", "rod.toml"])
 def test_of_a_rod_between_balls_only_the_spin_is_locked(tmp_path, name):
     path = tmp_path / "rod.xml"

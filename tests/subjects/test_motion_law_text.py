@@ -77,6 +77,7 @@ def expressions(draw, depth=3):
     return draw(st.sampled_from(patterns)).format(item)
 
 
+@pytest.mark.long
 @given(expressions())
 @settings(deadline=None, max_examples=60)
 def test_rates_of_an_expression_are_exact(text):

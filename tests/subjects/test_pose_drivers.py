@@ -68,6 +68,7 @@ def test_a_platform_has_the_prescribed_pose_and_leg_lengths():
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "laws"), grid([("five_bar", CIRCLE), ("stewart_gough", TILT)], ("five_bar",))
 )

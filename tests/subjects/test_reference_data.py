@@ -71,6 +71,7 @@ def test_the_data_cover_catalogue_gallery_and_benchmarks():
     assert sum(item["bytes"] for item in reported["resources"]) < 15e6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_mjcf_and_sdf_have_the_points_and_masses_of_the_table(name):
     folder, row = WHERE / "models" / "driven", rows(name)[7]

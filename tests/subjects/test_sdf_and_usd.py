@@ -37,6 +37,7 @@ def mobility(solver):
     return dof_count(solver.mechanism, sample).mobility
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_written_mechanism_has_the_same_mobility_and_points(name, format, tmp_path):
@@ -52,6 +53,7 @@ def test_a_written_mechanism_has_the_same_mobility_and_points(name, format, tmp_
         assert np.abs(pose.rotation - poses[link].rotation).max() <= 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize(
     "name",

@@ -197,6 +197,6 @@ def test_a_window_on_a_rail_of_the_frame_stops_at_its_end():
 
 @pytest.mark.long
 def test_the_parts_of_a_joint_on_a_curve_are_not_shown(mechsim):
-    for command in ("show", "dynamics inverse", "solve"):
+    for command in ("dynamics inverse", "solve"):
         result = mechsim(*command.split(), str(FOLDER / "window_regulator.toml"))
         assert (result.code, "~" in result.out) == (0, False)

@@ -48,6 +48,7 @@ def test_a_wrong_formula_fails_with_verdict_cause_and_command():
     assert max(len(line) for line in lines if line is not command) <= 78
 
 
+@pytest.mark.long
 def test_a_test_run_records_junit_properties():
     reported = {}
     test = RunningTest("tests/x.py::test_x", reported.__setitem__)

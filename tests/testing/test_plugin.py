@@ -81,6 +81,7 @@ def test_toml_files_are_collected_if_configured_or_named(project):
     assert collected(project, "models/pump.toml") == (0, ["models/pump.toml::formula"])
 
 
+@pytest.mark.long
 def test_other_toml_files_are_ignored(tmp_path):
     (tmp_path / "pytest.ini").write_text("[pytest]\nmechsim_collect = *.toml\n")
     (tmp_path / "pyproject.toml").write_text("[joints]\n[formula]\n")

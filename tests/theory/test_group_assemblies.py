@@ -109,6 +109,7 @@ def test_a_rhombus_on_one_pin_is_a_family():
     assert "bar_a, bar_b" in every.families[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["delta_robot", "rack_steering"])
 def test_without_closed_forms_the_list_is_not_called_complete(name):
     every = ms.assemblies(name, 0.0)

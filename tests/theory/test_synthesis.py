@@ -118,6 +118,7 @@ def measured_deviation(frame, frame_angle, rocker, length):
     return float(worst)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
 def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):

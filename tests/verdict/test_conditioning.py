@@ -25,6 +25,7 @@ def near_a_dead_centre(name, fraction):
     return linkage, swing(0.5 * (low + high), 0.5 * fraction * (high - low), 20.0)
 
 
+@pytest.mark.long
 def test_validation_reduces_steps_until_the_run_converges(monkeypatch):
     # a random warp knitter near a dead centre fails with 1000 steps per revolution, this one with four
     monkeypatch.setattr(validate, "STEPS", 4)

@@ -96,6 +96,7 @@ def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(rotated: str, route: 
     assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "points"), [("rssr", ("P2", "P3")), ("four_bar", ("A", "B")), ("four_bar", ("B", "C"))]
 )
@@ -186,22 +187,3 @@ def test_an_invalid_motion_is_rejected(points: dict[str, str], sentence: str) ->
     with pytest.raises(InputError, match=sentence) as reported:
         crosscheck(motion, exact)
     assert "\n" not in str(reported.value)
-
-
-def test_a_function_is_compared_by_validate() -> None:
-    with pytest.raises(InputError, match=r"ms.validate\(model, against=FUNCTION\) compares a formula"):
-        crosscheck(revolution_of("four_bar"), LINKAGES["four_bar"].positions)
-
-
-def test_a_missing_point_is_rejected_by_name() -> None:
-    linkage = LINKAGES["rssr"]
-    motion = revolution_of("rssr")
-    with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):
-        crosscheck(replace(motion, points={"P2": motion.points["P2"]}), linkage)
-
-
-def test_a_motion_without_solver_at_other_angles_is_rejected() -> None:
-    linkage = LINKAGES["rssr"]
-    exact = replace(linkage.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
-    with pytest.raises(InputError, match="has other crank angles"):
-        crosscheck(revolution_of("rssr"), exact)

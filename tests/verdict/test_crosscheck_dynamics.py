@@ -101,6 +101,7 @@ def test_every_wrong_model_fails_in_a_free_run():
         assert crosscheck_forward(run, wrong(model), AT_REST).outcome == "failed", wrong
 
 
+@pytest.mark.long
 def test_free_runs_under_an_angle_dependent_load_agree():
     forces = Forces(
         motor=TorqueSpeedLine(5.0, 100.0),

@@ -229,6 +229,7 @@ def test_links_too_light_for_mujoco_are_rejected():
     np.testing.assert_allclose(torques[0], 1e15 * torques[1], rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
 def test_stepped_torques_near_dead_centres_pass(name):
     solver = load(name)
@@ -239,6 +240,7 @@ def test_stepped_torques_near_dead_centres_pass(name):
     assert verdict.passed, verdict
 
 
+@pytest.mark.long
 def test_free_runs_with_redundant_loops_pass():
     bennett = dynamics.dynamic_model(catalog.make("bennett"), Forces())
     for model, turns in ((three_armed((0.05, 0.03)), 0.2), (bennett, 0.1)):

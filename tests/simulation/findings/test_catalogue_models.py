@@ -10,6 +10,7 @@ from mechsim.simulation.mjcf_reader.reading import read_model
 MODELS = Path(__file__).parents[3] / "models"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["bennett", "four_bar", "looper", "rrsrr", "rssr", "slider_crank"])
 def test_catalogue_models_have_only_redundant_constraint_findings(name):
     result = findings(read_model(str(MODELS / f"{name}.xml")))

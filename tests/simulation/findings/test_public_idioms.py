@@ -72,6 +72,7 @@ def test_a_planar_loop_in_any_orientation_gives_only_a_note(tilt):
     assert redundant.severity == "note"
 
 
+@pytest.mark.long
 def test_an_unsupported_equality_gives_a_note():
     tendons = (
         '<tendon><spatial name="t"><site site="a"/><site site="b"/></spatial></tendon>'

@@ -172,6 +172,7 @@ def pendulum(case, factor):
     return text.replace("</option/>", "</option>")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", LIMITS)
 def test_the_limit_of_a_damper_or_spring_is_that_of_the_integrator(case, tmp_path):
     path = tmp_path / "arm.xml"
@@ -203,6 +204,7 @@ def test_implicit_damping_is_stable_at_any_size(tmp_path):
     assert "MS114" not in faults(tmp_path, text.replace("RK4", "implicitfast"))
 
 
+@pytest.mark.long
 def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, mechsim):
     files = {"negative": four_bar(a_joint='damping="-.5"'), "broken": "<mujoco><nothing/></mujoco>"}
     files["sound"] = four_bar(crank_joint='range="1 2"')

@@ -55,6 +55,7 @@ def test_velocities_accelerations_and_forces_are_compared_by_name():
     assert [check.unit for check in result.checks] == ["m/s", "m/s2", "m/s", "N m", "N", "rad", "rad/s"]
 
 
+@pytest.mark.long
 def test_a_formula_of_several_drivers_gets_them_by_name():
     def tool(drivers):
         left_elbow = -0.03 + 0.06 * np.exp(1j * drivers["left"])

@@ -95,6 +95,7 @@ def test_jacobians_over_a_box_enclose_those_of_its_points():
             assert (np.abs(wide.mid - thin.mid) <= wide.rad + thin.rad).all()
 
 
+@pytest.mark.long
 def test_tolerances_that_reach_a_singularity_are_not_certified():
     # crank + ground = coupler + rocker at the end of this tolerance
     assert ms.certify("four_bar", within={"crank": "0.02mm"}).certified
@@ -230,6 +231,7 @@ def test_a_turn_near_a_singularity_is_certified_and_one_through_it_is_not(tmp_pa
         assert ms.certify(tmp_path / "rssr.toml").certified == (rod > nearest), rod
 
 
+@pytest.mark.long
 def test_a_driver_at_rest_within_a_motion_is_certified():
     # change of sign of the rate, and rest before and after the motion to within 1e-170
     drive = {"crank": "0.6 + 1.1*exp(-((t - 0.3123456789)/0.01)**2)"}
