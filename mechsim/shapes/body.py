@@ -271,8 +271,11 @@ class Canvas:
         self.out: dict[str, list[Shape]] = {GROUND: [], **{link.name: [] for link in mechanism.links}}
 
     def add(self, link: str, kind: Kind, frm: ArrayLike, to: ArrayLike, radius: float, rgba: Rgba) -> None:
-        """Draw a round solid between two points of a link."""
-        self.out[link].append(Shape(kind, vector(frm), vector(to), (radius,), rgba))
+        """Draw a round solid between two points of a link, once."""
+        shape = Shape(kind, vector(frm), vector(to), (radius,), rgba)
+        # joints of a link at one point have the same eye
+        if link == GROUND or shape not in self.out[link]:
+            self.out[link].append(shape)
 
     def disc(self, link: str, end: End, low: float, high: float, radius: float, rgba: Rgba) -> None:
         """Draw a cylinder about a joint's axis, between two heights over the joint's point."""

@@ -23,7 +23,7 @@ from mechsim.pictures.render.drawn_model import DrawnModel, drawn_as
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import camera
-from mechsim.shapes.body import link_colours
+from mechsim.shapes.body import link_colours, point_colours
 from mechsim.shapes.shape import PALETTE
 
 NAMES = list(catalog.MECHANISMS)
@@ -420,3 +420,18 @@ def test_springs_are_drawn_between_their_ends():
     assert share.max() < 1.1
     assert np.ptp(share) > 0.7
     assert share_of_dark_pixels(replace(look, forces=None)).size < 0.1 * share.size
+
+
+@draws
+def test_a_path_that_returns_on_itself_keeps_the_colour_of_its_point():
+    model = load("klann")
+    motion = model.solve(np.linspace(0.0, 2.0 * np.pi, 181))
+    look = Look(size=SIZE, labels=False, notes=False, paths="whole")
+    image = next(render.frames(model.mechanism, motion, look)).astype(float)
+    view = Source(model.mechanism, motion).drawn(look).camera
+    # E swings on a rocker: it passes each point twice
+    path = np.array([view.pixel(point) for point in motion.points["E"].position])
+    x, y = np.rint(path).astype(int).T
+    shown = np.array([image[y + dy, x + dx] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
+    own = 255.0 * 0.9 * np.array(point_colours(model.mechanism)["E"][:3])
+    assert np.median(np.abs(shown - own).max(-1).min(0)) < 30.0

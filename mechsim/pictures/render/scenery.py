@@ -105,6 +105,9 @@ def arrows(kind: str, vectors: Mapping[str, Array], extent: float) -> Arrows:
 
 
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
+# share of the light that rods of a path reflect; they emit their colour: MuJoCo adds the light of the lamp of
+# all rods at a pixel, so that a path that returns on itself would have another colour
+REFLECTED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,12 +134,12 @@ class Chain:
         geoms, ngeom = scene.geoms, scene.ngeom
         stop = len(self) if stop is None else min(stop, len(self))
         stop = min(stop, start + scene.maxgeom - ngeom)
+        dark = self.rgba * np.array([REFLECTED] * 3 + [1.0], dtype=np.float32)
         for i in range(start, stop):
             geom = geoms[ngeom]
-            mujoco.mjv_initGeom(geom, BOX, self.sizes[i], self.centres[i], self.frames[i], self.rgba)
-            # some emission, so that a path looks the same in light and shadow; decoration
-            # casts no shadow
-            geom.specular, geom.emission, geom.category = 0.0, 0.15, DECOR
+            mujoco.mjv_initGeom(geom, BOX, self.sizes[i], self.centres[i], self.frames[i], dark)
+            # decoration casts no shadow
+            geom.specular, geom.emission, geom.category = 0.0, 1.0 / REFLECTED, DECOR
             ngeom += 1
         scene.ngeom = ngeom
 
