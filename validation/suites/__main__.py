@@ -1,28 +1,22 @@
 """Solve the suites of others: python -m validation.suites [SUITE ...] [--source FOLDER] [--json].
 
 FOLDER holds git clones by their names, such as FOLDER/chrono. Without it, the figures kept here are compared.
-If all clones are there, docs/explanation/outside_evidence.md is written. Exit code 1 if a difference is not
-explained or mechsim is wrong.
+If their clones are there, the suites' sections of docs/explanation/outside_evidence.md are written. Exit code
+1 if a difference is not explained or mechsim is wrong.
 """
 
 import argparse
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 
-from validation.suites import chrono, exudyn, gepetto, menagerie, modelica, page, pmks, squeezer, textbooks
+from validation.suites import page
 from validation.suites.case import Case, Clone, Suite
 
-SUITES = {
-    "chrono": chrono.SUITE,
-    "pmks": pmks.SUITE,
-    "textbooks": textbooks.SUITE,
-    "modelica": modelica.SUITE,
-    "exudyn": exudyn.SUITE,
-    "squeezer": squeezer.SUITE,
-    "gepetto": gepetto.SUITE,
-    "menagerie": menagerie.SUITE,
-}
+ENGINES = ("chrono", "exudyn", "loops", "modelica", "menagerie", "kamino", "gepetto")
+NAMES = (*ENGINES, "pmks", "textbooks", "squeezer")
+SUITES: dict[str, Suite] = {name: import_module(f"validation.suites.{name}").SUITE for name in NAMES}
 WRONG = ("mechsim wrong", "unexplained")
 
 
@@ -58,7 +52,7 @@ def main(words: list[str] | None = None) -> int:
     else:
         for name, cases in results.items():
             show(chosen[name], cases)
-    if not options.suites and all(clones[name] for name, suite in SUITES.items() if suite.repository):
+    if options.source and all(clones[name] for name, suite in chosen.items() if suite.repository):
         page.write(SUITES, clones, results)
     return int(any(case.outcome in WRONG for cases in results.values() for case in cases))
 

@@ -15,7 +15,6 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import cut
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.reading import states_of
 from validation.published.table import Row
@@ -26,10 +25,12 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 INSTANTS, EVERY, DURATION = 1000, 25, 1e6
 # swing of a motor in [rad], or relative to the size
 SWING = 0.1
-# characters of a sentence
-MAX_REASON = 160
 # rods between balls, with unequal moments across their lines
 SPINS = {"agility_cassie/cassie": dict.fromkeys(("left-achilles-rod", "right-achilles-rod"), (1.0, 0.0, 0.0))}
+FAULTS = {
+    "softfoot": "it has no motor",
+    "toddlerbot": "its rounded numbers contradict: 1.1e-8 m remain in MuJoCo by least squares of all joints",
+}
 TOLERANCE = 1e-9
 REASON = "relative to the size and to the largest force; loops close to 1e-12 of a link"
 
@@ -127,12 +128,11 @@ def compared(name: str, text: str) -> Case:
 
 def cases(clone: Clone | None) -> Iterator[Case]:
     for path in clone.paths(".") if clone else ():
-        text = clone.read(path) if path.endswith(".xml") else ""
-        if "<connect" in text or "<weld" in text:
-            try:
-                yield compared(path.removesuffix(".xml"), text)
-            except ms.MechsimError as error:
-                yield Case(path.removesuffix(".xml"), rejected=cut(str(error), MAX_REASON))
+        name, text = path.removesuffix(".xml"), clone.read(path) if path.endswith(".xml") else ""
+        if ("<connect" not in text and "<weld" not in text) or "mjx" in name or name.endswith("_pos"):
+            continue
+        fault = next((reason for word, reason in FAULTS.items() if word in name), "")
+        yield Case(name, rejected=fault) if fault else compared(name, text)
 
 
 SUITE = Suite(

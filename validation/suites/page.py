@@ -12,17 +12,17 @@ from validation.suites.case import Case, Clone, Suite
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "outside_evidence.md"
 HEAD = """# Evidence from others
 
-Others have published answers. `python -m validation.suites --source FOLDER` solves their cases and writes
-this page; FOLDER holds git clones. Without it, kept figures are compared. The
-tables list cases that are not right, and the right one nearest to its tolerance.
+Others have published answers. `python -m validation.suites [SUITE] --source FOLDER` solves their cases and
+writes the sections of this page; FOLDER holds git clones. Without it, kept figures are compared. The tables
+list cases that are not right, and the right one nearest to its tolerance.
 
-Written on {day} with mechsim {mechsim}, numpy {numpy}.
+Last written on {day} with mechsim {mechsim}, numpy {numpy}.
 
 | suite | tried | right | source wrong | mechsim wrong | rejected | unexplained |
 |---|---|---|---|---|---|---|
 """
 # cases of a suite of which every one has a row
-FEW = 4
+FEW = 6
 COUNTED = ("right", "source wrong", "mechsim wrong", "rejected", "unexplained")
 
 
@@ -68,12 +68,23 @@ def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
     return "".join(lines) + "\nTolerances: " + "; ".join(reasons) + ".\n"
 
 
+def kept(suite: Suite, page: str) -> tuple[str, str]:
+    """Return the count and the section of a suite that was not run now."""
+    head, _, rest = page.partition(f"\n## {suite.title}\n")
+    count = next((line for line in head.splitlines(True) if line.startswith(f"| {suite.title} |")), "")
+    return count, f"\n## {suite.title}\n{rest.partition(chr(10) + '## ')[0].rstrip()}\n" if rest else ""
+
+
 def write(
     suites: Mapping[str, Suite], clones: Mapping[str, Clone | None], results: Mapping[str, Sequence[Case]]
 ) -> None:
-    """Write the page."""
-    day = date.today().strftime("%d %B %Y")
+    """Write the page; sections of suites without results stay."""
+    day, old = date.today().strftime("%d %B %Y"), PAGE.read_text()
+    tables = [
+        (counts(suite, results[name]), section(suite, clones[name], results[name]))
+        if name in results
+        else kept(suite, old)
+        for name, suite in suites.items()
+    ]
     text = HEAD.format(day=day, mechsim=version("mechsim"), numpy=version("numpy"))
-    text += "".join(counts(suites[name], cases) for name, cases in results.items())
-    text += "".join(section(suites[name], clones[name], cases) for name, cases in results.items())
-    PAGE.write_text(text)
+    PAGE.write_text(text + "".join(count for count, _ in tables) + "".join(text for _, text in tables))

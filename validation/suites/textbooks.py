@@ -6,6 +6,7 @@ Norton, Design of Machinery; Shigley, Mechanical Engineering Design; Khurmi & Gu
 
 from collections.abc import Callable, Iterator, Mapping
 from decimal import Decimal
+from functools import partial
 
 import numpy as np
 
@@ -275,13 +276,17 @@ def value(result: Result, quantity: str) -> float:
     return float(np.hypot(*vector) if kind in "va" else vector["xy".index(kind[-1])])
 
 
+def printed_row(answer: str, value_of: Callable[[str], float]) -> Row:
+    """Return the row of "QUANTITY=PRINTED"."""
+    quantity, printed = answer.split("=")
+    last = 0.5 * 10.0 ** int(Decimal(printed).as_tuple().exponent)
+    return Row(answer, abs(value_of(quantity) - float(printed)), last, "", REASON)
+
+
 def cases(_: Clone | None) -> Iterator[Case]:
     for name, (solve, answers) in EXAMPLES.items():
-        rows, result = [], solve()
-        for answer in answers.split("; "):
-            quantity, printed = answer.split("=")
-            last = 0.5 * 10.0 ** int(Decimal(printed).as_tuple().exponent)
-            rows.append(Row(answer, abs(value(result, quantity) - float(printed)), last, "", REASON))
+        result = solve()
+        rows = [printed_row(answer, partial(value, result)) for answer in answers.split("; ")]
         yield Case(name, tuple(rows), source_fault=FAULTS.get(name, ""))
 
 

@@ -84,9 +84,9 @@ def generalised_forces(
 
 def mass_matrix(jacobians: Array, inertia: Array) -> Array:
     """Return the mass matrix (n, free, free) from Jacobians and spatial inertias of the links."""
-    n, columns = len(jacobians), jacobians.shape[-1]
-    momentum = (inertia @ jacobians).reshape(n, -1, columns)
-    return jacobians.reshape(n, -1, columns).transpose(0, 2, 1) @ momentum
+    n, links, _, columns = jacobians.shape
+    momentum = (inertia @ jacobians).reshape(n, 6 * links, columns)
+    return jacobians.reshape(n, 6 * links, columns).transpose(0, 2, 1) @ momentum
 
 
 def kinetic_energy(mass: Array, rates: Array) -> Array:
