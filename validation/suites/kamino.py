@@ -30,7 +30,7 @@ FREE = {
     "PhysicsPrismaticJoint": ("trans{}",),
     "PhysicsSphericalJoint": ("rotX", "rotY", "rotZ"),
 }
-FAULTS = {"d6_6dof": "limits of y from 2 to -2 exclude y, so that it has five degrees of freedom, not six"}
+FAULTS = {"d6_6dof": "limits of y from 2 to -2 exclude y: five degrees of freedom, not six"}
 
 
 def free_axes(prim: Any) -> set[str]:
@@ -122,7 +122,6 @@ def cases(clone: Clone | None) -> Iterator[Case]:
 SUITE = Suite(
     "Kamino: USD files of joints and mechanisms",
     "newton-physics/newton",
-    "A run of 0.2 s whose first joint starts at a rate; the file alone gives the residual. DR Legs is not in"
-    " the repository. Licence Apache-2.0.",
+    "Runs of 0.2 s; the file alone gives the residual. DR Legs is not in the repository. Licence Apache-2.0.",
     cases,
 )

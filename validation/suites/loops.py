@@ -22,6 +22,6 @@ def cases(_: Clone | None) -> Iterator[Case]:
 SUITE = Suite(
     "Other engines: loop tests",
     "",
-    "Drake and RigidBodyDynamics.jl. Pinocchio's closed loops are random models, compared with itself.",
+    "Drake and RigidBodyDynamics.jl. Pinocchio's closed loops are random models.",
     cases,
 )
