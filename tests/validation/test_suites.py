@@ -21,6 +21,7 @@ from validation.suites import (
     loops,
     menagerie,
     modelica,
+    page,
     pmks,
     squeezer,
     textbooks,
@@ -263,3 +264,19 @@ def test_printed_values_of_other_engines(monkeypatch):
         arms = 0.5j * np.exp(1j * a) * u + 1.2j * np.exp(1j * (a + b)) * v - 0.75j * np.exp(1j * c) * w
         assert 0.3 * limit < abs(arms) < limit
     assert row.quantity == "joint2.v=-0.47295"
+
+
+def test_a_suite_writes_its_own_section_and_leaves_the_others(monkeypatch, tmp_path):
+    monkeypatch.setattr(page, "PAGE", tmp_path / "page.md")
+    page.PAGE.write_text("")
+    first, second = exudyn.SUITE, loops.SUITE
+    suites, clones = {"a": first, "b": second}, {"a": None, "b": None}
+    page.write(suites, clones, {"a": [Case("one", rejected="no such joint")], "b": [Case("two")]})
+    before = page.PAGE.read_text()
+    page.write(suites, clones, {"b": [Case("two")]})
+    assert page.PAGE.read_text() == before
+    page.write(suites, clones, {"a": []})
+    after = page.PAGE.read_text()
+    assert "no such joint" not in after
+    assert page.counts(second, [Case("two")]) in after
+    assert after.endswith(before[before.index(f"## {second.title}") :])
