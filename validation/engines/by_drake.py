@@ -41,8 +41,11 @@ class Plant:
         self.joints: list[Joint] = []
         for body in range(1, source.nbody):
             self._add_body(body)
+        # a ball constraint to the world is a segmentation fault in Drake 1.51.1; one to a welded body is not
+        post = plant.AddRigidBody("post", SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidSphere(1.0)))
+        plant.WeldFrames(plant.world_frame(), post.body_frame())
         for loop in problem.loops:
-            first, second = (self.bodies[body] for body in loop.bodies)
+            first, second = (self.bodies[body] if body else post for body in loop.bodies)
             if loop.weld:
                 frames = [_transform(*end) for end in zip(loop.position, loop.quaternion, strict=True)]
                 plant.AddWeldConstraint(first, frames[0], second, frames[1])

@@ -81,7 +81,7 @@ def written(rows: Sequence[Row]) -> str:
     for row in rows:
         grouped.setdefault(row.engine, {}).setdefault(row.mechanism, []).append(row)
     mechanisms = sorted({row.mechanism for row in rows})
-    failures = "\n".join(_failures(engine, cases) for engine, cases in grouped.items())
+    failures = "\n".join(filter(None, (_failures(*group) for group in grouped.items())))
     text = HEAD.format(
         day=date.today(), machine=platform.machine(), count=len(mechanisms), failures=failures.strip()
     )
