@@ -10,7 +10,7 @@ import mechsim as ms
 from mechsim.model.actuators import Actuator
 from mechsim.model.bushings import Bushing, diagonal
 from mechsim.model.coupling_functions import TabledFunction
-from mechsim.model.forces import Couple, Forces, Friction, Load
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.joints import End
 from mechsim.model.load_profile import function, table
 from mechsim.model.motors import Controller, TorqueSpeedLine
@@ -59,9 +59,10 @@ KINDS = {
         "four_bar",
         {"actuators": (Actuator("motor", {"crank": 2.0}, control_law("3*sin(5*t)", "u")),)},
     ),
-    "actuator with a state": (
+    "actuator with a state behind a spring": (
         "four_bar",
         {
+            "joint_springs": (JointSpring("crank", 0.1, 0.2),),
             "actuators": (
                 Actuator("first", {"rocker": 1.0}, control_law("t", "u"), inflow=(1.0, -1.0, 0.0, 0.0)),
                 Actuator(

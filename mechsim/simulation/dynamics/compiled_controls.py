@@ -79,7 +79,7 @@ def compiled_controls(
         springs,
         np.array(bushings, BUSHING),
         np.array(dry, DRY),
-        np.array([numbers for *numbers, _ in others], DRIVEN),
+        np.array([(control, state) for control, state, _ in others], DRIVEN),
         gears,
         np.array(added.rows, INSTRUCTION),
         np.array(added.numbers),
