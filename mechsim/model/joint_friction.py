@@ -156,6 +156,11 @@ class Friction:
         return self.static / (self.coefficient or self.coulomb) if self.static else 1.0
 
     @property
+    def smooth(self) -> Friction:
+        """The viscous friction alone."""
+        return Friction(self.joint, viscous=self.viscous, viscous_turn=self.viscous_turn)
+
+    @property
     def at_rest(self) -> Friction:
         """The friction at rest, without viscous friction."""
         ratio = self.ratio_at_rest

@@ -7,6 +7,7 @@ from model_files import model_text
 from scipy.optimize import brentq
 
 import mechsim as ms
+from mechsim.model.forces import Forces
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.quadratic_roots import quadratic_roots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
@@ -68,6 +69,23 @@ def test_the_current_of_a_motor_is_steady_in_both_methods(equilibria):
     exact = np.sort(np.roots([J, damping, MOMENT]).real)
     assert np.sort([mode.eigenvalue.real for mode in below.modes]) == pytest.approx(exact, rel=1e-12)
     assert crosscheck_equilibrium(below, model).passed
+
+
+def test_friction_at_rest_is_left_out(equilibria):
+    friction = "friction.h = { coulomb = 0.1, static = 0.2, stribeck = 0.1, viscous = 0.7 }"
+    model, (below, _) = equilibria(WEIGHT + friction)
+    exact = np.roots([J, 0.7, MOMENT])
+    assert below.modes[0].eigenvalue.imag == pytest.approx(exact[0].imag, rel=1e-12)
+    assert crosscheck_equilibrium(below, model).passed
+
+
+def test_mujoco_has_the_frequencies_of_nearly_stretched_loops():
+    model = ms.dynamics.dynamic_model(ms.load("planar_3rrr"), Forces(gravity=(0.0, -9.81, 0.0)))
+    for state in ms.dynamics.equilibria(model, starts=3):
+        checks = [c for c in crosscheck_equilibrium(state, model).checks if "eigenvalue" in c.kind]
+        # the largest is 177 1/s; with the stiffest loops alone it is 6 1/s off
+        assert max(check.worst for check in checks) < 1e-5
+        assert max(check.tolerance for check in checks) < 1e-2
 
 
 def test_a_short_spring_has_its_frequency(equilibria):

@@ -77,7 +77,7 @@ KINDS = {
                     control_range=(-3.0, 3.0),
                     state_range=(-9.0, 9.0),
                 ),
-            )
+            ),
         },
     ),
 }

@@ -81,6 +81,16 @@ def test_a_geared_joint_is_never_cut() -> None:
         cut_loops(mechanism, ("second",))
 
 
+def test_a_joint_with_an_actuator_is_never_cut() -> None:
+    mechanism = catalog.make("four_bar").mechanism
+    for acting in (["A"], ["rocker", "B"]):
+        assert {joint.name for joint in cut_loops(mechanism, acting=acting).cuts}.isdisjoint(acting)
+    # with one on each joint, a joint is split instead
+    tree = cut_loops(mechanism, acting=["crank", "A", "B", "rocker"])
+    assert len(tree.branches) == 4
+    assert [joint.kind for joint in tree.cuts] == ["fixed"]
+
+
 def test_disconnected_links_are_rejected_by_name() -> None:
     disconnected = chain(
         Joint("crank", "revolute", End(GROUND), End("crank")), Joint("x", "revolute", End("a"), End("b"))

@@ -15,6 +15,8 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia
 from mechsim.model.masses import with_inertia as with_rods
+from mechsim.simulation.dynamics import forward_run
+from mechsim.simulation.dynamics.forward_run import start_of
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
 
 OSCILLATOR = Forces(joint_springs=(JointSpring("s", 200.0),), friction=(Friction("s", viscous=3.0),))
@@ -80,6 +82,32 @@ def test_a_mass_error_of_1e_5_is_rejected():
     verdict = crosscheck_forward(run, ms.dynamics.dynamic_model(wrong, WEIGHT), InitialValues({"A": 0.3}, {}))
     assert verdict.outcome == "failed"
     assert "beyond the tolerance: step: position of P by" in verdict.reason
+
+
+def test_softer_loops_show_the_error_of_compliance(monkeypatch):
+    # loops too soft for the usual tolerance: the check measures their error
+    monkeypatch.setattr(forward_run, "COMPLIANCE", 1e-3)
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), WEIGHT)
+    run = ms.dynamics.run(model, initial={"crank.v": 9.0}, duration=0.1, samples=10)
+    verdict = crosscheck_forward(run, model, InitialValues({}, {"crank": 9.0}))
+    assert verdict.passed, verdict
+    assert any("by loops 10 times softer" in check.reason for check in verdict.checks)
+    wrong = model.with_forces(replace(WEIGHT, gravity=(0.0, -9.81 * (1.0 + 1e-3), 0.0)))
+    assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 9.0})).passed
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"), [("four_bar", "rocker"), ("rssr", "rocker"), ("warp_knitter", "A")]
+)
+def test_mujoco_starts_in_a_far_configuration_with_a_dependent_coordinate_kept(name, kept):
+    # the crank determines the coordinate to keep; a path on which both vary evenly does not exist
+    made = ms.catalog.make(name)
+    mechanism, motion = made.mechanism, made.solve(np.array([-2.2]))
+    values = {joint: float(row.value[0]) for joint, row in motion.joints.items()}
+    start = start_of(mechanism, Forces(), values, {}, kept={kept}, links=motion.links)
+    states = start.stepped(np.linspace(0.0, 1e-3, 3), 1)
+    for point, row in states.motion.points.items():
+        np.testing.assert_allclose(row.position[0], motion.points[point].position[0], atol=1e-11)
 
 
 WITH_FRICTION = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0.0, 2e-3),))

@@ -1,7 +1,7 @@
 """Forward dynamics in MuJoCo: a mechanism whose drivers are free steps in time from an initial state."""
 
 import time as timer
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -115,10 +115,13 @@ class Start:
         settings: Settings | None = None,
         prescribed: Mapping[str, State] | None = None,
         progress: Progress = no_progress,
+        softer: float = 1.0,
     ) -> SteppedRun:
-        """Step the model; see `stepped_run`."""
+        """Step the model; see `stepped_run`. `softer` is a factor on the compliance of the loops."""
         timestep = float(times[1] - times[0]) / substeps
         settings = settings or self.settings
+        compliant = settings == REDUNDANT
+        settings = replace(settings, compliance=softer * settings.compliance_used)
         controls = AppliedControls(
             self.model, prepared(self.model, settings, timestep, ITERATIONS), prescribed, self.phases
         )
@@ -132,7 +135,7 @@ class Start:
             potential=potential,
             driving=driving,
             diverged=diverged,
-            compliant=settings == REDUNDANT,
+            compliant=compliant,
             timestep=timestep,
             steps=substeps * (len(states.time) - 1),
             seconds=seconds,
@@ -205,8 +208,11 @@ def start_of(
     _limit(model, ranges)
     if kept is not None:
         coordinates, rates = (without_cuts(model, values) for values in (coordinates, rates))
-    independent = {*mechanism.drivers, *(coordinates if kept is None else kept)}
-    qpos = _moved(model, {name: value for name, value in coordinates.items() if name in independent})
+    qpos = model.qpos.copy()
+    if len(coordinates) < model.model.nq:
+        named = dict.fromkeys((*mechanism.drivers, *(coordinates if kept is None else sorted(kept))))
+        independent = _independent(model, [name for name in named if name in coordinates])
+        qpos = _moved(model, {name: coordinates[name] for name in independent})
     spins = set_rotations(model.model, qpos, links)
     qpos = closed_near(
         model, model.loops, qpos, *dofs_of(model, coordinates), np.array([*coordinates.values()])
@@ -273,7 +279,7 @@ def _cuts_elsewhere(mechanism: Mechanism, forces: Forces, kept: set[str]) -> tup
     """Return joints to cut other than those of coordinates to keep and of friction; None if none suffice."""
     joints = {joint.name for joint in mechanism.joints if kept.intersection(joint.coordinates)}
     joints |= {friction.joint for friction in forces.friction if friction.dry}
-    cuts = tuple(joint.name for joint in cut_loops(mechanism, keep=joints).cuts)
+    cuts = tuple(joint.name for joint in cut_loops(mechanism, keep=joints, acting=forces.controlled).cuts)
     return cuts if {*cuts} <= {joint.name for joint in mechanism.joints} else None
 
 
@@ -285,6 +291,18 @@ def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, f
     return {
         name: value for name, value in values.items() if name == crank or called.get(name, name) in joints
     }
+
+
+def _independent(model: LoadedModel, names: Sequence[str]) -> list[str]:
+    """Return those of the coordinates that are independent in the reference state, with priority in order."""
+    jacobian = model.loops.linearise(model.qpos[None])[1][0] * model.loops.scale[:, None] * model.loops.units
+    free = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
+    chosen = list[str]()
+    for name in names:
+        rows = free[dofs_of(model, dict.fromkeys([*chosen, name], 0.0))[1]]
+        if np.linalg.matrix_rank(rows, RANK_TOLERANCE) > len(chosen):
+            chosen.append(name)
+    return chosen
 
 
 def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:

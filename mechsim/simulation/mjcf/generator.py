@@ -62,15 +62,14 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
             "the driver's hinge; rename the joint"
         )
     forces = scene.acting if scene.holds("dynamics") else None
-    friction_joints = (
-        frozenset(friction.joint for friction in forces.friction if friction.dry) if forces else ()
-    )
+    rubbing = {friction.joint for friction in forces.friction if friction.dry} if forces else ()
+    acting = forces.controlled if forces else ()
     if forces is not None:
         mechanism = with_accepted_inertia(mechanism)
     elif scene.holds("motion"):
         # without masses; MuJoCo steps a link without spin to a higher order than a tendon
         mechanism, poses = with_rods(mechanism, poses or {}, "universal")
-    tree = cut_loops(mechanism, scene.cut, keep=friction_joints, welds=forces is not None)
+    tree = cut_loops(mechanism, scene.cut, keep=rubbing, acting=acting, welds=forces is not None)
     mechanism = tree.mechanism
     poses = with_virtual_bodies(tree.mechanism, poses or {})
     spec = mujoco.MjSpec()

@@ -35,6 +35,7 @@ def cut_loops(
     cut: tuple[str, ...] | None = None,
     *,
     keep: Collection[str] = (),
+    acting: Collection[str] = (),
     welds: bool = False,
 ) -> Tree:
     """Return a spanning tree of the mechanism's links, rooted in the frame.
@@ -44,6 +45,7 @@ def cut_loops(
         cut: names of the joints to cut; None for the joints that require the fewest constraint rows, and
             among equal joints those farthest from the crank.
         keep: names of joints to cut only if no other joint can be cut.
+        acting: coordinates that actuators act on; their joints are not cut.
         welds: whether hinges of a spatial mechanism are split and welded too. Rows of two points on an axis
             depend on each other; they close the loops, but MuJoCo's residual forces brake free motion.
 
@@ -57,7 +59,8 @@ def cut_loops(
     # the names of joints that must not be cut: driven, locked or coupled ones
     driven = {joint.name for joint in mechanism.driven_joints}
     geared = joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates])
-    requested, needed = set(cut or ()), (driven | geared | joints_with(mechanism, mechanism.locked))
+    requested = set(cut or ())
+    needed = driven | geared | joints_with(mechanism, {*mechanism.locked, *acting})
     _require_cuttable(mechanism, requested, needed)
     joined = components(
         [GROUND, *(link.name for link in mechanism.links)],
@@ -96,7 +99,7 @@ def cut_loops(
     if rejected:
         names = {joint.name for joint in rejected}
         whole = tuple(virtual_body(joint) if joint.name in names else joint.name for joint in cuts)
-        return cut_loops(split_joints(mechanism, names), whole, keep=keep)
+        return cut_loops(split_joints(mechanism, names), whole, keep=keep, acting=acting)
     if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != requested:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(requested)) or 'no joint'} does not leave a tree; "
