@@ -176,16 +176,25 @@ def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, An
 
 
 def _value(name: str, field: Field[Any], text: Any) -> Any:
-    """Return the value of an option from its text; the default if there is none."""
+    """Return the value of an option from its text; the default if there is none.
+
+    Raises:
+        InputError: for an invalid text, or if two values NAME=VALUE have the same name.
+    """
     rule = field.metadata
     if "doc" not in rule:
         return text
     if text is None:
         return field.default
+    option_name = rule["name"] or f"--{name.replace('_', '-')}"
     if rule["many"]:
-        return tuple(rule["read"](item) for item in text)
+        values = tuple(rule["read"](item) for item in text)
+        names = [value[0] for value in values if isinstance(value, tuple)]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise InputError(f"{option_name} names {twice} twice; give it once")
+        return values
     if rule["read"]:
         return rule["read"](text)
     if rule["unit"]:
-        return units.parse(text, rule["unit"], rule["name"] or f"--{name.replace('_', '-')}")
+        return units.parse(text, rule["unit"], option_name)
     return text

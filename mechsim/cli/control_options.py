@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, pairs, require_distinct
+from mechsim.cli.options import DriveOptions, pairs
 
 if TYPE_CHECKING:
     from mechsim.studies.scene.scene import UserScene
@@ -38,7 +38,6 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "Us
     from mechsim.studies.scene.open_scene import open_scene, require_mjcf
 
     require_mjcf(path)
-    require_distinct("--ctrl", controls.ctrl)
     scene, changed = open_scene(path, ctrl=dict(controls.ctrl), **driven.as_arguments())
     notes.extend(changed)
     return scene

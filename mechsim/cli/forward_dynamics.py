@@ -24,7 +24,7 @@ from mechsim.cli.dynamics_report import (
 )
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
-from mechsim.cli.options import ModelOptions, pair_of, require_distinct
+from mechsim.cli.options import ModelOptions, pairs
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
@@ -59,12 +59,10 @@ class ForwardOptions(InitialOptions):
         name="--of",
         metavar="Q,...",
     )
-    ctrl: tuple[tuple[str, str], ...] = option(
-        (),
+    ctrl: tuple[tuple[str, str], ...] = pairs(
+        "--ctrl motor=0.3*sin(2*pi*t)",
         "Control or target of an actuator or motor: a number, an expression of t, or FILE.csv.",
-        read=pair_of("--ctrl motor=0.3*sin(2*pi*t)"),
-        many=True,
-        metavar="ACTUATOR=LAW",
+        "ACTUATOR=LAW",
     )
     method: str = option(
         "step", "Whether MuJoCo checks the run: step integrates it too, none omits it.", metavar="step|none"
@@ -75,7 +73,6 @@ class ForwardOptions(InitialOptions):
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
-        require_distinct("--ctrl", self.ctrl)
         require_method(self.method, "step", "none")
         require_samples(self.samples)
         if self.turns is not None:

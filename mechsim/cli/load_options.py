@@ -12,7 +12,7 @@ from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Stated
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import ModelOptions, pair_of, require_distinct
+from mechsim.cli.options import ModelOptions, pairs
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -183,22 +183,17 @@ def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design
 class InitialOptions:
     """A run from an initial state."""
 
-    initial: tuple[tuple[str, str], ...] = option(
-        (),
+    initial: tuple[tuple[str, str], ...] = pairs(
+        "--initial crank.q=10deg",
         "Initial coordinate J.q or rate J.v of a joint; other independent ones keep their start, at rest. "
         "A bare number is SI, but a length or angle needs its unit where the file is in another one.",
-        read=pair_of("--initial crank.q=10deg"),
-        many=True,
-        metavar="J.q=VALUE",
+        "J.q=VALUE",
     )
     until: str | None = option(
         None,
         "End the run at this event: P.y=0, J.q=90deg or distance:P,Q=10mm.",
         metavar="QUANTITY=VALUE",
     )
-
-    def __post_init__(self) -> None:
-        require_distinct("--initial", self.initial)
 
     def release(self, model: DynamicModel, source: ModelOptions, **more: Any) -> Release:
         """Return the release of a model, with `more` fields; its run has a default duration of 1 s."""

@@ -2,7 +2,7 @@
 
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,11 +12,9 @@ import typer
 from mechsim.analytic.designs import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
-from mechsim.cli.output_paths import paths_from
 from mechsim.errors import InputError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects import catalog, gallery
-from mechsim.subjects.model_source import READERS
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import IMPLAUSIBLE, option, require_written
 
@@ -72,9 +70,8 @@ def _without_unit(text: str) -> float | None:
 
 
 def complete_models(incomplete: str) -> list[str]:
-    """Return the names of mechanisms, and folders and files that may contain one."""
-    names = [name for name in (*catalog.MECHANISMS, *gallery.named()) if name.startswith(incomplete)]
-    return names + paths_from(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
+    """Return the names of mechanisms; without one, the shell completes the path of a file."""
+    return [name for name in (*catalog.MECHANISMS, *gallery.named()) if name.startswith(incomplete)]
 
 
 def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
@@ -201,9 +198,6 @@ class DriveOptions:
 
     def as_arguments(self) -> dict[str, Any]:
         """Return the options as arguments of `load`."""
-        require_distinct("--drive", self.drive)
-        require_distinct("--lock", self.lock)
-        require_distinct("--start", self.start)
         options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
         options |= {name: dict(getattr(self, name)) for name in ("drive", "lock", "start")}
         if self.locks_others:
@@ -275,13 +269,6 @@ def joint_ranges(option_name: str, text: str) -> dict[str, tuple[str, str] | Non
             raise InputError(f"{option_name} is given {item!r}; write the range as {name}=-20deg:20deg")
         ranges[name] = (low, high) if equals else None
     return ranges
-
-
-def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) -> None:
-    """Raise InputError if an option contains a name twice."""
-    names = [name for name, _ in pairs]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"{option_name} names {twice} twice; give it once")
 
 
 def _with_notes(solver: KinematicSolver) -> KinematicSolver:

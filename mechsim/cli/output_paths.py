@@ -1,4 +1,4 @@
-"""Paths of files that commands write: options, shell completion, and checks before any computation."""
+"""Paths of files that commands write: options, and checks before any computation."""
 
 import os
 from collections.abc import Generator, Sequence
@@ -10,31 +10,6 @@ import typer
 
 from mechsim import files
 from mechsim.errors import InputError, OutputError, require_extra
-
-
-def paths_from(incomplete: str, suffixes: tuple[str, ...] = ()) -> list[str]:
-    """Return the folders, and the files of these suffixes, whose paths begin so; () stands for all files."""
-    folder, _, start = incomplete.rpartition("/")
-    paths: list[str] = []
-    try:
-        entries = sorted(Path(f"{folder}/" if "/" in incomplete else ".").iterdir())
-    except OSError:
-        return []
-    for path in entries:
-        hidden = path.name.startswith(".") and not start.startswith(".")
-        if not path.name.startswith(start) or hidden:
-            continue
-        shown = f"{folder}/{path.name}" if "/" in incomplete else path.name
-        if path.is_dir():
-            paths.append(f"{shown}/")
-        elif not suffixes or path.suffix.lower() in suffixes:
-            paths.append(shown)
-    return paths
-
-
-def complete_files(incomplete: str) -> list[str]:
-    """Return folders and files."""
-    return paths_from(incomplete)
 
 
 def output_file(contents: str, *suffixes: str, name: str = "--output", metavar: str = "FILE") -> Any:
@@ -50,7 +25,7 @@ def output_file(contents: str, *suffixes: str, name: str = "--output", metavar: 
         return value
 
     names = ("-o", name) if name == "--output" else (name,)
-    return typer.Option(*names, metavar=metavar, help=contents, callback=check, autocompletion=complete_files)
+    return typer.Option(*names, metavar=metavar, help=contents, callback=check)
 
 
 TABLES, PLOTS = (".csv", ".npz"), (".svg", ".pdf", ".png")

@@ -8,7 +8,7 @@ import typer
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, require_distinct
+from mechsim.cli.options import DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
@@ -39,7 +39,6 @@ def reduce(
     mechsim reduce leg.xml --by torque --tolerance 0.01 -o reduced.xml
     """
     require_mjcf(model)
-    require_distinct("--ctrl", controls.ctrl)
     with progress("reduce", None) as report:
         result = reduce_model(
             model,

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -15,8 +14,7 @@ from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError, OutputError
-from mechsim.files import resolved_path
+from mechsim.errors import InputError
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.sweeping import (
@@ -25,7 +23,7 @@ from mechsim.studies.sweep.sweeping import (
     swept_designs,
     swept_task,
 )
-from mechsim.studies.sweep.table import design_columns, require_libraries, suffix_of
+from mechsim.studies.sweep.table import SUFFIXES, design_columns, require_libraries
 from mechsim.studies.sweep.task import BUILT, SweepTask, SweptSubject
 from mechsim.units import crank_speed, option
 
@@ -69,7 +67,7 @@ class SweepOptions:
 @command
 def sweep(
     source: Annotated[ModelOptions, Without("track", "loops")],
-    output: Annotated[str, output_file("Table to write: .nc or .csv.")],
+    output: Annotated[str, output_file("Table to write: .nc or .csv.", *SUFFIXES)],
     options: SweepOptions,
     *,
     stated: Stated,
@@ -81,7 +79,6 @@ def sweep(
     mechsim sweep rssr --vary crank=9mm:14mm --sample sobol:9 -o s.nc
     """
     start = time.perf_counter()
-    _require_writable(output)
     require_libraries(output)
     arguments = source.as_arguments()
     changed = changed_parameters(source.sets)
@@ -130,20 +127,6 @@ def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[st
             raise InputError(f"--vary names {parameter} twice; give it once")
         ranges[parameter] = values
     return ranges
-
-
-def _require_writable(output: str) -> None:
-    """Raise an error before any computation if the output cannot be written.
-
-    Raises:
-        InputError: if the extension is unknown.
-        OutputError: if the folder does not exist.
-    """
-    suffix_of(output)
-    resolved_path(output)
-    folder = Path(output).parent
-    if not folder.is_dir():
-        raise OutputError(f"cannot write {output!r}: there is no folder {str(folder)!r}; create it first")
 
 
 def _print(result: "Dataset", title: str) -> None:

@@ -1,6 +1,5 @@
 """Command `mechsim tradeoff`: measured speed and accuracy of MuJoCo's settings."""
 
-import textwrap
 from typing import Annotated, Any
 
 import typer
@@ -9,7 +8,7 @@ from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, Speed, load_model
-from mechsim.cli.output import Value, number, print_table, print_text, width
+from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import PLOTS, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
@@ -115,16 +114,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
             bounds_of.setdefault(command_of(point, model, result.subject.speed), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")
-        typer.echo("\n".join(_shell_lines(text)))
-
-
-def _shell_lines(line: str) -> list[str]:
-    """Return a command in lines that fit the terminal and can be copied, joined by backslashes."""
-    lines = textwrap.wrap(line, width() - 6, break_long_words=False, break_on_hyphens=False)
-    return [
-        f"  {'  ' if i else ''}{text}{' ' + chr(92) if i < len(lines) - 1 else ''}"
-        for i, text in enumerate(lines)
-    ]
+        typer.echo(f"  {text}")
 
 
 def _count(result: Tradeoff) -> str:

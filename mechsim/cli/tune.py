@@ -9,7 +9,7 @@ from mechsim import units
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, require_distinct
+from mechsim.cli.options import DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.output_paths import one_of_each, output_file
 from mechsim.cli.progress import progress
@@ -62,7 +62,6 @@ def tune(
         raise InputError("-o names no scene to write; give -o OUT.xml too")
     require_mjcf(model)
     seconds = units.parse_time(budget, "the budget")
-    require_distinct("--ctrl", controls.ctrl)
     kinds = [kind.strip() for kind in allow.split(",") if kind.strip()]
     with progress("tune", None, at_least=True) as report:
         result = tune_model(
