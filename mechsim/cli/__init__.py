@@ -239,17 +239,12 @@ class DynamicsCommands(LazyCommands):
     prefix = "dynamics "
 
 
-def command_function(name: str) -> Callable[..., None]:
-    """Return the function of a command from its module."""
-    file, _, function = COMMANDS[name][0].partition(".")
-    return getattr(import_module(f"mechsim.cli.{file}"), function)
-
-
 def load_command(name: str) -> Any:
     """Return the typer command of a command."""
     if name == "dynamics":
         return get_command(_group(DynamicsCommands, DYNAMICS))
-    function = command_function(name)
+    module, _, attribute = COMMANDS[name][0].partition(".")
+    function: Callable[..., None] = getattr(import_module(f"mechsim.cli.{module}"), attribute)
     app = typer.Typer(add_completion=False, **PLAIN)
     runs_mujoco = name in LATE or "mujoco" in sys.modules
     app.command(name.split()[-1], cls=PlainCommand)(

@@ -93,7 +93,8 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     stated: str | None = None
     groups: dict[str, tuple[Callable[..., Any], list[Field[Any]]]] = {}
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
-        cls = _option_class(parameter.annotation)
+        kinds = (parameter.annotation, *get_args(parameter.annotation)[:1])
+        cls: Any = next((kind for kind in kinds if is_dataclass(kind)), None)
         if cls is Stated:
             stated = parameter.name
             keyword = inspect.Parameter.KEYWORD_ONLY
@@ -134,12 +135,6 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     wrapped.__signature__ = inspect.Signature(parameters)
     wrapped.__annotations__ = {}
     return wrapped
-
-
-def _option_class(annotation: Any) -> Any:
-    """Return the dataclass of a parameter; None if it has another type."""
-    candidates = (annotation, *get_args(annotation)[:1])
-    return next((candidate for candidate in candidates if is_dataclass(candidate)), None)
 
 
 def _declared_fields(cls: Any, types: Mapping[str, Any], annotation: Any) -> list[Field[Any]]:

@@ -5,7 +5,7 @@ import re
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -38,12 +38,6 @@ def _is_within(path: Path, folders: Sequence[Path]) -> bool:
     return any(path.is_relative_to(folder) for folder in folders)
 
 
-def _paths_in(argument: str, folder: Path) -> Iterator[Path]:
-    """Yield what an argument of a command may name in or outside the folder."""
-    for text in (argument, *SEPARATORS.split(argument)):
-        yield Path(os.path.realpath(folder / Path(text).expanduser()))
-
-
 def require_confined(arguments: Sequence[str], folder: Path) -> None:
     """Raise InputError for an argument that is code or, directly or in an MJCF file, outside the folder."""
     for argument in arguments:
@@ -51,7 +45,9 @@ def require_confined(arguments: Sequence[str], folder: Path) -> None:
             raise InputError(
                 f"{argument!r} names Python code, which is not run for others; give a table instead"
             )
-        for path in _paths_in(argument, folder):
+        # whole, or a part of it, it may name a path
+        for text in (argument, *SEPARATORS.split(argument)):
+            path = Path(os.path.realpath(folder / Path(text).expanduser()))
             if not _is_within(path, [folder]):
                 raise InputError(f"{argument!r} is outside {folder}; name a file in that folder")
             if path.suffix.lower() in (".xml", ".urdf") and path.is_file():

@@ -199,7 +199,11 @@ def _result(
         )
         print_text(result.note and f"not in C: {result.note}")
         print_text(_openings(result))
-        print_text(_passages(result))
+        if result.singular:
+            print_text(
+                f"passes singular configurations at {', '.join(map(number, result.singular))} s: there "
+                "drivers do not determine the motion"
+            )
         _print_extents(model, result, quantities)
         print_comparison(verdict, verbose=verbose)
         if result.events or result.segments[0].sticking:
@@ -238,14 +242,6 @@ def _openings(result: DynamicRun) -> str:
         more = f" and in {len(spans) - SPANS} more intervals" if len(spans) > SPANS else ""
         texts.append(f"{name} is open, or slack, from {shown}{more}" if spans else f"{name} stays closed")
     return "; ".join(texts)
-
-
-def _passages(result: DynamicRun) -> str:
-    """Return the instants of singular configurations in words; empty for none."""
-    instants = ", ".join(number(instant) for instant in result.singular)
-    return instants and (
-        f"passes singular configurations at {instants} s: there drivers do not determine the motion"
-    )
 
 
 def _comparison(result: DynamicRun, compared: bool) -> str:

@@ -23,8 +23,7 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.model.joints import Coupling, Joint
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.joints import Coupling
 from mechsim.report.facts import facts
 from mechsim.subjects import gallery
 from mechsim.subjects.scene_findings import scene_findings
@@ -103,7 +102,10 @@ def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
         values = [(name, _text(p["value"])) for name, p in data["parameters"].items()]
         title = f"Parameters, in the units of the file ({declared.length}, {declared.angle})"
         print_table(title, ("name", "value"), values)
-    joints = [_joint_row(mechanism, joint) for joint in data["joints"]]
+    joints = [
+        (joint.name, mechanism.contacts.get(joint.name, joint).kind, " - ".join(joint.links))
+        for joint in data["joints"]
+    ]
     print_table("Joints", ("joint", "kind", "links"), joints)
     couplings = [(law.name, _sum(law.left_terms), _polynomial(law)) for law in data["couplings"]]
     print_table("Couplings", ("coupling", "driven", "equals"), couplings)
@@ -122,13 +124,6 @@ def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
         print_text(f"  {line}")
     for name, law in data.get("motion_laws", {}).items():
         print_text(f"motion law of {name}: {law}")
-
-
-def _joint_row(mechanism: Mechanism, joint: Joint) -> tuple[str, str, str]:
-    """Return name, kind and links of a joint."""
-    contact = mechanism.contacts.get(joint.name)
-    kind = joint.kind if contact is None else contact.kind
-    return joint.name, kind, " - ".join(joint.links)
 
 
 def _print_crank(data: dict[str, Any]) -> None:

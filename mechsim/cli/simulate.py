@@ -141,16 +141,12 @@ def simulate(
             )
         print_text(run.note)
         typer.echo(f"  {run.steps} {unit} in {number(run.seconds)} s")
-        _print_written(output, len(run.motion))
+        if output is not None:
+            typer.echo(f"wrote {len(run.motion)} rows to {output}")
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
     data |= {"few_digits": few} | findings_in_json(findings)
     return Result(data, text, run.outcome == "passed")
-
-
-def _print_written(output: str | None, rows: int) -> None:
-    if output is not None:
-        typer.echo(f"wrote {rows} rows to {output}")
 
 
 def _motion(solver: KinematicSolver, options: RunOptions, stated: Stated) -> CrankProfile | None:

@@ -30,7 +30,6 @@ from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_file, tab
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
 from mechsim.model.quantities import coordinate_units
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
@@ -267,7 +266,8 @@ def modes(
     if table is not None:
         files.write_table(table, _mode_columns(equilibrium.modes))
     if plot is not None:
-        plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
+        cycles = {cycle.title: cycle.motion for cycle in mode_motions(equilibrium)}
+        plots.write(plot, plots.mode_plot(model.mechanism, cycles))
 
     def text() -> None:
         rows: list[tuple[str, ...]] = []
@@ -304,10 +304,6 @@ def _eigenvalue_text(mode: Mode) -> str:
     real, imaginary = without_noise([mode.eigenvalue.real, mode.eigenvalue.imag, abs(mode.eigenvalue)])[:2]
     text = f"{number(real)} +- {number(imaginary)}i" if imaginary else number(real)
     return f"{text} (error {mode.error:.0e})" if mode.error else text
-
-
-def _cycles(equilibrium: Equilibrium) -> dict[str, Motion]:
-    return {cycle.title: cycle.motion for cycle in mode_motions(equilibrium)}
 
 
 @command

@@ -24,7 +24,7 @@ from mechsim.studies.sweep.sweeping import (
     swept_task,
 )
 from mechsim.studies.sweep.table import SUFFIXES, design_columns, require_libraries
-from mechsim.studies.sweep.task import BUILT, SweepTask, SweptSubject
+from mechsim.studies.sweep.task import BUILT, SweptSubject
 from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
@@ -95,7 +95,8 @@ def sweep(
         samples=options.samples,
         speed=crank_speed(options.speed),
     )
-    _exclude_without_effect(stated, task)
+    moving = task.measures.rated or task.measures.loaded or task.measures.includes("function")
+    stated.exclude(["speed"], "on measures of positions", not moving)
     with progress("sweep", None) as report:
         result = run_sweep(task, output, progress=report)
     seconds = time.perf_counter() - start
@@ -109,13 +110,6 @@ def sweep(
         print_masses(masses, design="of the original design")
 
     return Result(data, text, built(result) > 0)
-
-
-def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
-    """Raise InputError for options that do not change the measures of a sweep."""
-    measures = task.measures
-    moving = measures.rated or measures.loaded or measures.includes("function")
-    stated.exclude(["speed"], "on measures of positions", not moving)
 
 
 def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[str, str]) -> dict[str, Any]:

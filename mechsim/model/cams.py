@@ -33,14 +33,6 @@ PERIODIC = 1e-9
 CHECKED, PERIODS = 720, 8
 
 
-def _cycloidal(u: Jet) -> Jet:
-    return u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi)
-
-
-def _polynomial_345(u: Jet) -> Jet:
-    return u * u * u * (10.0 - u * (15.0 - 6.0 * u))
-
-
 def _modified_sine(u: Jet) -> Jet:
     """Sine accelerations of two frequencies that meet at u = 1/8 and 7/8 (Norton, sec. 3.6)."""
     ends = np.pi * u - np.sin(4.0 * np.pi * u) / 4.0
@@ -58,9 +50,9 @@ def _modified_sine(u: Jet) -> Jet:
 # law of unit lift over unit length (VDI 2143; Norton, ch. 3)
 LAWS: dict[LawName, Callable[[Jet], Jet]] = {
     "dwell": lambda u: 0.0 * u,
-    "cycloidal": _cycloidal,
+    "cycloidal": lambda u: u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi),
     "modified_sine": _modified_sine,
-    "polynomial_345": _polynomial_345,
+    "polynomial_345": lambda u: u * u * u * (10.0 - u * (15.0 - 6.0 * u)),
 }
 
 

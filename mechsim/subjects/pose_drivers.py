@@ -78,6 +78,8 @@ def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 
 def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
     """Return a mechanism with the chain of a point or link."""
+    from scipy.spatial.transform import Rotation
+
     is_link = subject not in mechanism.points or rotates
     link, point = (subject, ORIGIN) if is_link else mechanism.points[subject]
     pose = mechanism.guess[link]
@@ -94,7 +96,7 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
             Joint(name, kind, End(before, ORIGIN, axis, reference), End(after, ORIGIN, axis, reference))
         )
         if i >= 3:
-            rotation = rotation @ _rotation_about(i - 3, values[i])
+            rotation = rotation @ Rotation.from_euler("xyz"[i - 3], values[i]).as_matrix()
         reached = np.where(np.arange(3) <= i, position, 0.0)
         if not last:
             guess[after] = Pose(reached, rotation)
@@ -121,21 +123,14 @@ def _cardan_angles(link: str, rotation: Array) -> list[float]:
     return Rotation.from_matrix(rotation).as_euler("XYZ").tolist()
 
 
-def _rotation_about(axis: int, angle: float) -> Array:
-    """Return the rotation matrix about a coordinate axis, (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("xyz"[axis], angle).as_matrix()
-
-
 def is_pose_driven(mechanism: Mechanism) -> bool:
     """Whether a driver is a coordinate of a chain that `with_pose_drivers` added."""
-    carriers = {joint.name for joint in mechanism.joints for end in (joint.a, joint.b) if _in_chain(end.link)}
-    return not carriers.isdisjoint(mechanism.drivers)
-
-
-def _in_chain(link: str) -> bool:
-    return link.startswith(VIRTUAL_PREFIX) and link.endswith(tuple(f".{s}" for s in POSITIONS + ROTATIONS))
+    ends = tuple(f".{suffix}" for suffix in POSITIONS + ROTATIONS)
+    return any(
+        link.startswith(VIRTUAL_PREFIX) and link.endswith(ends)
+        for joint in mechanism.driven_joints
+        for link in joint.links
+    )
 
 
 def motor_laws(solver: KinematicSolver, own: Mechanism) -> dict[str, State]:
