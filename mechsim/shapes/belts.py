@@ -10,11 +10,10 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.shapes.body import Canvas, upright_end
+from mechsim.shapes.body import Canvas
 from mechsim.shapes.gears import wheel_colour, wheel_height
-from mechsim.shapes.shape import HOUSING, STEEL, Rgba, vector
+from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, vector
 
-RUBBER: Rgba = (0.16, 0.16, 0.18, 1.0)
 # angle of a chord of a belt on its pulley, in [rad]
 CHORD = REVOLUTION / 48.0
 
@@ -24,13 +23,11 @@ def draw_belts(canvas: Canvas) -> None:
     r, low = canvas.r, wheel_height(canvas) - 0.7 * canvas.r
     for path in belts_of(canvas.mechanism):
         carrier = path.carrier
-        axis = np.asarray(
-            (upright_end(carrier, canvas.normals[carrier.link]) if canvas.normals else carrier).axis
-        )
+        axis = np.asarray(canvas.upright(carrier).axis)
         plane, radii = carrier.frame[:, :2], np.abs(path.radii)
         for joint, centre, radius in zip(path.joints, path.centres, radii, strict=True):
             end = replace(carrier, point=vector(carrier.point, plane @ centre)) if joint is None else joint.b
-            upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+            upright = canvas.upright(end)
             colour = wheel_colour(canvas, end.link)
             canvas.disc(end.link, upright, low, low + 1.4 * r, radius - 0.5 * r, colour)
             if joint is None:
@@ -64,7 +61,7 @@ def draw_ropes(canvas: Canvas) -> None:
         drums = [(joint, abs(weight)) for joint, weight in terms if KINDS[joint.kind].hinge]
         for joint, radius in drums:
             low, colour = wheel_height(canvas) - 0.7 * canvas.r, wheel_colour(canvas, joint.b.link)
-            upright = upright_end(joint.b, canvas.normals[joint.b.link]) if canvas.normals else joint.b
+            upright = canvas.upright(joint.b)
             canvas.disc(joint.b.link, upright, low, low + 1.4 * canvas.r, radius - 0.5 * canvas.r, colour)
             hub = min(2.4 * canvas.r, 0.7 * radius)
             canvas.disc(joint.b.link, upright, low, canvas.height(joint.b.link), hub, colour)

@@ -282,6 +282,10 @@ class Canvas:
         point, axis = np.asarray(end.point), np.asarray(end.axis)
         self.add(link, "cylinder", point + low * axis, point + high * axis, radius, rgba)
 
+    def upright(self, end: End) -> End:
+        """Return a joint's end with its axis along the normal of a planar link; in space the end."""
+        return replace(end, axis=vector(self.normals[end.link])) if self.normals else end
+
     def bearing(self, end: End, low: float, high: float) -> None:
         """Draw a bearing on the ground between two heights over a joint's point."""
         self.disc(GROUND, end, low, high, 2.2 * self.r, HOUSING)
@@ -345,8 +349,3 @@ class Canvas:
         arms = [vector(end.point) for end in self.mechanism.ends(driver.link)]
         reach = 2.0 * max(float(np.linalg.norm(np.subtract(arm, driver.point))) for arm in arms)
         return current - reach, current + reach
-
-
-def upright_end(end: End, normal: Array) -> End:
-    """Return the joint end with its axis along the plane's normal."""
-    return replace(end, axis=vector(normal))

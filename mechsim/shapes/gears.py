@@ -11,7 +11,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
-from mechsim.shapes.body import Canvas, rod_radius, upright_end
+from mechsim.shapes.body import Canvas, rod_radius
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 
 WheelKey = tuple[str, float]
@@ -72,7 +72,7 @@ def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
     end, radius, teeth = wheel.end, wheel.radius, wheel.teeth
     colour, low = wheel_colour(canvas, end.link), wheel_height(canvas) - 0.6 * canvas.r
     depth = 0.7 * np.pi * radius / teeth
-    upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+    upright = canvas.upright(end)
     centre = np.asarray(end.point) + wheel_height(canvas) * np.asarray(upright.axis)
     inner, outer = radius - 1.3 * depth, radius + 0.8 * depth
     if wheel.hollow:
@@ -380,7 +380,7 @@ def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth:
     out = np.cross(slide_axis, axis) * np.sign(coupling.ratio)
     draw_wheel(canvas, Wheel(pinion.b, radius, teeth, angle_in(pinion.a, out) - coupling.zeros[1]))
     own = pinion.a
-    up = np.asarray((upright_end(own, canvas.normals[own.link]) if canvas.normals else own).axis)
+    up = np.asarray(canvas.upright(own).axis)
     meet = own.point + wheel_height(canvas) * up + radius * out
     # in the rack's frame, which moves along the slide
     rotation = rack.b.frame @ rack.a.frame.T

@@ -11,7 +11,7 @@ from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import Canvas, upright_end
+from mechsim.shapes.body import Canvas
 from mechsim.shapes.shape import HOUSING, STEEL, pale, plate_of
 
 # ends of the names of joints that prescribe the pose of a point or link (`subjects.pose_drivers`)
@@ -45,7 +45,7 @@ def draw_contacts(canvas: Canvas) -> None:
         end = canvas.mechanism.joint(contact.force_joint).b
         radius = contact.roller_radius
         if radius and end.link != GROUND:
-            upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+            upright = canvas.upright(end)
             height = canvas.level(contact.carrier) if canvas.normals else 0.0
             canvas.disc(end.link, upright, height - 0.6 * canvas.r, height + 0.6 * canvas.r, radius, STEEL)
 

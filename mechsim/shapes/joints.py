@@ -14,7 +14,7 @@ from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations, upright_end
+from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
 from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of, vector
@@ -33,18 +33,18 @@ def flat_revolute(canvas: Canvas, joint: Joint) -> None:
     thick, top = 0.62 * canvas.r, max(heights) + 1.0 * canvas.r
     for end in (joint.a, joint.b):
         if end.link != GROUND:
-            upright = upright_end(end, canvas.normals[end.link])
+            upright = canvas.upright(end)
             height = canvas.height(end.link)
             canvas.disc(
                 end.link, upright, height - thick, height + thick, 1.9 * canvas.r, canvas.colours[end.link]
             )
     grounded = [end for end in (joint.a, joint.b) if end.link == GROUND]
     if grounded:
-        post = upright_end(grounded[0], canvas.normals[GROUND])
+        post = canvas.upright(grounded[0])
         canvas.disc(GROUND, post, canvas.back, min(heights) - 1.2 * thick, 2.4 * canvas.r, HOUSING)
         canvas.disc(GROUND, post, canvas.back, top, 0.9 * canvas.r, STEEL)
     else:
-        pin = upright_end(joint.a, canvas.normals[joint.a.link])
+        pin = canvas.upright(joint.a)
         canvas.disc(joint.a.link, pin, min(heights) - 1.0 * canvas.r, top, 0.9 * canvas.r, STEEL)
 
 
@@ -157,10 +157,8 @@ def weld(canvas: Canvas, joint: Joint) -> None:
 
 def _joint_ends(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]:
     """Return both ends of a joint, with axes along the normal in a planar mechanism, and their heights."""
-    if not canvas.normals:
-        return joint.a, joint.b, (0.0, 0.0)
-    a, b = (upright_end(end, canvas.normals[end.link]) for end in (joint.a, joint.b))
-    return a, b, (canvas.level(a.link), canvas.level(b.link))
+    heights = (canvas.level(joint.a.link), canvas.level(joint.b.link)) if canvas.normals else (0.0, 0.0)
+    return canvas.upright(joint.a), canvas.upright(joint.b), heights
 
 
 def _reach(canvas: Canvas, joint: Joint, clearance: float) -> tuple[float, float]:
@@ -295,7 +293,7 @@ def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
         else:
             canvas.add(link, "capsule", a, b, canvas.r, colour)
     if canvas.normals and len(positions) == 1 and len(own) > 1 and {j.kind for j in own} == {"prismatic"}:
-        end = upright_end(canvas.mechanism.ends(link)[0], canvas.normals[link])
+        end = canvas.upright(canvas.mechanism.ends(link)[0])
         middle = canvas.height(link)
         canvas.disc(
             link, end, middle - 0.5 * canvas.r, middle + 0.5 * canvas.r, DISC * canvas.r, (*colour[:3], 0.5)
@@ -309,7 +307,7 @@ def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
 def draw_torsion_spring(canvas: Canvas, joint: Joint) -> None:
     """Draw a spiral over a joint, from its pin to the second link."""
     end = joint.b if joint.b.link != GROUND else joint.a
-    upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+    upright = canvas.upright(end)
     heights = [canvas.height(link) for link in joint.links if link != GROUND]
     axis, side = np.asarray(upright.axis), end.frame[:, 0]
     angle = np.linspace(0.0, SPIRAL_TURNS * REVOLUTION, SPIRAL_CHORDS + 1)[:, None]

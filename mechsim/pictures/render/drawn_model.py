@@ -319,7 +319,7 @@ class DrawnModel:
         """The side of every shaft from which the links keep the larger distance over the motion."""
         samples = np.linspace(0, len(self.frames) - 1, 24).astype(int)
         poses = {
-            name: pose if pose.position.ndim == 1 else Pose(pose.position[samples], pose.rotation[samples])
+            name: pose if pose.position.ndim == 1 else pose.select(samples)
             for name, pose in self.frames.poses.items()
         }
         return free_sides(self.mechanism, poses)
