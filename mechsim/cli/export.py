@@ -1,6 +1,5 @@
 """Command `mechsim export`: the MuJoCo model of a mechanism, the mechanism in other formats, drawings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -65,11 +64,6 @@ class ExportOptions:
         """Whether the serial twin is written."""
         return self.file_format in SERIAL_FORMATS
 
-    def require_compatible(self, settings: Mapping[str, Any]) -> None:
-        """Raise InputError for options that exclude each other, before the mechanism is loaded."""
-        if not self.is_twin:
-            require_compatible(self.file_format, self.scene, settings, self.timestep, self.speed)
-
 
 @command
 def export(
@@ -102,7 +96,8 @@ def export(
         if options != ExportOptions(cam=options.cam) or settings:
             raise InputError("--cam writes a profile; leave out the options of a model")
         return _cam(load_model(model, sets, driven), options.cam, output)
-    options.require_compatible(settings)
+    if not options.is_twin:
+        require_compatible(options.file_format, options.scene, settings, options.timestep, options.speed)
     if options.file_format != "toml":  # which contains the motion laws
         require_other_drivers(model, sets, driven)
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)

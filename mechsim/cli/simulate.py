@@ -75,11 +75,6 @@ class RunOptions:
         if self.samples is not None and self.samples < 2:
             raise InputError(f"--samples is {self.samples}; give 2 or more")
 
-    @property
-    def records(self) -> int | None:
-        """The number of recorded instants after the first; None without an option for it."""
-        return None if self.samples is None else self.samples - 1
-
 
 @command
 def simulate(
@@ -186,7 +181,7 @@ def _run(
             settings=Settings(**settings) if settings else None,
             timestep=timestep,
             method=options.method,  # pyright: ignore[reportArgumentType]
-            samples=options.records,
+            samples=None if options.samples is None else options.samples - 1,
             scene=scene,
             progress=report,
         )
