@@ -31,7 +31,7 @@ validate:
 
 # pages in out/docs; every page's code runs, and a warning is an error
 docs:
-	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
+	$(PYTHON) -m sphinx -W --keep-going -q -j 4 -b html docs out/docs
 
 # three.js with what the pages use of it, from npm: its version and that of the bundler are stated here
 three:
