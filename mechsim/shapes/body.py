@@ -231,15 +231,20 @@ def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
 
 
 def layers_of(mechanism: Mechanism) -> dict[str, float]:
-    """Return layers of a planar mechanism such that links with a common joint lie in different layers."""
+    """Return layers of a planar mechanism; links with a common joint or pin lie in different ones."""
+    pairs = [pair for joint in mechanism.joints for pair in ((joint.a, joint.b), (joint.b, joint.a))]
     layers: dict[str, int] = {}
     for link in mechanism.links:
-        used = {
-            layers[other.link]
-            for joint in mechanism.joints
-            for end, other in ((joint.a, joint.b), (joint.b, joint.a))
-            if end.link == link.name and other.link in layers
+        joined = [other for end, other in pairs if end.link == link.name]
+        adjacent = {end.link for end in joined}
+        # links on the same pin of a third one
+        adjacent |= {
+            other.link
+            for end, other in pairs
+            for pin in joined
+            if end.link == pin.link and np.allclose(end.point, pin.point, rtol=0.0, atol=1e-9)
         }
+        used = {layers[name] for name in adjacent if name in layers}
         layers[link.name] = next(i for i in range(len(used) + 1) if i not in used)
     middle = max(layers.values(), default=0) / 2.0
     return {link: layer - middle for link, layer in layers.items()}

@@ -10,7 +10,7 @@ from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.shapes import camera
-from mechsim.shapes.body import extent, free_sides, planar_normals, rod_radius
+from mechsim.shapes.body import extent, free_sides, layers_of, planar_normals, rod_radius
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import PALETTE, Shape
 
@@ -108,6 +108,11 @@ def test_links_that_share_a_joint_lie_in_different_layers():
     assert all(len(height) == 1 for height in heights.values())
     assert heights["crank"].isdisjoint(heights["coupler"])
     assert heights["coupler"].isdisjoint(heights["rocker"])
+    # Jansen's crank carries two links on one pin
+    jansen = load("jansen").mechanism
+    crank = jansen.crank.b.link
+    pinned = {link for joint in jansen.joints if crank in joint.links for link in joint.links} - {GROUND}
+    assert len(pinned) == len({layers_of(jansen)[link] for link in pinned}) == 3
 
 
 @pytest.mark.parametrize("branch", [1, -1])
