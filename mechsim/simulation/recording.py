@@ -189,7 +189,7 @@ def _evaluated(
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()
-    links, points = link_motions(model, track, fields), _point_motions(model, track, fields)
+    links, points = link_motions(model, track, fields), point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
     if crank_acceleration is None and (has_dry_friction(model) or followers(loops) or functions):
@@ -228,9 +228,7 @@ def _sensors(model: mujoco.MjModel, fields: Mapping[str, Array]) -> dict[str, Ar
     }
 
 
-def _point_motions(
-    model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]
-) -> dict[str, PointMotion]:
+def point_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]) -> dict[str, PointMotion]:
     """Return the motion of each point from fields site_xpos and sensordata of a batch at n states."""
     sensors, weight = _sensors(model, fields), gravity(model)
     return {
@@ -287,11 +285,10 @@ def closure_acceleration(
     """Return the second time derivative of the constraint residuals at given accelerations, (n, m)."""
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]
-    still, upright = np.zeros((len(qacc), 3)), np.tile(np.eye(3), (len(qacc), 1, 1))
-    world = LinkMotion(still, upright, still, still, still, still)
+    world = resting(len(qacc))
     for pair in (*loops.pairs, *loops.rods):
         a, b = (
-            _point_rates(links[model.body(body).name] if body else world, local) for body, local in pair.ends
+            point_rates(links[model.body(body).name] if body else world, local) for body, local in pair.ends
         )
         gap, speed, acceleration = (first - second for first, second in zip(a, b, strict=True))
         if isinstance(pair, RodPair):
@@ -314,7 +311,13 @@ def closure_acceleration(
     return np.concatenate(rates, 1)
 
 
-def _point_rates(link: LinkMotion, local: Array) -> tuple[Array, Array, Array]:
+def resting(n: int) -> LinkMotion:
+    """Return the motion of the ground at n states."""
+    still = np.zeros((n, 3))
+    return LinkMotion(still, np.tile(np.eye(3), (n, 1, 1)), still, still, still, still)
+
+
+def point_rates(link: LinkMotion, local: Array) -> tuple[Array, Array, Array]:
     """Return position, velocity and acceleration of a point of a link, (n, 3) each."""
     arm, spin = rotated(link.rotation, local), link.angular_velocity
     swing = np.cross(spin, arm)

@@ -336,14 +336,8 @@ def check_step(timestep: float, profile: CrankProfile, cycle: str) -> int:
         cycle: name of a revolution of the profile, for messages.
     """
     period = 2.0 * np.pi / profile.max_speed
-    if timestep > period / 4.0:
-        raise InputError(
-            f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; "
-            f"take {period / 4.0:.3g} s at the most"
-        )
-    if timestep < period / MAX_STEPS:
-        raise InputError(
-            f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; "
-            f"take {period / MAX_STEPS:.3g} s at the least"
-        )
+    longest, shortest = period / 4.0, period / MAX_STEPS
+    if not shortest <= timestep <= longest:
+        limit = f"{longest:.3g} s at the most" if timestep > longest else f"{shortest:.3g} s at the least"
+        raise InputError(f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; take {limit}")
     return int(np.ceil(period / timestep - 1e-9))

@@ -14,7 +14,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, leading_joint
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, leading_joint
 from mechsim.model.motion_laws import State
 from mechsim.model.nonlinear_springs import OPEN, Phases, SoftStop
 from mechsim.model.progress import Progress, no_progress
@@ -23,7 +23,6 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
 from mechsim.numerics.rounding import CLOSED
 from mechsim.simulation import loop_jacobian
-from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import with_functions
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.friction import dry_frictions
@@ -35,7 +34,7 @@ from mechsim.simulation.mjcf.joints import UNLIMITED, model_names
 from mechsim.simulation.mjcf.link_inertias import MASSLESS_FREE, with_accepted_inertia
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
-from mechsim.simulation.recording import States, add_sensors
+from mechsim.simulation.recording import States, add_sensors, link_motions, point_motions
 from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE, data_at, dense_rows, mass_matrix
@@ -53,6 +52,8 @@ CANCELLED = 1e14
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
 NO_LINKS: Mapping[str, LinkMotion] = {}
+# MuJoCo's results that are recorded
+FIELDS = "xpos", "xmat", "site_xpos", "sensordata", "qacc", "energy"
 # Newton iterations of MuJoCo's constraint solver with equalities alone, whose cost is quadratic: two refine
 # the first; the motions of four_bar, rssr and jansen are then those of twenty
 ITERATIONS = 3
@@ -254,11 +255,10 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         compiled_model, 0 if crank is None else int(compiled_model.joint(crank).dofadr[0])
     )
     loops = with_functions(loops, described.named_laws)
-    closed = ClosedModel(loops, track, compiled_model.qpos0.copy())
     return LoadedModel(
-        loops=closed.loops,
-        track=closed.track,
-        qpos=closed.qpos,
+        loops=loops,
+        track=track,
+        qpos=compiled_model.qpos0.copy(),
         mechanism=described,
         forces=forces,
         actuators=actuator_slices(described, forces, compiled_model.nu),
@@ -441,11 +441,7 @@ def _recorded(
     stepped.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     stepped.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data, n = mujoco.MjData(stepped), len(states.time)
-    sensors = np.empty((n, stepped.nsensordata))
-    accelerations = np.empty((n, stepped.nv))
-    sites = {stepped.site(name).id: np.empty((n, 3)) for name in model.track.points}
-    bodies = {stepped.body(name).id: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
-    energies = np.empty((n, 2))
+    fields = {name: np.empty((n, *np.shape(getattr(data, name)))) for name in FIELDS}
     driving = {name: np.empty(n) for name in drives.names}
     with controls.installed(data) as expand:
         for i in range(n):
@@ -456,47 +452,16 @@ def _recorded(
             mujoco.mj_forward(stepped, data)
             for name, effort in zip(drives.names, drives.forces, strict=True):
                 driving[name][i] = effort
-            sensors[i], accelerations[i], energies[i] = data.sensordata, data.qacc, data.energy
-            for number, values in sites.items():
-                values[i] = data.site_xpos[number]
-            for number, (position, rotation) in bodies.items():
-                position[i], rotation[i] = data.xpos[number], data.xmat[number].reshape(3, 3)
-    named_sites = dict(zip(model.track.points, sites.values(), strict=True))
-    named_bodies = dict(zip(model.track.links, bodies.values(), strict=True))
-    motion = _motion(model, stepped, states, accelerations, sensors, named_sites, named_bodies)
-    return motion, energies[:, 1], energies[:, 0], driving
+            for name, values in fields.items():
+                values[i] = getattr(data, name)
+    energies = fields["energy"]
+    return _motion(model, stepped, states, fields), energies[:, 1], energies[:, 0], driving
 
 
 def _motion(
-    model: LoadedModel,
-    stepped: mujoco.MjModel,
-    states: States,
-    accelerations: Array,
-    sensors: Array,
-    sites: Mapping[str, Array],
-    bodies: Mapping[str, tuple[Array, Array]],
+    model: LoadedModel, stepped: mujoco.MjModel, states: States, fields: Mapping[str, Array]
 ) -> Motion:
-    def sensed(name: str) -> Array:
-        address = int(stepped.sensor(name).adr[0])
-        return sensors[:, address : address + 3]
-
-    # MuJoCo's sensors of linear acceleration are accelerometers, which omit the acceleration of gravity
-    gravity = stepped.opt.gravity
-    points = {
-        name: PointMotion(position, sensed(f"{name}.linvel"), sensed(f"{name}.linacc") + gravity)
-        for name, position in sites.items()
-    }
-    links = {
-        name: LinkMotion(
-            position,
-            rotation,
-            sensed(f"{name}:linvel"),
-            sensed(f"{name}:angvel"),
-            sensed(f"{name}:linacc") + gravity,
-            sensed(f"{name}:angacc"),
-        )
-        for name, (position, rotation) in bodies.items()
-    }
+    """Return the motion from fields of the stepped model at recorded states, (n, ...) each."""
     joints: dict[str, JointMotion] = {}
     for joint in model.mechanism.joints:
         kind = KINDS[joint.kind]
@@ -506,7 +471,7 @@ def _motion(
             except InputError:
                 continue
             index = None if kind.single else i
-            values = states.qpos[:, address], states.qvel[:, dof], accelerations[:, dof]
+            values = states.qpos[:, address], states.qvel[:, dof], fields["qacc"][:, dof]
             joints[name] = JointMotion(*values, "m" if unit == "m" else "rad", index)
     first = leading_joint(joints, (), len(states.time))
     return Motion(
@@ -514,8 +479,8 @@ def _motion(
         angle=first.value,
         speed=first.rate,
         acceleration=first.acceleration,
-        points=points,
-        links=links,
+        points=point_motions(stepped, model.track, fields),
+        links=link_motions(stepped, model.track, fields),
         joints=joints,
         time=states.time,
         drivers=tuple(name for name in model.mechanism.drivers if name in joints),

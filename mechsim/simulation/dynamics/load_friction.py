@@ -14,11 +14,11 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.joint_friction import Friction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND, Vector
+from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.applied_forces import Fields, add_force
 from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
-from mechsim.simulation.recording import link_motions
+from mechsim.simulation.recording import link_motions, point_rates, resting
 
 # relative change of the frictions at which the iteration ends, and its largest number: with a ratio of 0.9 it
 # needs 290
@@ -91,30 +91,19 @@ def rubbing_coordinates(loaded: LoadedModel, fields: Fields) -> list[RubbingCoor
 def _coordinate(
     loaded: LoadedModel, fields: Fields, friction: Friction, joint: Joint, number: int, index: int
 ) -> RubbingCoordinate:
-    kind, n = KINDS[joint.kind], len(fields["qacc"])
-    links = link_motions(loaded.model, loaded.track, fields)
-
-    def motion(link: str, local: Vector) -> tuple[Array, Array, Array]:
-        """Return position and velocity of a point, and angular velocity."""
-        if link == GROUND:
-            return np.broadcast_to(np.asarray(local), (n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        body, arm = links[link], links[link].rotation @ np.asarray(local)
-        velocity = body.velocity + np.cross(body.angular_velocity, arm)
-        return body.position + arm, velocity, body.angular_velocity
-
-    frame = np.broadcast_to(np.eye(3), (n, 3, 3)) if joint.a.link == GROUND else links[joint.a.link].rotation
-    frame = frame @ joint.a.frame
-    (_, first, spin), (point, second, other) = (
-        motion(joint.a.link, joint.a.point),
-        motion(joint.b.link, joint.b.point),
-    )
+    kind = KINDS[joint.kind]
+    links = {GROUND: resting(len(fields["qacc"])), **link_motions(loaded.model, loaded.track, fields)}
+    a, b = links[joint.a.link], links[joint.b.link]
+    frame = a.rotation @ joint.a.frame
+    start, first, _ = point_rates(a, np.asarray(joint.a.point))
+    point, second, _ = point_rates(b, np.asarray(joint.b.point))
+    spin = b.angular_velocity - a.angular_velocity
     turns = index >= len(kind.slides)
     if kind.ball:
-        rate = other - spin
+        rate = spin
     else:
         axis = frame[..., 2 if turns else COLUMN[kind.slides[index]]]
-        start = motion(joint.a.link, joint.a.point)[0]
-        moved = other - spin if turns else second - first - np.cross(spin, point - start)
+        moved = spin if turns else second - first - np.cross(a.angular_velocity, point - start)
         rate = axis * (axis * moved).sum(1)[:, None]
     speed = np.sqrt((rate**2).sum(1))
     slow = speed <= STILL * speed.max(initial=0.0)
