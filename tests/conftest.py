@@ -56,7 +56,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture
 def fast_timers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the clocks of a budget advance by 5 ms at each reading, however long the work takes."""
-    from mechsim.studies import budget
+    from mechsim.numerics import resources
 
     readings = itertools.count()
 
@@ -64,7 +64,7 @@ def fast_timers(monkeypatch: pytest.MonkeyPatch) -> None:
         return 5e-3 * next(readings)
 
     monkeypatch.setattr("time.perf_counter", reading)
-    monkeypatch.setattr(budget, "perf_counter", reading)
+    monkeypatch.setattr(resources, "perf_counter", reading)
 
 
 @pytest.fixture

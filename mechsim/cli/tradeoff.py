@@ -12,9 +12,9 @@ from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import PLOTS, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
+from mechsim.numerics.resources import Budget
 from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
-from mechsim.studies.budget import Budget
 from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.subject import COMPARED, subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff

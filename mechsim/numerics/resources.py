@@ -1,11 +1,11 @@
-"""Limits of memory and processor time, checked before work starts."""
+"""Limits of memory, checked before work starts, and budgets of time."""
 
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 
 from mechsim.errors import BudgetError, InputError
 
@@ -77,36 +77,63 @@ def size_text(bytes_: float) -> str:
     return f"{bytes_ / 1e3:.3g} kB"
 
 
-@dataclass
-class ProcessorBudget:
-    """A budget of processor time, so that results do not depend on other processes of the machine.
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Time that may be spent, by a clock.
 
     Attributes:
-        seconds: budget of processor time, of all threads.
-        processor_time: returns processor time in [s].
-        began: processor time at the start of the budget.
+        seconds: all of it.
+        start: reading of the clock at which it begins; None for now.
+        now: reads the wall clock in [s]; tests pass their own.
     """
 
     seconds: float
-    processor_time: Callable[[], float] = process_time
-    began: float = field(init=False)
+    start: float | None = None
+    now: Callable[[], float] = field(default_factory=lambda: perf_counter)
 
     def __post_init__(self) -> None:
-        """Start the budget."""
-        self.began = self.processor_time()
+        """Read the clock if no start is given."""
+        if self.start is None:
+            object.__setattr__(self, "start", self.now())
 
     @property
     def spent(self) -> float:
-        """Processor time used so far, in [s]."""
-        return self.processor_time() - self.began
+        """Seconds since the start."""
+        assert self.start is not None
+        return self.now() - self.start
+
+    @property
+    def remaining(self) -> float:
+        """Seconds left; negative after the end."""
+        return self.seconds - self.spent
+
+    @property
+    def fraction(self) -> float:
+        """The spent fraction, 0 to 1."""
+        return min(1.0, self.spent / self.seconds)
+
+    def share(self, fraction: float) -> "Budget":
+        """Return a budget that starts now, with a fraction of the seconds."""
+        return replace(self, seconds=fraction * self.seconds, start=None)
+
+    def restarted(self) -> "Budget":
+        """Return the same budget, starting now."""
+        return replace(self, start=None)
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessorBudget(Budget):
+    """A budget of processor time of all threads: results do not depend on other processes of the machine."""
+
+    now: Callable[[], float] = field(default_factory=lambda: process_time)
 
     def affords(self, seconds: float) -> bool:
         """Whether work of some seconds would end within the budget."""
-        return self.spent + seconds <= self.seconds
+        return seconds <= self.remaining
 
     def require_left(self, progress: str) -> None:
         """Raise BudgetError if the budget is exhausted; `progress` is the progress of the work in words."""
-        if self.spent > self.seconds:
+        if self.remaining < 0.0:
             raise BudgetError(
                 f"{self.ended}: it reached {progress}; give a larger --budget or a shorter motion"
             )

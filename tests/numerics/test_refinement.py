@@ -42,7 +42,7 @@ def test_an_attempt_that_would_exceed_the_budget_is_not_started():
         seconds[0] += level
         return fourth_order(level)
 
-    budget = ProcessorBudget(20.0, lambda: seconds[0])
+    budget = ProcessorBudget(20.0, now=lambda: seconds[0])
     result = refine(attempt, 2, doubled, 0.0, budget)
     # 2 + 4 + 8 are spent, and 16 more would be 30
     assert result.best.level == result.level == 8

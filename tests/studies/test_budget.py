@@ -21,7 +21,7 @@ class Timer:
 
 
 def test_a_budget_shorter_than_the_first_run_is_reported() -> None:
-    budget = ProcessorBudget(1.0, Timer(reading_time=0.6))
+    budget = ProcessorBudget(1.0, now=Timer(reading_time=0.6))
     with pytest.raises(BudgetError, match=r"not converged within the budget of 1 s .* it reached 8,192 of"):
         ms.simulate(ms.load("four_bar").mechanism, speed=60.0, turns=100, method="step", budget=budget)
 

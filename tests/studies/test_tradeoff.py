@@ -10,7 +10,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.cli import main
-from mechsim.studies.budget import Budget
+from mechsim.numerics.resources import Budget
 from mechsim.studies.tradeoff.methods import (
     DEFAULTS,
     LOW_COMPLIANCE,

@@ -23,8 +23,8 @@ from tuned_cases import CASES, SceneFile, scene_files
 
 from mechsim.cli.control_options import user_scene
 from mechsim.errors import MechsimError
+from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import start_error
 from mechsim.studies.scene.open_scene import python_laws
 from mechsim.studies.scene.scene import UserScene, with_assembled_start

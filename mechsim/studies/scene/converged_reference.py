@@ -13,9 +13,9 @@ import numpy as np
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import plausible_order, refine
+from mechsim.numerics.resources import Budget
 from mechsim.simulation.driven_run import stiffness_cause
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP, PlainSettings
-from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import By, cubic_interpolation, deviation
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene

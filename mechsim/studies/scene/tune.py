@@ -7,9 +7,9 @@ import numpy as np
 
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.convergence import half_extent
+from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
-from mechsim.studies.budget import Budget
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
 from mechsim.studies.scene.errors import UNITS, By, SceneErrors, SceneEvaluator, SceneTrial
 from mechsim.studies.scene.run import step_times

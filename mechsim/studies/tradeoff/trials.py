@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechsim.model.progress import Progress, no_progress
+from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.budget import Budget
 from mechsim.studies.tradeoff.methods import LOW_COMPLIANCE, STEPS, stepping_methods
 from mechsim.studies.tradeoff.subject import Subject
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
