@@ -114,15 +114,16 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     if not _inconsistent(loops, _joined(nearly), ANGLE_TOLERANCE):
         return Corrected(mechanism)
     change, cause, error = _rotations_to_usual_angles(mechanism)
+    if not (cause and _is_locked(mechanism)):
+        return _with_consistent_dimensions(mechanism, most)
     exact, closing = with_moved_sides(mechanism, change), {cut.joint.name for cut in loops.cuts}
     # points of closing joints can move in MuJoCo's model, too
     offsets = _offsets(exact, MAX_ANGLE, ANGLE_TOLERANCE, closing)
     if offsets is None:
         offsets = _offsets(exact, MAX_ANGLE, ANGLE_TOLERANCE)
     moving = exact if offsets is None else with_moved_sides(exact, offsets)
-    if not (cause and _is_locked(mechanism)) or _is_locked(moving):
-        offsets = _offsets(mechanism, most, DIMENSION_TOLERANCE)
-        return Corrected(mechanism) if offsets is None else _corrected_by(mechanism, offsets)
+    if _is_locked(moving):
+        return _with_consistent_dimensions(mechanism, most)
     exactly = change if offsets is None else change + offsets
     changes = tuple(
         (joint.name, "ab"[side], vector(exactly[i, side, :3] * mechanism.characteristic_length), rotation)
@@ -144,8 +145,11 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     return Corrected(moving, changes=changes, finding=finding)
 
 
-def _corrected_by(mechanism: Mechanism, change: Array) -> Corrected:
-    """Return a mechanism with moved sides, and the largest shift and rotation."""
+def _with_consistent_dimensions(mechanism: Mechanism, most: float) -> Corrected:
+    """Return a mechanism whose sides are moved as far as its loops need, with its angles as they are."""
+    change = _offsets(mechanism, most, DIMENSION_TOLERANCE)
+    if change is None:
+        return Corrected(mechanism)
     shift = np.linalg.norm(change[..., :3], axis=-1).max() * mechanism.characteristic_length
     rotation = np.linalg.norm(change[..., 3:], axis=-1).max()
     return Corrected(with_moved_sides(mechanism, change), float(shift), float(rotation))
@@ -243,7 +247,9 @@ def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str, float]
         if reference[2].link == rotated[2].link and rotated[0] < tree_joints
     ]
     change, largest, cause = np.zeros((len(mechanism.joints), 2, 6)), 0.0, ""
-    for reference, rotated in pairs * SWEEPS:
+    for number, (reference, rotated) in enumerate(pairs * SWEEPS):
+        if number == len(pairs) and not change.any():
+            break  # other sweeps would find the same exact angles
         first, second = (
             turned_by(end.frame[None], change[i, side, 3:][None])[0, :, 2]
             for i, side, end in (reference, rotated)
