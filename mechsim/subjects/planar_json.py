@@ -1,4 +1,4 @@
-"""Planar linkages in JSON, as other programs write them: linkage_sim and PMKS.
+"""Planar linkages in JSON, as other programs write them: linkage_sim, pylinkage and PMKS.
 
 Each format is a file with a function from the content to a `Mechanism`, and a row of FORMATS. Lengths without
 a unit are in [m]. Links have the frame of the ground at the start, except those of linkage_sim.
@@ -59,6 +59,7 @@ def _unread(content: Mapping[str, Any], read: Collection[str], named: Collection
 
 FORMATS = (
     Format("linkage_sim", frozenset({"bodies", "joints"}), "mechsim.subjects.linkage_sim_json"),
+    Format("pylinkage", frozenset({"links", "joints"}), "mechsim.subjects.pylinkage_json"),
     Format("PMKS", frozenset({"Joints"}), "mechsim.subjects.pmks_json"),
 )
 
@@ -96,6 +97,14 @@ def entries(content: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
         raise InputError(f"{key} is no list of objects; write {key}: [{{...}}]")
     return listed
+
+
+def text(entry: Mapping[str, Any], key: str, what: str) -> str:
+    """Return a name of an entry."""
+    value = entry.get(key)
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{what} has no {key}; give a name")
+    return value
 
 
 def point(value: Any, what: str) -> tuple[float, float]:

@@ -113,7 +113,7 @@ def test_files_outside_the_folder_are_rejected(folder, argument):
 
 def test_what_is_inside_is_accepted(folder):
     require_confined(
-        ["good.xml", "bar.linkage.json", "four_bar", "--gravity", "0,0,-9.81/2", "--angles", "0:360:5deg"],
+        ["good.xml", "bar.pylinkage.json", "four_bar", "--gravity", "0,0,-9.81/2", "--angles", "0:360:5deg"],
         folder,
     )
 

@@ -26,6 +26,7 @@ DEFINING_MODULES = {
     "mechsim.codegen.assembly",  # replaces a ball by a universal joint
     "mechsim.subjects.linkage_sim_json",  # types of joints in files of other programs
     "mechsim.subjects.planar_json",  # types of joints in files of other programs
+    "mechsim.subjects.pylinkage_json",  # types of joints in files of other programs
     "mechsim.studies.robots.serial_twin",  # types of joints in URDF
     "mechsim.model.link_poses",  # the ends of the links that stand for rods
     "mechsim.model.quantities",  # "distance" is a quantity there

@@ -20,9 +20,9 @@ EXPECTED = FOUR_BAR.solve(ANGLES, speed=1.0)
 ROD, OFFSET = 0.2, 0.01
 SLIDER = CRANK + float(np.sqrt(ROD**2 - OFFSET**2))
 SLIDES = ms.catalog.make("slider_crank", crank=CRANK, rod=ROD, offset=OFFSET).solve(ANGLES, speed=1.0)
-PMKS, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER = (
+PYLINKAGE, PYLINKAGE_SLIDER, PMKS, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER = (
     json.loads(model_text(f"planar_{name}.json"))
-    for name in ("pmks", "pmks_slider", "linkage_sim", "linkage_sim_slider")
+    for name in ("pylinkage", "pylinkage_slider", "pmks", "pmks_slider", "linkage_sim", "linkage_sim_slider")
 )
 
 
@@ -39,10 +39,11 @@ def written(tmp_path):
 @pytest.mark.parametrize(
     ("content", "name", "pin", "middle"),
     [
+        (PYLINKAGE, "a.json", "B", "half"),
         (PMKS, "a.pmks", "P3", "P5"),
         (LINKAGE_SIM, "a.json", "coupler.B", "half"),
     ],
-    ids=["PMKS", "linkage_sim"],
+    ids=["pylinkage", "PMKS", "linkage_sim"],
 )
 def test_a_four_bar_file_has_the_motion_of_the_catalogue(written, content, name, pin, middle):
     motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
@@ -61,10 +62,11 @@ def test_a_four_bar_file_has_the_motion_of_the_catalogue(written, content, name,
 @pytest.mark.parametrize(
     ("content", "name", "pin"),
     [
+        (PYLINKAGE_SLIDER, "a.json", "B"),
         (PMKS_SLIDER, "a.pmks", "P3"),
         (LINKAGE_SIM_SLIDER, "a.json", "pin"),
     ],
-    ids=["PMKS", "linkage_sim"],
+    ids=["pylinkage", "PMKS", "linkage_sim"],
 )
 def test_a_slider_crank_file_has_the_motion_of_the_catalogue(written, content, name, pin):
     motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
@@ -153,8 +155,18 @@ def changed(content, *path, to):
         ("[" * 100_000, "is no JSON"),
         ("[1, 2]", "holds no linkage that is known"),
         ({"a": 1}, "first level needs bodies, joints .linkage_sim."),
-        (changed(PMKS, "Joints", to=3), "Joints is no list of objects"),
-        (changed(PMKS, "Joints", 1, "X", to=[1, "nan"]), "give two finite numbers"),
+        (changed(PYLINKAGE, "joints", 1, "position", to=[None, None]), "position of joint 'A' is"),
+        (changed(PYLINKAGE, "joints", 1, "position", to=[1, "nan"]), "give two finite numbers"),
+        (changed(PYLINKAGE, "joints", to=3), "joints is no list of objects"),
+        (changed(PYLINKAGE, "links", 2, "joints", to=["A", "C"]), "names joint 'C', which is not listed"),
+        (changed(PYLINKAGE, "links", 2, "joints", to=[]), "has no joints"),
+        (changed(PYLINKAGE, "links", 2, "id", to="crank"), "two links are called 'crank'"),
+        (changed(PYLINKAGE, "links", 2, "type", to="cam"), "is of type 'cam'"),
+        (changed(PYLINKAGE, "joints", 0, "id", to=""), "a joint has no id"),
+        (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="O4"), "no link has both joints of tracker"),
+        (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="X"), "tracker 'half' refers to"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "line_point", to=[0, 0]), "from its line"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "axis", to=[0, 0]), "has length 0"),
         (changed(PMKS, "Joints", 1, "X", to="NaN"), "the position of joint 2"),
         (changed(PMKS, "Joints", 1, "TypeOfJoint", to="G"), "is of type 'G'"),
         (changed(PMKS, "Joints", 1, "TypeOfJoint", to="RP"), "slides along the ground is read"),
@@ -197,7 +209,9 @@ def entry_paths(content, path=()):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("content", [PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER])
+@pytest.mark.parametrize(
+    "content", [PYLINKAGE, PYLINKAGE_SLIDER, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER]
+)
 def test_entries_of_a_wrong_type_are_accepted_or_rejected(written, content):
     for position in entry_paths(content):
         for value in (None, [], {}, [[1]], "x", -1, 1e400, True):
