@@ -60,13 +60,6 @@ def test_a_motor_on_the_crank_keeps_the_balance_and_one_on_another_joint_is_reje
         ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(linkage, steered), run)
 
 
-def test_a_run_in_which_friction_holds_the_joint_is_rejected():
-    brake = replace(WEIGHT, friction=(ms.Friction("pin", coulomb=100.0),))
-    run = ms.dynamics.run(pendulum(), brake, duration=0.05, samples=5)
-    with pytest.raises(InputError, match="sticks or touches a stop at 0 s"):
-        ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(pendulum(), brake), run)
-
-
 @pytest.mark.long
 def test_friction_by_the_load_acts_in_the_balance_of_the_rocker():
     """Moments about the rocker's pin: force and friction of B, friction of the pin, weight."""

@@ -113,14 +113,6 @@ def test_the_ghost_is_visible_only_with_an_error(linkage, motion, monkeypatch):
     assert GHOST[3] < 1.0
 
 
-def test_a_ghost_of_other_angles_is_rejected(linkage, motion):
-    other = linkage.solve(ANGLES + 0.1, 60.0)
-    with pytest.raises(InputError, match="other crank angles"):
-        Source(linkage.mechanism, motion, other).drawn(Look())
-    with pytest.raises(InputError, match="ask for one position"):
-        Source(linkage.mechanism, motion, motion).drawn(Look(overlay=4))
-
-
 @pytest.mark.long
 @draws
 @pytest.mark.parametrize("camera", ["iso"])

@@ -54,17 +54,6 @@ def test_disabled_limits_are_ignored(model: mujoco.MjModel) -> None:
     assert ms.closed_qpos(model, {"crank": 0.75})[0, 7] == 0.75
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [({"crank": 0.8}, "joint crank"), ({"wheel": 0.0}, "wheel"), ({}, "finite numbers")],
-)
-def test_invalid_driver_positions_are_rejected(
-    model: mujoco.MjModel, values: dict[str, float], message: str
-) -> None:
-    with pytest.raises(ms.InputError, match=message):
-        ms.closed_qpos(model, values)
-
-
 def test_the_command_writes_and_reports_samples(tmp_path, mechsim) -> None:
     file, states = tmp_path / "model.xml", tmp_path / "states.npz"
     file.write_text(FOUR_BAR)

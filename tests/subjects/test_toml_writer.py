@@ -11,7 +11,6 @@ import pytest
 from model_files import model_text
 
 from mechsim import catalog
-from mechsim.errors import InputError
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects import gallery
@@ -160,12 +159,3 @@ def test_forces_of_a_file_are_in_si(press):
     assert (oil.stiffness, oil.damping) == (0.0, 3.0)
     assert [item.rest for item in forces.joint_springs] == pytest.approx([0.004, np.deg2rad(30)])
     assert forces.friction[1].viscous_turn == 1e-4
-
-
-def test_writing_a_motion_law_without_text_is_rejected():
-    def state(time):
-        return time, np.ones_like(time), np.zeros_like(time)
-
-    solver = load("four_bar", drive={"crank": state})
-    with pytest.raises(InputError, match="without text"):
-        to_toml(solver)

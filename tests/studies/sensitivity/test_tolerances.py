@@ -63,9 +63,3 @@ def test_a_radial_clearance_moves_a_point_by_its_radius():
     assert np.allclose(study.worst("B.x"), 1e-5 / np.cos(rod_angle), rtol=1e-9)
     # a pin is uniform in its hole, whose deviation along a line is half of its radius
     assert np.allclose(study.deviation("B.x"), 0.5e-5 / np.cos(rod_angle), rtol=1e-9)
-
-
-def test_a_slide_has_no_radial_clearance():
-    result = table("slider_crank", quantities=("B.x",))
-    with pytest.raises(InputError, match="radial clearances exist for revolute or spherical joints only"):
-        tolerance_study(result, {"slide.clearance": 1e-5})
