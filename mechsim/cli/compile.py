@@ -1,16 +1,21 @@
 """Command `mechsim compile`: a solver of a mechanism as a C header or a JavaScript file, or an FMU."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from mechsim.analytic.dynamics.dynamic_run import Initial
+from mechsim.analytic.dynamics.gaps import released
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.load_options import InitialOptions, released_model
 from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import print_text
 from mechsim.cli.output_paths import output_file, writable
 from mechsim.codegen.assembly import assembly
+from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
 from mechsim.codegen.fmu import FmuModel, Standard, fmu_archive
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.codegen.fmu_kinematics import kinematic_fmu
@@ -39,7 +44,8 @@ def compile_solver(
     ),
     dynamics: bool = option(
         False,
-        "Write an FMU of the motion under forces: efforts on the joints are its inputs, not the drivers.",
+        "Write the motion under forces, as C99 or an FMU: efforts on the joints are its inputs, not the "
+        "drivers.",
     ),
     fmi: str | None = option(None, "Version of the standard of an FMU. Default: 3.", metavar="2|3"),
 ) -> Result:
@@ -52,6 +58,7 @@ def compile_solver(
     mechsim compile rssr -o rssr.h --test rssr_test.c
     mechsim compile leg.toml -o leg.js
     mechsim compile four_bar --dynamics --initial crank.q=30deg -o four_bar.fmu
+    mechsim compile four_bar --dynamics -o four_bar.h --test four_bar_test.c
     """
     path = Path(output)
     if path.suffix.lower() == ".fmu":
@@ -59,10 +66,15 @@ def compile_solver(
         stated.exclude(["initial"], "without --dynamics", not dynamics)
         stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs", dynamics)
         return _fmu(options, initial if dynamics else None, output, _standard(fmi))
-    stated.exclude(["dynamics", "initial", "fmi"], "on a solver that is no FMU")
+    stated.exclude(["fmi"], "on a solver that is no FMU")
+    stated.exclude(["dynamics"], "on JavaScript", path.suffix == ".js")
+    stated.exclude(["initial"], "without --dynamics", not dynamics)
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
+    if dynamics:
+        stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs")
+        return _dynamics(released_model(options), dict(initial.initial), path, test_path)
     require_other_drivers(options.model, options.sets, options)
     code = solver_code(assembly(options.load()))
     in_c = path.suffix.lower() == ".h"
@@ -99,16 +111,35 @@ def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, sta
     else:
         model = dynamic_fmu(released_model(options), dict(initial.initial))
     _write(Path(output), fmu_archive(model, standard))
+    data = {"output": output, "mechanism": model.name, "fmi": standard}
+    return _with_variables(model, data, f"FMI {standard}.0, Model Exchange and Co-Simulation", (output,))
+
+
+def _dynamics(model: DynamicModel, initial: Mapping[str, Initial], path: Path, test: Path | None) -> Result:
+    """Write a header of the motion under forces, and its test."""
+    written = dynamic_fmu(model, initial)
+    text = dynamics_header(written)
+    _write(path, text)
+    if test is not None:
+        _write(test, dynamics_test(written, released(model), initial, path.name))
+    data = {"output": str(path), "mechanism": written.name, "test": None if test is None else str(test)}
+    use = f"{len(text.splitlines())} lines; {written.identifier}_start, _begin, _advance"
+    return _with_variables(written, data, use, (str(path), data["test"]))
+
+
+def _with_variables(
+    model: FmuModel, data: dict[str, Any], title: str, files: tuple[str | None, ...]
+) -> Result:
+    """Return the result of a written model of `FmuModel`, with the names of its variables."""
     kinds = ("inputs", "parameters", "states", "outputs")
     names = {kind: [variable.name for variable in getattr(model, kind)] for kind in kinds}
-    data: dict[str, Any] = {"output": output, "mechanism": model.name, "fmi": standard, **names}
 
     def text() -> None:
         numbers = ", ".join(f"{len(names[kind])} {kind}" for kind in kinds)
-        typer.echo(f"FMI {standard}.0, Model Exchange and Co-Simulation: {numbers}")
+        typer.echo(f"{title}: {numbers}")
         print_text(f"inputs: {', '.join(names['inputs'])}")
 
-    return Result(data, text, files=(output,))
+    return Result({**data, **names}, text, files=files)
 
 
 def _write(path: Path, content: str | bytes) -> None:

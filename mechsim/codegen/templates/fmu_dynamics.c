@@ -26,8 +26,8 @@ static int prepare(Own *own) {
     own->tables = TABLES;
     connect(&own->model, &own->tables);
     own->work = workspace(&own->model, 0);
-    own->steps = malloc(STEPS * STEP * sizeof(double));
-    own->dense = malloc((size_t)STEPS * (NODES + 1) * SIZE * sizeof(double));
+    own->steps = ALLOCATE(STEPS * STEP * sizeof(double));
+    own->dense = ALLOCATE((size_t)STEPS * (NODES + 1) * SIZE * sizeof(double));
     own->run.sliding = NONE, own->run.phase = PHASES, own->run.rule = RULE;
     own->run.rank = RANK, own->run.tolerance = TOLERANCE, own->run.longest = LONGEST, own->run.implicit = IMPLICIT;
     own->run.step = own->steps, own->run.dense = own->dense, own->run.max_steps = STEPS;
@@ -36,9 +36,9 @@ static int prepare(Own *own) {
 }
 
 static void discard(Own *own) {
-    free(own->work);
-    free(own->steps);
-    free(own->dense);
+    RELEASE(own->work);
+    RELEASE(own->steps);
+    RELEASE(own->dense);
 }
 
 static void start(Snapshot *now, Own *own) {

@@ -24,7 +24,7 @@ int main(void) {
           fabs((double)values[index[i]].velocity[j] - expected[3 + j]) / scales[1],
           fabs((double)values[index[i]].acceleration[j] - expected[6 + j]) / scales[2],
         };
-        for (int e = 0; e < 3; e++) { if (!(errors[e] <= worst)) { worst = errors[e]; } }
+        for (int e = 0; e < 3; e++) { if (!(errors[e] <= worst)) { worst = isnan(errors[e]) ? INFINITY : errors[e]; } }
       }
     }
   }

@@ -15,7 +15,7 @@ for (let k = 0; k < COUNT; k++) {
       for (let j = 0; j < 3; j++) {
         const expected = reference[(k * COMPARED + i) * 9 + 3 * e + j];
         const error = Math.abs(values[index[i]][quantity][j] - expected) / scales[e];
-        if (!(error <= worst)) { worst = error; }
+        if (!(error <= worst)) { worst = Number.isNaN(error) ? Infinity : error; }
       }
     });
   }

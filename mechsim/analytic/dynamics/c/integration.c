@@ -86,6 +86,12 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 #define CONTINUED 9
 #define DIFFERENCE 1e-7
 
+/* memory filled with zeros; a header without allocation has its own */
+#ifndef ALLOCATE
+#define ALLOCATE(bytes) calloc(1, bytes)
+#define RELEASE(memory) free(memory)
+#endif
+
 typedef struct {
     double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
     int rank, implicit, resting, max_steps, steps, evaluations, status;
@@ -120,7 +126,7 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, terms), 12 * loaded * (loaded + 1)}};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i].count;
-    char *memory = calloc(1, sizeof(Work) + total * sizeof(double) + (2 * rows + n * n + 3 * n) * sizeof(int));
+    char *memory = ALLOCATE(sizeof(Work) + total * sizeof(double) + (2 * rows + n * n + 3 * n) * sizeof(int));
     if (!memory) return NULL;
     double *next = (double *)(memory + sizeof(Work));
     for (size_t i = 0; i < count; i++) {
@@ -369,7 +375,7 @@ static Nodes *nodes_of(const Model *m, int tangents) {
         (size_t)NODES * (p + 2) * p, (size_t)NODES * NODES * p * p, (size_t)2 * NODES * (p + 2), (size_t)2 * size};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i];
-    Nodes *x = malloc(sizeof(Nodes) + total * sizeof(double) + NODES * p * sizeof(int));
+    Nodes *x = ALLOCATE(sizeof(Nodes) + total * sizeof(double) + NODES * p * sizeof(int));
     if (!x) return NULL;
     double *next = (double *)(x + 1), **arrays = &x->states;
     for (size_t i = 0; i < count; i++) arrays[i] = next, next += parts[i];
@@ -575,7 +581,7 @@ static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, doubl
 int integrate(const Model *m, Run *run) {
     int size = size_of(m);
     Work *w = workspace(m, run->resting);
-    double *slopes = malloc((size_t)size * 18 * sizeof(double));
+    double *slopes = ALLOCATE((size_t)size * 18 * sizeof(double));
     run->steps = run->evaluations = 0, run->status = FAILED;
     if (w && slopes) run->status = derive(m, w, run, run->time, run->state, slopes, 0);
     if (run->status == FINISHED && !(run->length > 0.0)) {
@@ -592,9 +598,9 @@ int integrate(const Model *m, Run *run) {
                                                    : take_step(m, w, run, slopes, after, trial);
         run->steps += run->status == FINISHED;
     }
-    free(slopes);
-    free(x);
-    free(w);
+    RELEASE(slopes);
+    RELEASE(x);
+    RELEASE(w);
     return run->status;
 }
 
@@ -612,6 +618,6 @@ int evaluate(const Model *m, Run *run, int count, const double *times, int closi
         energies[2 * i] = w->kinetic, energies[2 * i + 1] = w->potential;
     }
     run->rank = w->rank, run->nearest = w->smallest;
-    free(w);
+    RELEASE(w);
     return status;
 }
