@@ -14,7 +14,7 @@ from mechsim.codegen.solver_code import TEMPLATES
 from mechsim.errors import InputError
 from mechsim.numerics.c_library import loaded_library
 
-# memory in bytes in which a first step shows how much the functions use: a chain of 40 links needs 2 MB
+# memory in bytes in which a first step shows how much the functions use: 50 kB for Jansen's leg
 LARGEST_MEMORY = 1 << 28
 # number of numbers that the integrator keeps between two calls: `Snapshot` of fmu_dynamics.c
 KEPT = 10

@@ -48,11 +48,11 @@ def test_its_own_test_passes_and_rejects_another_motion(tmp_path, name, forces, 
     made = dynamic_fmu(model, initial)
     (tmp_path / "model.h").write_text(dynamics_header(made))
     (tmp_path / "test.c").write_text(dynamics_test(made, model, initial, "model.h"))
-    for compiler in ("gcc", "clang"):
-        code, text = outcome(tmp_path, compiler, *SANITIZED)
-        assert (code, "done; largest error" in text) == (0, True), text
+    code, text = outcome(tmp_path, "clang", *SANITIZED)
+    assert (code, "done; largest error" in text) == (0, True), text
     # what allocates is not called
     code, text = outcome(tmp_path, "gcc")
+    assert code == 0, text
     symbols = subprocess.run(["nm", "-u", "test"], cwd=tmp_path, capture_output=True, text=True).stdout
     assert "memcpy" in symbols
     assert not re.search("malloc|calloc|free", symbols)
