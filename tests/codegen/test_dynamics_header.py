@@ -12,13 +12,11 @@ from mechsim.analytic.dynamics.model import dynamic_model
 from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.model.forces import Forces, JointSpring
-from mechsim.model.motors import TorqueSpeedLine
 
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
-MOTOR = replace(WEIGHT, motor=TorqueSpeedLine(0.4, 30.0))
 # damping fast enough for the implicit method
 STIFF = replace(WEIGHT, friction=(ms.Friction("rocker", viscous=3.0),))
-STRICT = "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1"
+STRICT = "-std=c99", "-Wall", "-Wextra", "-Werror"
 SANITIZED = "-fsanitize=address,undefined", "-fno-sanitize-recover"
 
 
@@ -36,11 +34,9 @@ def outcome(folder, compiler, *flags):
 @pytest.mark.parametrize(
     ("name", "forces", "initial"),
     [
-        ("four_bar", WEIGHT, {"A.q": "30deg"}),
         ("four_bar", STIFF, {"A.q": "30deg"}),
         # ball joints, whose rotations are quaternions
         ("rssr", WEIGHT, {"crank.q": "20deg"}),
-        ("slider_crank", MOTOR, {}),
     ],
 )
 def test_its_own_test_passes_and_rejects_another_motion(tmp_path, name, forces, initial):
