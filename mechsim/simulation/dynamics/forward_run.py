@@ -49,6 +49,8 @@ REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
 # 1e16, and each of the `ITERATIONS` regains those that are left. A light cam under a loaded follower is at
 # 4e16 to 1e20 with stiff equalities, and its motion wrong from the first step
 CANCELLED = 1e14
+# rate of such a motion relative to the largest that is rounding
+STILL = 1e-12
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
 NO_LINKS: Mapping[str, LinkMotion] = {}
@@ -224,7 +226,7 @@ def start_of(
     springs = forces.nonlinear_springs
     remembered = any(isinstance(spring.law, SoftStop) and spring.law.hysteresis for spring in springs)
     phases = (phases or (OPEN,) * len(springs)) if remembered else ()
-    return Start(model, qpos, qvel, activation, settings_at(model, qpos), phases)
+    return Start(model, qpos, qvel, activation, settings_at(model, qpos, qvel), phases)
 
 
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
@@ -376,12 +378,12 @@ def is_redundant(loops: ModelLoops, qpos: Array) -> bool:
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * largest)) < len(rows)
 
 
-def settings_at(model: LoadedModel, qpos: Array) -> Settings:
-    """Return the settings of steps: of redundant loops, or stiff ones unless a motion is light.
+def settings_at(model: LoadedModel, qpos: Array, qvel: Array) -> Settings:
+    """Return the settings of steps: of redundant loops, or stiff ones unless a light motion has a rate.
 
     MuJoCo factorises M + J^T D J with the mass matrix M, constraints J and their stiffness D. Along a motion
     z, J z = 0, the terms D (J_k z_k)^2 cancel, and what they exceed z^T M z by is lost of that inertia. The
-    constraints then yield more.
+    constraints then yield more. A light cam at rest under its follower keeps stiff ones.
     """
     if is_redundant(model.loops, qpos):
         return REDUNDANT
@@ -391,9 +393,11 @@ def settings_at(model: LoadedModel, qpos: Array) -> Settings:
     rows, stiffness = dense_rows(data)[: data.ne], data.efc_D[: data.ne]
     motions = null_spaces(rows * units.T)[1].T * units
     inertias, directions = np.linalg.eigh(motions.T @ mass_matrix(data) @ motions)
+    rates = directions.T @ np.linalg.lstsq(motions, qvel)[0]
     exceeds = (
         float((stiffness[:, None] * (rows * motion) ** 2).max(initial=0.0)) / inertia
-        for motion, inertia in zip((motions @ directions).T, inertias, strict=True)
+        for motion, inertia, rate in zip((motions @ directions).T, inertias, rates, strict=True)
+        if abs(rate) > STILL * np.abs(rates).max()
     )
     excess = max(exceeds, default=0.0) / CANCELLED
     return replace(FREE, compliance=COMPLIANCE * max(1.0, excess))
