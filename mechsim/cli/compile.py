@@ -67,9 +67,9 @@ def compile_solver(
         stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs", dynamics)
         return _fmu(options, initial if dynamics else None, output, _standard(fmi))
     stated.exclude(["fmi"], "on a solver that is no FMU")
-    stated.exclude(["dynamics"], "on JavaScript", path.suffix == ".js")
+    stated.exclude(["dynamics"], "on JavaScript", path.suffix.lower() == ".js")
     stated.exclude(["initial"], "without --dynamics", not dynamics)
-    test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
+    test_path = None if test is None else writable(test, ".c" if path.suffix.lower() == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
     if dynamics:
@@ -119,9 +119,10 @@ def _dynamics(model: DynamicModel, initial: Mapping[str, Initial], path: Path, t
     """Write a header of the motion under forces, and its test."""
     written = dynamic_fmu(model, initial)
     text = dynamics_header(written)
+    checked = dynamics_test(written, released(model), initial, path.name) if test is not None else ""
     _write(path, text)
     if test is not None:
-        _write(test, dynamics_test(written, released(model), initial, path.name))
+        _write(test, checked)
     data = {"output": str(path), "mechanism": written.name, "test": None if test is None else str(test)}
     use = f"{len(text.splitlines())} lines; {written.identifier}_start, _begin, _advance"
     return _with_variables(written, data, use, (str(path), data["test"]))

@@ -71,11 +71,20 @@ def _header(model: FmuModel, memory: int) -> str:
 
 
 def dynamics_test(model: FmuModel, source: DynamicModel, initial: Mapping[str, Initial], header: str) -> str:
-    """Return a C program that compares a header with mechsim's own run of the same duration."""
+    """Return a C program that compares a header with mechsim's own run of the same duration.
+
+    Raises:
+        InputError: if that run ends early.
+    """
     coarse, exact = (
         run(source, initial=initial, duration=model.duration, samples=INSTANTS, tolerance=tolerance)
         for tolerance in (COARSER * TOLERANCE, TOLERANCE)
     )
+    if {coarse.outcome, exact.outcome} != {"done"}:
+        raise InputError(
+            f"{model.name}: a test of the header needs a run of {model.duration:g} s, and mechsim's own ends "
+            f"with {exact.outcome!r}; leave out --test, or give another initial state"
+        )
     other, columns = ({name: values[1:] for name, values in each.columns()} for each in (coarse, exact))
     names = {i: v.name for i, v in enumerate(model.variables) if i and v.name in columns}
     allowed = [

@@ -82,13 +82,14 @@ int main(void) {
     if (memcmp(&before, &motion, sizeof motion)) return 2;
     if (four_bar_advance(&motion, 1.0) || four_bar_evaluate(&motion)) return 3;
     printf("%.17g %.17g\\n", motion.value[number("A.q [rad]")], motion.value[number("C.x [m]")]);
-    motion.value[number("A.q [rad]")] = 1e9;
+    motion.value[four_bar_INPUT] = NAN;
+    if (!four_bar_advance(&motion, 2.0)) return 4;
     four_bar_start(&motion);
     motion.value[number("A.q [rad]")] += 0.1;
     printf("%s\\n", four_bar_begin(&motion));
     return 0;
 }
-""".replace("\\\\", "\\")
+"""
     )
     code, text = outcome(tmp_path, "gcc", *SANITIZED)
     assert code == 0, text

@@ -85,6 +85,10 @@ def test_a_joint_with_an_actuator_is_never_cut() -> None:
     mechanism = catalog.make("four_bar").mechanism
     for acting in (["A"], ["rocker", "B"]):
         assert {joint.name for joint in cut_loops(mechanism, acting=acting).cuts}.isdisjoint(acting)
+        with pytest.raises(
+            InputError, match=f"joint '{acting[-1]}' is moved by an actuator and cannot be cut"
+        ):
+            cut_loops(mechanism, (acting[-1],), acting=acting)
     # with one on each joint, a joint is split instead
     tree = cut_loops(mechanism, acting=["crank", "A", "B", "rocker"])
     assert len(tree.branches) == 4

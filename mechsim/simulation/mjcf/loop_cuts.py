@@ -1,6 +1,6 @@
 """Cuts of loops: a mechanism as a spanning tree and cut joints that constraints close."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,12 +56,14 @@ def cut_loops(
     """
     if not mechanism.joints:
         raise InputError(f"{mechanism.name} has no joints; add one")
-    # the names of joints that must not be cut: driven, locked or coupled ones
-    driven = {joint.name for joint in mechanism.driven_joints}
-    geared = joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates])
-    requested = set(cut or ())
-    needed = driven | geared | joints_with(mechanism, {*mechanism.locked, *acting})
-    _require_cuttable(mechanism, requested, needed)
+    reasons = {
+        "driven": {joint.name for joint in mechanism.driven_joints},
+        "held": joints_with(mechanism, mechanism.locked),
+        "geared": joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates]),
+        "moved by an actuator": joints_with(mechanism, acting),
+    }
+    requested, needed = set(cut or ()), set[str]().union(*reasons.values())
+    _require_cuttable(mechanism, requested, reasons)
     joined = components(
         [GROUND, *(link.name for link in mechanism.links)],
         [(joint.a.link, joint.b.link) for joint in mechanism.joints],
@@ -119,15 +121,14 @@ def cut_loops(
     return Tree(mechanism, tuple(branches), (*cuts, *rods))
 
 
-def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str]) -> None:
-    """Reject cuts of unknown joints and of joints that must not be cut."""
+def _require_cuttable(mechanism: Mechanism, requested: set[str], reasons: Mapping[str, set[str]]) -> None:
+    """Reject cuts of unknown joints and of joints that must not be cut for a reason."""
     for unknown in requested - {joint.name for joint in mechanism.joints}:
         names = ", ".join(joint.name for joint in mechanism.joints)
         raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; choose from {names}")
-    driven = {joint.name for joint in mechanism.driven_joints}
-    for name in sorted(requested & needed):
-        what = "driven" if name in driven else "held" if name in mechanism.locked else "geared"
-        raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
+    for reason, kept in reasons.items():
+        for name in sorted(requested & kept):
+            raise InputError(f"{mechanism.name}: joint {name!r} is {reason} and cannot be cut; cut another")
 
 
 def joints_with(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
