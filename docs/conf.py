@@ -3,9 +3,13 @@
 import os
 import re
 import sys
+import tempfile
 from pathlib import Path
 
+import jupyter_cache.executors.utils as execution
+import nbclient
 from docutils import nodes
+from traitlets.config import Config
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
@@ -79,6 +83,16 @@ def sh(line, cell):
     if run.returncode != int(line.removeprefix("exits") or 0):
         raise RuntimeError(f"exit code {run.returncode}: {run.stderr}")
 """
+
+
+def _execute(notebook, **options):
+    """Run a page's cells by a kernel with sockets in its own folder: parallel kernels race for free TCP ports."""
+    with tempfile.TemporaryDirectory() as folder:
+        sockets = {"transport": "ipc", "ip": f"{folder}/kernel"}
+        return nbclient.execute(notebook, config=Config(KernelManager=sockets), **options)
+
+
+execution.executenb = _execute
 
 
 def _prepare():
