@@ -11,37 +11,47 @@ from mechsim._version import __version__ as __version__
 
 # a name that is imported as itself is public for type checkers
 if TYPE_CHECKING:
+    from mechsim import dynamics as dynamics
     from mechsim import formulas as formulas
+    from mechsim import loops as loops
     from mechsim import simulation as simulation
     from mechsim import testing as testing
     from mechsim import units as units
-    from mechsim.analytic.vector_method import vectors as vectors
     from mechsim.codegen.compiled import compile as compile
+    from mechsim.compare.checks import Check as Check
+    from mechsim.compare.checks import Verdict as Verdict
+    from mechsim.compare.crosscheck import crosscheck as crosscheck
+    from mechsim.compare.tolerances import Tolerance as Tolerance
     from mechsim.errors import AssemblyError as AssemblyError
     from mechsim.errors import InputError as InputError
     from mechsim.errors import MechsimError as MechsimError
-    from mechsim.model import load_profile as load_profile
-    from mechsim.model import masses as masses
-    from mechsim.model import motors as motors
-    from mechsim.model.bushings import Bushing as Bushing
-    from mechsim.model.clearances import Clearance as Clearance
-    from mechsim.model.forces import Forces as Forces
-    from mechsim.model.forces import Friction as Friction
-    from mechsim.model.forces import JointSpring as JointSpring
-    from mechsim.model.forces import Load as Load
-    from mechsim.model.forces import Spring as Spring
-    from mechsim.model.joints import Coupling as Coupling
-    from mechsim.model.joints import End as End
-    from mechsim.model.joints import Gear as Gear
-    from mechsim.model.joints import Joint as Joint
-    from mechsim.model.links import Inertia as Inertia
-    from mechsim.model.links import Link as Link
-    from mechsim.model.links import Pose as Pose
-    from mechsim.model.mechanism import Mechanism as Mechanism
-    from mechsim.model.motion import Motion as Motion
-    from mechsim.model.motion_laws import MotionLaws as MotionLaws
-    from mechsim.model.motors import Controller as Controller
-    from mechsim.model.scene import Scene as Scene
+    from mechsim.io import catalog as catalog
+    from mechsim.io.gallery import list as list
+    from mechsim.io.readers import load as load
+    from mechsim.io.simulate_by_name import simulate as simulate
+    from mechsim.kinematics.vector_method import vectors as vectors
+    from mechsim.mechanism import load_profile as load_profile
+    from mechsim.mechanism import masses as masses
+    from mechsim.mechanism import motors as motors
+    from mechsim.mechanism.bushings import Bushing as Bushing
+    from mechsim.mechanism.clearances import Clearance as Clearance
+    from mechsim.mechanism.forces import Forces as Forces
+    from mechsim.mechanism.forces import Friction as Friction
+    from mechsim.mechanism.forces import JointSpring as JointSpring
+    from mechsim.mechanism.forces import Load as Load
+    from mechsim.mechanism.forces import Spring as Spring
+    from mechsim.mechanism.joints import Coupling as Coupling
+    from mechsim.mechanism.joints import End as End
+    from mechsim.mechanism.joints import Gear as Gear
+    from mechsim.mechanism.joints import Joint as Joint
+    from mechsim.mechanism.links import Inertia as Inertia
+    from mechsim.mechanism.links import Link as Link
+    from mechsim.mechanism.links import Pose as Pose
+    from mechsim.mechanism.mechanism import Mechanism as Mechanism
+    from mechsim.mechanism.motion import Motion as Motion
+    from mechsim.mechanism.motion_laws import MotionLaws as MotionLaws
+    from mechsim.mechanism.motors import Controller as Controller
+    from mechsim.mechanism.scene import Scene as Scene
     from mechsim.pictures import plots as plots
     from mechsim.pictures.render import Look as Look
     from mechsim.report.notebook import plot as plot
@@ -51,6 +61,7 @@ if TYPE_CHECKING:
     from mechsim.simulation.run import Run as Run
     from mechsim.simulation.settings import Settings as Settings
     from mechsim.studies.agreement.agreement import Agreement as Agreement
+    from mechsim.studies.assemblies import assemblies as assemblies
     from mechsim.studies.calibration import fit as fit
     from mechsim.studies.certify import Certificate as Certificate
     from mechsim.studies.certify import certify as certify
@@ -66,50 +77,39 @@ if TYPE_CHECKING:
     from mechsim.studies.sensitivity.sensitivity import sensitivity as sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study as tolerance_study
     from mechsim.studies.sweep.sweeping import sweep as sweep
+    from mechsim.studies.trace import trace as trace
     from mechsim.studies.validate import Validation as Validation
     from mechsim.studies.validate import validate as validate
-    from mechsim.subjects import catalog as catalog
-    from mechsim.subjects import dynamics as dynamics
-    from mechsim.subjects.gallery import list as list
-    from mechsim.subjects.readers import load as load
-    from mechsim.subjects.simulate_by_name import simulate as simulate
-    from mechsim.theory import loops as loops
-    from mechsim.theory.assemblies import assemblies as assemblies
-    from mechsim.theory.continuation.mechanism_trace import trace as trace
-    from mechsim.verdict.checks import Check as Check
-    from mechsim.verdict.checks import Verdict as Verdict
-    from mechsim.verdict.crosscheck import crosscheck as crosscheck
-    from mechsim.verdict.tolerances import Tolerance as Tolerance
 
 # public modules, and public names by the module that defines them; they are also imported above
 _MODULES = {
-    "catalog": "subjects.catalog",
-    "dynamics": "subjects.dynamics",
+    "catalog": "io.catalog",
+    "dynamics": "dynamics",
     "formulas": "formulas",
-    "load_profile": "model.load_profile",
-    "loops": "theory.loops",
-    "masses": "model.masses",
-    "motors": "model.motors",
+    "load_profile": "mechanism.load_profile",
+    "loops": "loops",
+    "masses": "mechanism.masses",
+    "motors": "mechanism.motors",
     "plots": "pictures.plots",
     "simulation": "simulation",
     "testing": "testing",
     "units": "units",
-    "vectors": "analytic.vector_method.vectors",
+    "vectors": "kinematics.vector_method.vectors",
 }
 _NAMES = {
     "_version": "__version__",
     "codegen.compiled": "compile",
     "errors": "AssemblyError InputError MechsimError",
-    "model.bushings": "Bushing",
-    "model.clearances": "Clearance",
-    "model.forces": "Forces Friction JointSpring Load Spring",
-    "model.joints": "Coupling End Gear Joint",
-    "model.links": "Inertia Link Pose",
-    "model.mechanism": "Mechanism",
-    "model.motion": "Motion",
-    "model.motion_laws": "MotionLaws",
-    "model.motors": "Controller",
-    "model.scene": "Scene",
+    "mechanism.bushings": "Bushing",
+    "mechanism.clearances": "Clearance",
+    "mechanism.forces": "Forces Friction JointSpring Load Spring",
+    "mechanism.joints": "Coupling End Gear Joint",
+    "mechanism.links": "Inertia Link Pose",
+    "mechanism.mechanism": "Mechanism",
+    "mechanism.motion": "Motion",
+    "mechanism.motion_laws": "MotionLaws",
+    "mechanism.motors": "Controller",
+    "mechanism.scene": "Scene",
     "pictures.render": "Look",
     "report.notebook": "plot render show view",
     "simulation.run": "Run",
@@ -128,14 +128,14 @@ _NAMES = {
     "studies.sensitivity.tolerance_analysis": "tolerance_study",
     "studies.sweep.sweeping": "sweep",
     "studies.validate": "Validation validate",
-    "subjects.gallery": "list",
-    "subjects.readers": "load",
-    "subjects.simulate_by_name": "simulate",
-    "theory.assemblies": "assemblies",
-    "theory.continuation.mechanism_trace": "trace",
-    "verdict.checks": "Check Verdict",
-    "verdict.crosscheck": "crosscheck",
-    "verdict.tolerances": "Tolerance",
+    "io.gallery": "list",
+    "io.readers": "load",
+    "io.simulate_by_name": "simulate",
+    "studies.assemblies": "assemblies",
+    "studies.trace": "trace",
+    "compare.checks": "Check Verdict",
+    "compare.crosscheck": "crosscheck",
+    "compare.tolerances": "Tolerance",
 }
 _LOCATIONS = _MODULES | {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = tuple(_LOCATIONS)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -5,10 +5,10 @@ at crank angles. `TwoBranchForm` adds the discriminant whose sign changes are th
 (3, n), component first. Angles may be jets, so that rates follow from the same formula (`Values`).
 """
 
-from mechsim.analytic.formulas.closed_form import ClosedForm
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import (
+from mechsim.kinematics.formulas.closed_form import ClosedForm
+from mechsim.kinematics.formulas.two_branch import TwoBranchForm
+from mechsim.kinematics.vector_method.link_frames import LinkFrame
+from mechsim.kinematics.vector_method.vectors import (
     circle_sphere,
     column,
     cross,
@@ -21,8 +21,8 @@ from mechsim.analytic.vector_method.vectors import (
     triangle_angle,
     unit_at_angles,
 )
-from mechsim.model.links import EX, EY, EZ, ORIGIN, Vector
-from mechsim.model.motion_laws import Arcs
+from mechsim.mechanism.links import EX, EY, EZ, ORIGIN, Vector
+from mechsim.mechanism.motion_laws import Arcs
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin, values, with_value
 

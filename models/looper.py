@@ -10,9 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import InputError
-from mechsim.analytic.vector_method import trig_polynomial
-from mechsim.analytic.vector_method.root_branches import Sheet, sheets
-from mechsim.analytic.vector_method.trig_polynomial import reachable_arcs, sampled_polynomial
 from mechsim.formulas import (
     EX,
     EZ,
@@ -31,6 +28,9 @@ from mechsim.formulas import (
     rotate,
     values,
 )
+from mechsim.kinematics.vector_method import trig_polynomial
+from mechsim.kinematics.vector_method.root_branches import Sheet, sheets
+from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs, sampled_polynomial
 from mechsim.numerics.angles import REVOLUTION, shifted_into
 from mechsim.numerics.jets import Jet, jet_root
 

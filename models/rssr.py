@@ -25,7 +25,7 @@ from mechsim.formulas import (
     rotation_product,
     unit_at_angles,
 )
-from mechsim.model.links import vector
+from mechsim.mechanism.links import vector
 
 # parameters that have no effect without a guide
 GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")

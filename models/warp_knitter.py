@@ -8,9 +8,6 @@ from typing import Any, Self
 import numpy as np
 
 from mechsim import InputError, Pose
-from mechsim.analytic.vector_method import triad
-from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
-from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.formulas import (
     EX,
     EZ,
@@ -24,7 +21,18 @@ from mechsim.formulas import (
     rotate,
     values,
 )
-from mechsim.model.links import GROUND
+from mechsim.kinematics.vector_method import triad
+from mechsim.kinematics.vector_method.triad import (
+    carried,
+    cross,
+    determinant,
+    flat,
+    leg_vectors,
+    moments,
+    xyz,
+)
+from mechsim.kinematics.vector_method.triad_path import Pivots, TriadPath
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics.jets import Jet
 
 # largest number of teeth of a gear

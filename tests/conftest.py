@@ -17,9 +17,9 @@ from typed_call import Answer, Call
 
 # a wheel holds the tests, but not the scripts and examples that these read
 OF_THE_REPOSITORY = [
-    "analytic/test_catalog_looper.py",
-    "analytic/test_forward_dynamics.py",
-    "analytic/test_joint_stops.py",
+    "kinematics/test_catalog_looper.py",
+    "kinetics/test_forward_dynamics.py",
+    "kinetics/test_joint_stops.py",
     "cli/test_json_outputs.py",
     "package/test_python_and_commands.py",
     "report/test_notebook.py",

@@ -6,10 +6,10 @@ import numpy as np
 from model_files import model_mechanism
 
 from mechsim import catalog
-from mechsim.model.joints import Coupling, End, Joint
-from mechsim.model.links import GROUND, Link, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import make_motion_laws, tabled
+from mechsim.mechanism.joints import Coupling, End, Joint
+from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import make_motion_laws, tabled
 
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.forces import Forces, located
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.forces import Forces, located
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 DIGITS = 50

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mechsim.model.joint_kinds import KindName
-from mechsim.model.joints import Coupling, End, Gear, Joint
-from mechsim.model.links import GROUND, Inertia, Link, Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joint_kinds import KindName
+from mechsim.mechanism.joints import Coupling, End, Gear, Joint
+from mechsim.mechanism.links import GROUND, Inertia, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
 
 
 @dataclass

@@ -4,11 +4,11 @@ import numpy as np
 from strategies import CLOSED, EPS, longest
 
 from mechsim import loops
-from mechsim.analytic.loops.record import joint_motions, tracked_points
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.links import Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion, Motion
+from mechsim.kinematics.loops.record import joint_motions, tracked_points
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.links import Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion, Motion
 from mechsim.numerics.rank import least_norm
 
 

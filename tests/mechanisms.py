@@ -6,9 +6,9 @@ import numpy as np
 from model_files import model_mechanism
 
 from mechsim import loops
-from mechsim.model.joints import End, Gear, Joint
-from mechsim.model.links import GROUND, Link, Pose, Vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joints import End, Gear, Joint
+from mechsim.mechanism.links import GROUND, Link, Pose, Vector
+from mechsim.mechanism.mechanism import Mechanism
 
 START = 0.7
 

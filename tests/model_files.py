@@ -4,7 +4,7 @@ from pathlib import Path
 from string import Template
 
 import mechsim as ms
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.mechanism import Mechanism
 
 FOLDER = Path(__file__).parent / "models"
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 import mechsim as ms
-from mechsim.model.forces import Forces
-from mechsim.model.links import Inertia
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.links import Inertia
 
 GRAVITY = 9.81
 WEIGHT = Forces(gravity=(0.0, -GRAVITY, 0.0))

@@ -2,9 +2,9 @@
 
 from model_files import model_text
 
+from mechsim.io.law_text import control_laws
+from mechsim.io.readers import load
 from mechsim.studies.scene.scene import scene_of
-from mechsim.subjects.law_text import control_laws
-from mechsim.subjects.readers import load
 
 FINGER = model_text("finger.xml")
 

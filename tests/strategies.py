@@ -8,7 +8,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 
 Mirror = Callable[[KinematicSolver], tuple[KinematicSolver, float, np.ndarray]]
 EPS = np.finfo(np.float64).eps

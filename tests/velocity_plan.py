@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mechsim.analytic.vector_method.triad import cross, flat
+from mechsim.kinematics.vector_method.triad import cross, flat
 
 
 class Plan(NamedTuple):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import Link, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
 
 START = 0.9
 

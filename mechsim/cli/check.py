@@ -14,7 +14,7 @@ from mechsim.cli.output import in_colour, print_json, wrapped
 from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
-from mechsim.model.finding import HARMLESS, Finding
+from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.studies.check import check_each, fixed_copy
 from mechsim.units import option

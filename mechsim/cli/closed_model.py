@@ -6,8 +6,8 @@ from mechsim.cli.command import Without
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ModelOptions, changed_parameters
 from mechsim.errors import InputError
+from mechsim.io.mujoco_inputs import with_loops
 from mechsim.studies.robots.mujoco_models import notes_on
-from mechsim.subjects.mujoco_inputs import with_loops
 
 ClosedModelOptions = Annotated[ModelOptions, Without("drive", "track", "duration")]
 

@@ -6,9 +6,6 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.analytic.dynamics.dynamic_run import Initial
-from mechsim.analytic.dynamics.gaps import released
-from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.load_options import InitialOptions, released_model
 from mechsim.cli.options import ModelOptions, require_other_drivers
@@ -24,6 +21,9 @@ from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import solver_code
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
+from mechsim.kinetics.dynamic_run import Initial
+from mechsim.kinetics.gaps import released
+from mechsim.kinetics.model import DynamicModel
 from mechsim.units import option
 
 

@@ -6,16 +6,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from mechsim.analytic.dynamics import DynamicModel, InverseDynamics
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
+from mechsim.compare.checks import Verdict
 from mechsim.errors import FrictionError, InputError
-from mechsim.model.links import GROUND
-from mechsim.model.motion_laws import MIN_TURNS
+from mechsim.kinetics import DynamicModel, InverseDynamics
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.motion_laws import MIN_TURNS
 from mechsim.report.facts import study_facts
-from mechsim.verdict.checks import Verdict
 
 # limits of rows and turns
 MAX_ROWS, MAX_TURNS = 10_000_000, 1e4

@@ -5,7 +5,6 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Without, command
 from mechsim.cli.options import (
     DriveOptions,
@@ -17,6 +16,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output_paths import output_file, writable
 from mechsim.errors import InputError
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation.settings import SettingOptions
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model

@@ -5,11 +5,11 @@ from contextlib import suppress
 
 import typer
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.output import print_table, wrapped
 from mechsim.errors import SingularStartError, several
-from mechsim.model.finding import Finding
-from mechsim.model.link_poses import hinged_normals
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Finding
+from mechsim.mechanism.link_poses import hinged_normals
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:

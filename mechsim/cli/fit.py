@@ -8,14 +8,14 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files, units
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.options import SPEED, ModelOptions, changed_parameters
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
-from mechsim.model.quantities import scalar_quantities
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
 from mechsim.studies.identification import Identification, identify
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, read_measured, single

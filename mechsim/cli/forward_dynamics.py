@@ -7,11 +7,6 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun
-from mechsim.analytic.dynamics.crank_turns import TURNS_BUDGET
-from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.dynamics.forward_dynamics import BUDGET
-from mechsim.analytic.dynamics.gaps import released
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
     Verbose,
@@ -28,16 +23,21 @@ from mechsim.cli.options import ModelOptions, pairs
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
+from mechsim.compare.checks import Verdict
 from mechsim.errors import FrictionError, InputError
-from mechsim.model.progress import Progress
-from mechsim.model.quantities import quantity_names
+from mechsim.io.law_text import with_controls
+from mechsim.kinetics import DynamicModel, DynamicRun
+from mechsim.kinetics.crank_turns import TURNS_BUDGET
+from mechsim.kinetics.dynamic_run import initial_values
+from mechsim.kinetics.forward_dynamics import BUDGET
+from mechsim.kinetics.gaps import released
+from mechsim.mechanism.progress import Progress
+from mechsim.mechanism.quantities import quantity_names
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward
 from mechsim.studies.release import Release
-from mechsim.subjects.law_text import with_controls
 from mechsim.units import option
-from mechsim.verdict.checks import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

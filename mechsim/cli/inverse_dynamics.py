@@ -7,9 +7,6 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.dynamics import DynamicModel, actuated, fluctuation
-from mechsim.analytic.dynamics.contact_forces import contact_forces
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.dynamics_report import (
     Verbose,
@@ -29,7 +26,10 @@ from mechsim.cli.output import number, print_text, without_noise
 from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError
-from mechsim.model.force_record import Fluctuation
+from mechsim.kinetics import DynamicModel, actuated, fluctuation
+from mechsim.kinetics.contact_forces import contact_forces
+from mechsim.kinetics.prescribed_motion import prescribed_along
+from mechsim.mechanism.force_record import Fluctuation
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import study_facts

@@ -7,19 +7,18 @@ from typing import Any
 import numpy as np
 
 from mechsim import files, units
-from mechsim.analytic import dynamics
-from mechsim.analytic.dynamics import DynamicModel
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Stated
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ModelOptions, pairs
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
-from mechsim.model import motors
-from mechsim.model.forces import Couple, Forces, Load, forces_of
-from mechsim.model.load_profile import Over, table
-from mechsim.model.masses import LinkMass, summary
-from mechsim.model.motors import Controller, Geared, Motor, PlainMotor
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import DynamicModel, dynamic_model
+from mechsim.mechanism import motors
+from mechsim.mechanism.forces import Couple, Forces, Load, forces_of
+from mechsim.mechanism.load_profile import Over, table
+from mechsim.mechanism.masses import LinkMass, summary
+from mechsim.mechanism.motors import Controller, Geared, Motor, PlainMotor
 from mechsim.studies.release import DURATION, Release
 from mechsim.units import option
 
@@ -149,12 +148,12 @@ class LoadOptions:
             **loads,
         )
 
-    def dynamic_model(self, solver: KinematicSolver) -> dynamics.DynamicModel:
+    def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
         """Return the dynamic model of a mechanism; note effects of its MJCF file that the model omits."""
         read = solver.source
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
-        return dynamics.dynamic_model(solver, self.forces(solver))
+        return dynamic_model(solver, self.forces(solver))
 
 
 def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:

@@ -6,14 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.motion import conditioning_of
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, print_stderr
+from mechsim.compare.tolerances import RATES
 from mechsim.errors import MobilityError
-from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import SWING_FRACTION, CrankProfile, within_range
+from mechsim.kinematics.loops.motion import conditioning_of
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import Motion, select_instants
+from mechsim.mechanism.motion_laws import SWING_FRACTION, CrankProfile, within_range
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.verdict.tolerances import RATES
 
 # accelerations with this many correct digits need no warning
 ENOUGH_DIGITS = 6

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
 from mechsim.errors import InputError
+from mechsim.io import catalog, gallery
+from mechsim.io.readers import load, load_by_motors, parametric_model
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects import catalog, gallery
-from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import IMPLAUSIBLE, option, require_written
 
 # end of a range of angles without a unit, in [rad], above which it is probably in degrees

@@ -18,7 +18,7 @@ from mechsim.files import plain
 from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:
-    from mechsim.analytic.solvers import KinematicSolver
+    from mechsim.kinematics.solvers import KinematicSolver
 
 Units = Annotated[
     str | None,

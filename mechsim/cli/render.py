@@ -8,8 +8,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import (
@@ -24,8 +22,10 @@ from mechsim.cli.output import number
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
-from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import dynamic_model
+from mechsim.mechanism.masses import LinkMass
+from mechsim.mechanism.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as, without_geoms
 from mechsim.pictures.render.frame_poses import (

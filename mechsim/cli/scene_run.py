@@ -7,7 +7,7 @@ import typer
 from mechsim import files
 from mechsim.cli.command import Result
 from mechsim.cli.output import number, print_text
-from mechsim.model.finding import POSITION_TOLERANCE, Outcome
+from mechsim.mechanism.finding import POSITION_TOLERANCE, Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.plain_settings import PlainSettings

@@ -9,8 +9,8 @@ import typer
 from mechsim.cli.command import command
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
-from mechsim.subjects.toml_keys import resolved
-from mechsim.subjects.toml_keys import schema as toml_schema
+from mechsim.io.toml_keys import resolved
+from mechsim.io.toml_keys import schema as toml_schema
 
 # the outputs of all commands by name, and the records in them; numbers that JSON does not have are null
 OUTPUTS: dict[str, Any] = json.loads(

@@ -13,7 +13,7 @@ from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, print_table, print_text, without_noise
 from mechsim.cli.output_paths import table_file
 from mechsim.errors import InputError
-from mechsim.model.quantities import quantity_names
+from mechsim.mechanism.quantities import quantity_names
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import ToleranceStudy, tolerance_study

@@ -6,8 +6,6 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.analytic.loops.mobility import Determinacy
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.finding_text import findings_in_json, kind, print_findings
 from mechsim.cli.options import ModelOptions, warn_about_angle
@@ -23,10 +21,12 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.model.joints import Coupling
+from mechsim.io import gallery
+from mechsim.io.scene_findings import scene_findings
+from mechsim.kinematics.loops.mobility import Determinacy
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.joints import Coupling
 from mechsim.report.facts import facts
-from mechsim.subjects import gallery
-from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import option, parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs

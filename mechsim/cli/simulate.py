@@ -8,8 +8,6 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.loops.record import with_all_joints
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command, option_names
 from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
@@ -20,15 +18,17 @@ from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline, motion_law_of_crank
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.motion import select_instants
-from mechsim.model.motion_laws import CrankProfile, constant, interval_around
-from mechsim.model.scene import Scene
+from mechsim.io.driver_positions import Poses, driver_path
+from mechsim.io.scene_findings import scene_findings
+from mechsim.kinematics.loops.record import with_all_joints
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import select_instants
+from mechsim.mechanism.motion_laws import CrankProfile, constant, interval_around
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.run import Run
 from mechsim.simulation.run import simulate as run_in_mujoco
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
 from mechsim.studies.motions import driven_as
-from mechsim.subjects.driver_positions import Poses, driver_path
-from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option, parse_length, parse_time
 
 # options without an effect on a file that is stepped under controls

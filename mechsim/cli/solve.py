@@ -9,7 +9,6 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance, most_severe
 from mechsim.cli.options import (
@@ -32,13 +31,14 @@ from mechsim.cli.output import (
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
-from mechsim.model.motion import Motion
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.units import crank_speed, option, parse_angles
 
 if TYPE_CHECKING:
-    from mechsim.subjects.driver_positions import Poses
+    from mechsim.io.driver_positions import Poses
 
 # times or crank angles -> the motion at these instants
 MotionAt = Callable[[Array], Motion]
@@ -125,7 +125,7 @@ def solve(
     stated.exclude(["units"], "with --json, which is in SI, without -o", as_json and output is None)
     solver = with_policy(source.load(), change_point)
     if options.poses is not None:
-        from mechsim.subjects.driver_positions import poses_of_table
+        from mechsim.io.driver_positions import poses_of_table
 
         options.check(solver, stated)
         poses = poses_of_table(solver, files.read(options.poses), options.poses)

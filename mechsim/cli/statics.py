@@ -8,7 +8,17 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.dynamics import (
+from mechsim.cli.command import Result, Without, command
+from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
+from mechsim.cli.exit_codes import notes
+from mechsim.cli.load_options import InitialOptions, LoadOptions
+from mechsim.cli.options import ModelOptions
+from mechsim.cli.output import number, print_table, print_text, without_noise
+from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_file, table_or_plot_file
+from mechsim.cli.verdict_text import print_verdicts
+from mechsim.compare.checks import Verdict
+from mechsim.errors import InputError
+from mechsim.kinetics import (
     DynamicModel,
     Equilibrium,
     LoadCurve,
@@ -19,24 +29,14 @@ from mechsim.analytic.dynamics import (
     load_curve,
     nearest_equilibrium,
 )
-from mechsim.analytic.dynamics.dynamic_run import Initial
-from mechsim.cli.command import Result, Without, command
-from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
-from mechsim.cli.exit_codes import notes
-from mechsim.cli.load_options import InitialOptions, LoadOptions
-from mechsim.cli.options import ModelOptions
-from mechsim.cli.output import number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_file, table_or_plot_file
-from mechsim.cli.verdict_text import print_verdicts
-from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantities import coordinate_units
+from mechsim.kinetics.dynamic_run import Initial
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.quantities import coordinate_units
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
 from mechsim.studies.release import frequency_response, mode_motions
 from mechsim.units import option
-from mechsim.verdict.checks import Verdict
 
 AtRest = Annotated[ModelOptions, Without("drive", "track", "duration", "loops")]
 InitialConfiguration = Annotated[InitialOptions, Without("until")]

@@ -15,7 +15,7 @@ from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
-from mechsim.model.masses import masses_of, with_inertia
+from mechsim.mechanism.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.sweeping import (
     built,

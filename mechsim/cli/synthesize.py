@@ -9,8 +9,8 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
-from mechsim.subjects import catalog
-from mechsim.theory.coupler_line import Synthesis, synthesize_looper
+from mechsim.io import catalog
+from mechsim.papers.coupler_line import Synthesis, synthesize_looper
 from mechsim.units import option
 
 # significant digits of printed dimensions, enough for manufacture

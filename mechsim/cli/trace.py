@@ -10,12 +10,12 @@ from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import several
-from mechsim.model.limits import Ranges
-from mechsim.model.links import VIRTUAL_PREFIX
+from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve
+from mechsim.mechanism.limits import Ranges
+from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.report.assemblies import curve_table, trace_record
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve
-from mechsim.theory.continuation.mechanism_trace import STARTS, AssemblyTrace
-from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
+from mechsim.studies.trace import STARTS, AssemblyTrace
+from mechsim.studies.trace import trace as trace_assemblies
 from mechsim.units import option
 
 # significant digits of angles and lengths that describe a curve

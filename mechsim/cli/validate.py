@@ -11,8 +11,6 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import units
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
@@ -25,16 +23,18 @@ from mechsim.cli.verdict_text import (
     print_cases,
     print_verdicts,
 )
+from mechsim.compare.checks import Verdict
 from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.io import catalog, gallery
+from mechsim.io.formula_file import with_formulas
+from mechsim.io.readers import load
+from mechsim.io.scene_findings import scene_findings
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.studies.agreement.agreement import Agreement, compare_model
 from mechsim.studies.validate import BUDGET, Validation, validate_all
-from mechsim.subjects import catalog, gallery
-from mechsim.subjects.formula_file import with_formulas
-from mechsim.subjects.readers import load
-from mechsim.subjects.scene_findings import scene_findings
 from mechsim.units import crank_speed, option
-from mechsim.verdict.checks import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -341,8 +341,8 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result:
     Raises:
         InputError: if a name has no data, or data differ from their checksum.
     """
+    from mechsim.io import reference_data
     from mechsim.studies.reference import by_reference
-    from mechsim.subjects import reference_data
 
     folder = reference_data.folder()
     tables = [reference_data.read(folder, name) for name in models or reference_data.names(folder)]

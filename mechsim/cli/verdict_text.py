@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.finding_text import kind, print_finding_lines
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
-from mechsim.model.finding import Finding, counted_findings
-from mechsim.model.masses import summary
-from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Finding, counted_findings
+from mechsim.mechanism.masses import summary
+from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import quantity_text
 
 if TYPE_CHECKING:
+    from mechsim.compare.checks import Check, Verdict
     from mechsim.studies.agreement.agreement import Agreement
     from mechsim.studies.validate import Validation
-    from mechsim.verdict.checks import Check, Verdict
 
 
 def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> MotionLaws | None:
@@ -47,7 +47,7 @@ RELATIVE_CHANGE = re.compile(r" \([-+]\S+ %\)")
 
 def print_verdict(title: str, verdict: "Verdict") -> None:
     """Print a verdict and a table of all its checks, with the reason for each tolerance."""
-    from mechsim.verdict.checks import check_table
+    from mechsim.compare.checks import check_table
 
     head, rows = check_table(verdict.checks)
     print_text(f"{title}: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else ""))
@@ -198,7 +198,7 @@ def print_agreement(name: str, agreement: "Agreement", *, verbose: bool, finding
     lines += wrapped(summary(agreement.masses))
     _echo([*lines, *(attribution_lines(agreement) if verbose else ())])
     if verbose:
-        from mechsim.verdict.checks import Verdict
+        from mechsim.compare.checks import Verdict
 
         print_verdict(name, Verdict(agreement.outcome, agreement.checks, agreement.reason))
 

@@ -22,7 +22,7 @@ from mechsim.cli.options import SPEED, ModelOptions, load_parametric
 from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
-from mechsim.model.mechanism import require_axis, require_polynomials
+from mechsim.mechanism.mechanism import require_axis, require_polynomials
 from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
@@ -92,8 +92,8 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> 
 
 def _live(contents: "View", source: ModelOptions, release: ReleaseOptions) -> "View":
     """Return the contents of a page with its own solver."""
+    from mechsim.io.readers import open_model
     from mechsim.report.views import live_view
-    from mechsim.subjects.readers import open_model
 
     if release.requested:
         raise InputError("--live moves a mechanism by its drivers; leave --initial and --mode out")

@@ -10,21 +10,21 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_quantities import joined_configurations
-from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
-from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses, twists
-from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.motion import driven_path, instants_of_laws, with_locked_values
-from mechsim.analytic.loops.path import closed_chunks
-from mechsim.analytic.loops.start import with_closed_guess
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.expressions import ROUNDING
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Vector
-from mechsim.model.mechanism import Mechanism, require_polynomials
-from mechsim.model.motion_laws import interval_around
+from mechsim.kinematics.loops.constraints import TreeLoops, TreeSolver
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, link_poses, twists
+from mechsim.kinematics.loops.mobility import checked_start
+from mechsim.kinematics.loops.motion import driven_path, instants_of_laws, with_locked_values
+from mechsim.kinematics.loops.path import closed_chunks
+from mechsim.kinematics.loops.start import with_closed_guess
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics.state_quantities import joined_configurations
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Vector
+from mechsim.mechanism.mechanism import Mechanism, require_polynomials
+from mechsim.mechanism.motion_laws import interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver

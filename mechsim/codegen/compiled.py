@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.loops.motion import instants_of_laws
-from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
-from mechsim.analytic.path_instants import path_instants
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.build import Configurations, Library, shared_library
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.motion import LinkMotion, Motion
+from mechsim.io.readers import load
+from mechsim.kinematics.loops.motion import instants_of_laws
+from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
+from mechsim.kinematics.path_instants import path_instants
+from mechsim.mechanism.motion import LinkMotion, Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_memory
-from mechsim.subjects.readers import load
 
 # bytes of a configuration for each coordinate and link: 24 numbers per link, stored twice; remedy in messages
 BYTES, FEWER = 400.0, "give {most} at the most"

@@ -7,11 +7,11 @@ from string import Template
 import numpy as np
 
 from mechsim._version import __version__
-from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, Initial, run
-from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.codegen.fmu import FmuModel
 from mechsim.codegen.solver_code import TEMPLATES
 from mechsim.errors import InputError
+from mechsim.kinetics.dynamic_run import TOLERANCE, Initial, run
+from mechsim.kinetics.model import DynamicModel
 from mechsim.numerics.c_library import loaded_library
 
 # memory in bytes in which a first step shows how much the functions use: 50 kB for Jansen's leg

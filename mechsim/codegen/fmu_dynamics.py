@@ -6,24 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.compiled_model import COUNTS, TABLES, CompiledModel, c_sources, library
-from mechsim.analytic.dynamics.compiled_motion import collocation_rule
-from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, Initial, initial_values, require_regular
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
-from mechsim.analytic.dynamics.forward_dynamics import Integration
-from mechsim.analytic.dynamics.gaps import opens, released
-from mechsim.analytic.dynamics.initial_state import initial_state
-from mechsim.analytic.dynamics.model import DynamicModel
-from mechsim.analytic.dynamics.passive_rotation import with_determined_motion
 from mechsim.codegen.fmu import FmuModel, Variable
 from mechsim.codegen.fmu_kinematics import gravity_parameters
 from mechsim.codegen.solver_code import template
 from mechsim.errors import InputError
-from mechsim.model.forces import located
-from mechsim.model.instructions import CONTROLLER, INSTRUCTION
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND
-from mechsim.model.nonlinear_springs import SpringLaw
+from mechsim.kinetics.compiled_model import COUNTS, TABLES, CompiledModel, c_sources, library
+from mechsim.kinetics.compiled_motion import collocation_rule
+from mechsim.kinetics.dynamic_run import TOLERANCE, Initial, initial_values, require_regular
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
+from mechsim.kinetics.forward_dynamics import Integration
+from mechsim.kinetics.gaps import opens, released
+from mechsim.kinetics.initial_state import initial_state
+from mechsim.kinetics.model import DynamicModel
+from mechsim.kinetics.passive_rotation import with_determined_motion
+from mechsim.mechanism.forces import located
+from mechsim.mechanism.instructions import CONTROLLER, INSTRUCTION
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.nonlinear_springs import SpringLaw
 from mechsim.numerics.arrays import Array
 
 # duration of the runs of an FMU by default, in [s]

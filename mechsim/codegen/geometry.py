@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily, Dimension
 from mechsim.errors import MechsimError
-from mechsim.model.design_arrays import side_numbers, structure
-from mechsim.model.expressions import evaluate_number, parse_expression
-from mechsim.model.joints import End
-from mechsim.model.links import vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.io.file_expressions import FileExpressions, expressions_of, parameter_name
+from mechsim.io.toml_values import is_quantity
+from mechsim.kinematics.designs import DesignFamily, Dimension
+from mechsim.mechanism.design_arrays import side_numbers, structure
+from mechsim.mechanism.expressions import evaluate_number, parse_expression
+from mechsim.mechanism.joints import End
+from mechsim.mechanism.links import vector
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.file_expressions import FileExpressions, expressions_of, parameter_name
-from mechsim.subjects.toml_values import is_quantity
 from mechsim.units import Unit, parse
 
 # vectors of a joint side; a tracked point has only "at"

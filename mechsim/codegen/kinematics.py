@@ -1,6 +1,6 @@
 """Straight-line code of a mechanism: its loop equations, motion and drive torques, traced symbolically.
 
-The functions of `analytic.loops` run on arrays of expressions and thereby return the formulas of the code.
+The functions of `kinematics.loops` run on arrays of expressions and thereby return the formulas of the code.
 """
 
 import itertools
@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import TreeLoops
-from mechsim.analytic.loops.design_motion import DesignLoops
-from mechsim.analytic.loops.kinematics import (
+from mechsim.codegen.assembly import SolvedAssembly
+from mechsim.codegen.expressions import Block, ExpressionTable, SymbolicExpression, statements
+from mechsim.kinematics.loops.constraints import TreeLoops
+from mechsim.kinematics.loops.design_motion import DesignLoops
+from mechsim.kinematics.loops.kinematics import (
     Coordinates,
     LinkPoses,
     cross,
@@ -22,13 +24,11 @@ from mechsim.analytic.loops.kinematics import (
     twists,
     velocity_products,
 )
-from mechsim.analytic.vector_method.rotations import from_quaternion
-from mechsim.codegen.assembly import SolvedAssembly
-from mechsim.codegen.expressions import Block, ExpressionTable, SymbolicExpression, statements
-from mechsim.model.design_arrays import DesignArrays, design_arrays
-from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND
+from mechsim.kinematics.vector_method.rotations import from_quaternion
+from mechsim.mechanism.design_arrays import DesignArrays, design_arrays
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import Array
 
 # quantities of a point, of a link, and of a link's inertia -> number of values

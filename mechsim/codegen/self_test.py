@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.motion import instants_of_laws
 from mechsim.codegen.solver_code import SolverCode, template
 from mechsim.errors import InputError
-from mechsim.model.motion import Motion
+from mechsim.kinematics.loops.motion import instants_of_laws
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 
 # number of test configurations: steps of 5 degrees over a revolution

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mechsim.analytic.dynamics.initial_state import rotation_quaternions
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
 from mechsim.codegen.kinematics import (
@@ -20,8 +19,9 @@ from mechsim.codegen.kinematics import (
     identifiers,
 )
 from mechsim.errors import InputError
-from mechsim.model.forces import forces_of
-from mechsim.model.masses import with_inertia
+from mechsim.kinetics.initial_state import rotation_quaternions
+from mechsim.mechanism.forces import forces_of
+from mechsim.mechanism.masses import with_inertia
 from mechsim.numerics.arrays import Array
 
 TEMPLATES = Path(__file__).parent / "templates"

@@ -1,7 +1,7 @@
 """Jets: a quantity with its first and second time derivative, propagated through formulas.
 
 A position formula written with + - * / **, the ufuncs of `RULES` and the functions of
-`mechsim.analytic.vector_method.vectors` gives positions on plain arrays, and the motion on jets.
+`mechsim.kinematics.vector_method.vectors` gives positions on plain arrays, and the motion on jets.
 """
 
 from __future__ import annotations

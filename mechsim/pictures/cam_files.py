@@ -6,9 +6,9 @@ import numpy as np
 
 from mechsim import files
 from mechsim.errors import InputError
-from mechsim.model.cams import Cam, CamContact
-from mechsim.model.masses import RELATIVE_DIAMETER
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.cams import Cam, CamContact
+from mechsim.mechanism.masses import RELATIVE_DIAMETER
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.flat_plates import CHORDS, MILLIMETRES, Plate, closed_line, cross, drawing_text

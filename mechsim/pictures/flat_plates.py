@@ -14,12 +14,12 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.cams import Cam
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
-from mechsim.model.masses import RELATIVE_DIAMETER
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.cams import Cam
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Link
+from mechsim.mechanism.masses import RELATIVE_DIAMETER
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import hull
 from mechsim.shapes.guides import contact_points

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.theory.continuation.mechanism_trace import AssemblyTrace
+from mechsim.studies.trace import AssemblyTrace
 
 # number of rows of a curve in a table
 SAMPLES = 361

@@ -17,16 +17,16 @@ from urllib.parse import quote
 from xml.etree import ElementTree
 
 from mechsim._version import __version__
-from mechsim.analytic.designs import DesignFamily
+from mechsim.compare.tolerances import instants_of
 from mechsim.files import atomic_path, plain, stem_of, write_json
+from mechsim.io import catalog, gallery
+from mechsim.kinematics.designs import DesignFamily
 from mechsim.report.page import METHODS, about_this_run, environment, tightest
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
 from mechsim.studies.validate import Validation
-from mechsim.subjects import catalog, gallery
-from mechsim.verdict.tolerances import instants_of
 
 # rows of a table on the page, which has one side of A4; the JSON file has all
 MAX_ROWS = 12

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.loops.motion import driven_path, solve_along
-from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.masses import summary
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.kinematics.loops.motion import driven_path, solve_along
+from mechsim.kinematics.loops.path import LoopPath
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.masses import summary
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import make_motion_laws, steady
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, View, ghost_of, motion_grid
 from mechsim.studies.drawn_motion import stepped

@@ -6,23 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic.loops.mobility import driver_determinacy
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.record_errors import lengths
 from mechsim.errors import MechsimError, SingularStartError, several
-from mechsim.model.belts import belts_of
-from mechsim.model.force_record import ForceRecord, Reaction
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.meshes import threads_of
+from mechsim.io import gallery
+from mechsim.io.toml_values import head_comment
+from mechsim.kinematics.loops.mobility import driver_determinacy
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.belts import belts_of
+from mechsim.mechanism.force_record import ForceRecord, Reaction
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
-from mechsim.subjects import gallery
-from mechsim.subjects.toml_values import head_comment
-from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
-    from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
-    from mechsim.theory.assur import AssurGroup
+    from mechsim.kinematics.assur import AssurGroup
+    from mechsim.kinetics.prescribed_motion import InverseDynamics
 
 
 def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool = True) -> dict[str, Any]:
@@ -35,8 +35,8 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
         angle: crank angle at which assemblies are listed, in [rad]; None takes the start of the assembly.
         searched: whether assemblies are searched from random starts where nothing else lists them.
     """
-    from mechsim.theory.assur import assur_groups
-    from mechsim.theory.mobility_count import mobility
+    from mechsim.kinematics.assur import assur_groups
+    from mechsim.kinematics.mobility_count import mobility
 
     record = _described(solver)
     if solver.closed_form is None:
@@ -147,7 +147,7 @@ def _mobility(solver: KinematicSolver) -> dict[str, Any]:
 
 def assembly_facts(solver: KinematicSolver, angle: float, searched: bool) -> dict[str, Any]:
     """Return every assembly at a crank angle, with the parameters that select it and its points in [m]."""
-    from mechsim.theory.assemblies import assemblies
+    from mechsim.studies.assemblies import assemblies
 
     every = assemblies(solver, angle, searched=searched)
     return {

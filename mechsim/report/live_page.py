@@ -8,29 +8,29 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily, Dimension
-from mechsim.analytic.loops.start import with_closed_guess
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.assembly import SolvedAssembly, assembly
 from mechsim.codegen.geometry import ParametricGeometry, parametric_geometry
 from mechsim.codegen.kinematics import VaryingNumbers
 from mechsim.codegen.printing import javascript
 from mechsim.codegen.solver_code import solver_code
 from mechsim.files import read_text
-from mechsim.model.forces import Forces, Location, forces_of, located
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND
-from mechsim.model.load_profile import LoadProfile
-from mechsim.model.masses import PIN_LENGTH, RELATIVE_DIAMETER, STEEL
-from mechsim.model.mechanism import COINCIDENT, Mechanism
+from mechsim.io.file_expressions import parameter_name
+from mechsim.io.toml_reader import TomlModel, parsed_source
+from mechsim.io.toml_values import TomlSource, values_of
+from mechsim.io.toml_writer import to_toml
+from mechsim.kinematics.designs import DesignFamily, Dimension
+from mechsim.kinematics.loops.start import with_closed_guess
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import Forces, Location, forces_of, located
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.load_profile import LoadProfile
+from mechsim.mechanism.masses import PIN_LENGTH, RELATIVE_DIAMETER, STEEL
+from mechsim.mechanism.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
-from mechsim.subjects.file_expressions import parameter_name
-from mechsim.subjects.toml_reader import TomlModel, parsed_source
-from mechsim.subjects.toml_values import TomlSource, values_of
-from mechsim.subjects.toml_writer import to_toml
 
 # range of a slider: of a length or a number relative to its value; of an angle about its value, in
 # [rad]; of a zero length relative to the mechanism's size

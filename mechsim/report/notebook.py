@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from os import PathLike
 
-    from mechsim.model.mechanism import Mechanism, Up
-    from mechsim.model.motion import Motion
+    from mechsim.compare.checks import Verdict
+    from mechsim.mechanism.mechanism import Mechanism, Up
+    from mechsim.mechanism.motion import Motion
     from mechsim.pictures.render import Look
-    from mechsim.verdict.checks import Verdict
 
 PASS_COLOUR, FAIL_COLOUR = "#00694c", "#a8261a"
 # default crank speed of a page, in [rad/s]
@@ -138,10 +138,10 @@ def view(
         >>> ms.view("stewart_gough", "platform.html")
     """
     from mechsim.files import atomic_path
-    from mechsim.model.mechanism import require_axis
+    from mechsim.io.readers import load, open_model, parametric_model
+    from mechsim.mechanism.mechanism import require_axis
     from mechsim.pictures.view.offline_page import page
     from mechsim.report.views import live_view, model_view
-    from mechsim.subjects.readers import load, open_model, parametric_model
     from mechsim.units import si
 
     require_axis("up", up)
@@ -186,9 +186,9 @@ def plot(
         >>> ms.plot("four_bar", "curve.svg", kind="curve")
     """
     from mechsim.errors import InputError
+    from mechsim.io.readers import load
     from mechsim.pictures import plots
     from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
-    from mechsim.subjects.readers import load
     from mechsim.units import crank_speed
 
     if kind not in PLOTS:
@@ -238,13 +238,13 @@ def render(
     Example:
         >>> ms.render("rssr", "rssr.png", camera="top")
     """
+    from mechsim.io.readers import load
     from mechsim.pictures.render import Look, write_picture, write_video
     from mechsim.pictures.render.drawn_model import drawn_as
     from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
     from mechsim.pictures.render.gltf import write_gltf
     from mechsim.studies.drawn_motion import drawn_motion
     from mechsim.studies.motions import profile_of
-    from mechsim.subjects.readers import load
     from mechsim.units import crank_speed
 
     shown = {name: options.pop(name) for name in [*options] if name in Look.__dataclass_fields__}
@@ -308,7 +308,7 @@ def video(
 
 def verdict_html(verdict: Verdict) -> str:
     """Return a verdict as a table: quantity, largest error, its instant, tolerance and reason."""
-    from mechsim.verdict.checks import check_table
+    from mechsim.compare.checks import check_table
 
     head, rows = check_table(verdict.checks)
     title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
@@ -318,7 +318,7 @@ def verdict_html(verdict: Verdict) -> str:
 
 def result_html(result: Any) -> str:
     """Return a validation or an agreement as what was found and the table of its checks."""
-    from mechsim.verdict.checks import Verdict
+    from mechsim.compare.checks import Verdict
 
     return verdict_html(Verdict(result.outcome, result.checks, result.why))
 
@@ -359,10 +359,10 @@ def figure_svg(figure: Any) -> str | None:
 
 # (module, class) -> MIME type and function of its display
 SHOWN = {
-    ("mechsim.verdict.checks", "Verdict"): ("text/html", verdict_html),
+    ("mechsim.compare.checks", "Verdict"): ("text/html", verdict_html),
     ("mechsim.studies.validate", "Validation"): ("text/html", result_html),
     ("mechsim.studies.agreement.agreement", "Agreement"): ("text/html", result_html),
-    ("mechsim.model.motion", "Motion"): ("text/html", motion_html),
+    ("mechsim.mechanism.motion", "Motion"): ("text/html", motion_html),
     ("mechsim.simulation.result", "Run"): ("text/html", run_html),
     ("matplotlib.figure", "Figure"): ("image/svg+xml", figure_svg),
 }

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from mechsim._version import __version__
+from mechsim.compare.checks import Check
 from mechsim.errors import OutputError, needs
 from mechsim.files import atomic_path, plain, write_json
-from mechsim.model.finding import counted_findings
+from mechsim.mechanism.finding import counted_findings
 from mechsim.pictures import view
 from mechsim.pictures.number_text import number, quantity_text
-from mechsim.verdict.checks import Check
 
 TEMPLATES = Path(__file__).parent / "templates"
 # with the head of every page

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechsim.analytic.dynamics import DynamicModel, dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion
-from mechsim.model.quantities import numeric_quantity, quantity_names
-from mechsim.model.quantity import Quantity, record_columns, unwrapped
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import DynamicModel, dynamic_model
+from mechsim.kinetics.prescribed_motion import prescribed_along
+from mechsim.mechanism.masses import LinkMass
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.quantities import numeric_quantity, quantity_names
+from mechsim.mechanism.quantity import Quantity, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
@@ -26,7 +26,7 @@ from mechsim.studies.motions import profile_of
 from mechsim.units import option
 
 if TYPE_CHECKING:
-    from mechsim.analytic.dynamics import InverseDynamics
+    from mechsim.kinetics import InverseDynamics
     from mechsim.pictures.plots.figure import Figure
 
 # intervals of a plotted motion: one a degree of a revolution

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mechsim.compare.quantities import QUANTITIES
 from mechsim.numerics.convergence import Order
 from mechsim.pictures.plots.figure import COLOURS, blank, decades, round_numbers, styled
 from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff
-from mechsim.verdict.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,12 +16,12 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.designs import DesignFamily, placed_designs
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
-from mechsim.model.motion import Motion
-from mechsim.model.progress import Progress, no_progress
+from mechsim.kinematics.designs import DesignFamily, placed_designs
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import quantity_text
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.loops.start import start_poses
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
-from mechsim.model.mechanism import Up
-from mechsim.model.motion import select_instants
-from mechsim.model.motion_laws import constant, interval_around, within_range
+from mechsim.io.model_source import ModelSource
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.loops.start import start_poses
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.mechanism import Up
+from mechsim.mechanism.motion import select_instants
+from mechsim.mechanism.motion_laws import constant, interval_around, within_range
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.drawn_model import drawn_as
@@ -32,7 +33,6 @@ from mechsim.report.driver_views import (
 )
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.validate import Validation
-from mechsim.subjects.model_source import ModelSource
 
 # intervals of a turn, and of an arc that the crank swings over
 SAMPLES = 360

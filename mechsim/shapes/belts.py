@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from mechsim.model.belts import belts_of
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND
+from mechsim.mechanism.belts import belts_of
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.shapes.body import Canvas
 from mechsim.shapes.gears import wheel_colour, wheel_height

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint, joint_coordinate
-from mechsim.model.link_poses import hinged_normals
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.links import IDENTITY as GROUND_POSE
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import End, Joint, joint_coordinate
+from mechsim.mechanism.link_poses import hinged_normals
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.links import IDENTITY as GROUND_POSE
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape, vector
 

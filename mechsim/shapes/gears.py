@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Coupling, End, Gear, Joint
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Coupling, End, Gear, Joint
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.shapes.body import Canvas, rod_radius

@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from mechsim.model.cams import Cam
-from mechsim.model.contacts import Contact
-from mechsim.model.joints import End
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.cams import Cam
+from mechsim.mechanism.contacts import Contact
+from mechsim.mechanism.joints import End
+from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import Canvas

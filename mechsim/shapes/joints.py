@@ -5,13 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from mechsim.model.forces import Forces
-from mechsim.model.joint_kinds import KindName
-from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import with_rods
-from mechsim.model.links import GROUND
-from mechsim.model.links import IDENTITY as GROUND_POSE
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.joint_kinds import KindName
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.link_poses import with_rods
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.links import IDENTITY as GROUND_POSE
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations

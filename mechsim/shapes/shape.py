@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.model.links import Vector
+from mechsim.mechanism.links import Vector
 from mechsim.numerics.arrays import Array
 
 

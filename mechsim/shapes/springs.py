@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mechsim.model.forces import Forces, LinkPoint, Spring, located
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.forces import Forces, LinkPoint, Spring, located
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.mechanism import Mechanism
 
 
 def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[LinkPoint, LinkPoint, bool], ...]:

@@ -7,16 +7,16 @@ import mechsim.simulation.mujoco_loading  # before all else that imports it  # n
 
 # public names; modules of the package import them from where they are defined
 if TYPE_CHECKING:
-    from mechsim.model.motion_laws import CrankProfile as CrankProfile
-    from mechsim.model.motion_laws import constant as constant
-    from mechsim.model.motion_laws import swing as swing
+    from mechsim.mechanism.motion_laws import CrankProfile as CrankProfile
+    from mechsim.mechanism.motion_laws import constant as constant
+    from mechsim.mechanism.motion_laws import swing as swing
     from mechsim.numerics.angles import REVOLUTION as REVOLUTION
     from mechsim.simulation.run import Run as Run
     from mechsim.simulation.run import simulate as simulate
     from mechsim.simulation.settings import Settings as Settings
 
 _NAMES = {
-    "model.motion_laws": "CrankProfile constant swing",
+    "mechanism.motion_laws": "CrankProfile constant swing",
     "numerics.angles": "REVOLUTION",
     "simulation.run": "Run simulate",
     "simulation.settings": "Settings",

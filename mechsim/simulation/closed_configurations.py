@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.limits import require_count
-from mechsim.model.motion import short_repr
-from mechsim.model.progress import Progress
+from mechsim.mechanism.limits import require_count
+from mechsim.mechanism.motion import short_repr
+from mechsim.mechanism.progress import Progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.links import GROUND, IDENTITY, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import CrankProfile
-from mechsim.model.scene import Scene
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import CrankProfile
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import Coupling
-from mechsim.model.motion_laws import CrankProfile, MotionLaws
+from mechsim.mechanism.joints import Coupling
+from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.finding import POSITION_TOLERANCE, Outcome
-from mechsim.model.limits import require_steps
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import CrankProfile, constant
+from mechsim.mechanism.finding import POSITION_TOLERANCE, Outcome
+from mechsim.mechanism.limits import require_steps
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import CrankProfile, constant
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import half_extent
 from mechsim.numerics.resources import ProcessorBudget, require_memory

@@ -13,7 +13,7 @@ from mechsim.numerics.arrays import Array, polynomial
 from mechsim.simulation.state import cross_matrices, rotation_matrix
 
 if TYPE_CHECKING:
-    from mechsim.model.curves import CouplingFunction
+    from mechsim.mechanism.curves import CouplingFunction
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 # 4 cos²(angle/2) below which two frames count as rotated by half a revolution

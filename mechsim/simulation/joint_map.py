@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.limits import require_count
-from mechsim.model.motion import short_repr
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.limits import require_count
+from mechsim.mechanism.motion import short_repr
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.closed_configurations import (

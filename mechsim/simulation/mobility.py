@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
-from mechsim.model.limits import check_instants, extremes, require_within
+from mechsim.mechanism.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import pseudo_inverse
 from mechsim.simulation import loop_jacobian

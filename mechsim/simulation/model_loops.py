@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.model.motion import ChangePointPolicy
+from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers

@@ -9,8 +9,8 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT

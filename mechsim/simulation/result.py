@@ -7,10 +7,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.model.finding import Outcome
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion, short_repr
+from mechsim.mechanism.finding import Outcome
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.masses import LinkMass
+from mechsim.mechanism.motion import Motion, short_repr
 from mechsim.simulation.settings import Settings
 
 Method = Literal["step", "pose"]

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.limits import require_steps
-from mechsim.model.mechanism import Mechanism, starting_at
-from mechsim.model.motion_laws import CRANK, CrankProfile, MotionLaws, constant
-from mechsim.model.progress import Progress, no_progress
-from mechsim.model.scene import Scene
+from mechsim.mechanism.limits import require_steps
+from mechsim.mechanism.mechanism import Mechanism, starting_at
+from mechsim.mechanism.motion_laws import CRANK, CrankProfile, MotionLaws, constant
+from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation.closed_model import ClosedModel

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.model.links import VIRTUAL_PREFIX
+from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.numerics import inputs
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array

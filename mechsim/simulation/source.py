@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import KINDS, antiparallel_message
-from mechsim.model.link_poses import guessed_poses
-from mechsim.model.links import GROUND, IDENTITY, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.mechanism.joint_kinds import KINDS, antiparallel_message
+from mechsim.mechanism.link_poses import guessed_poses
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import closed_loops, closed_state, from_file, from_spec

@@ -10,9 +10,9 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.model.limits import MAX_STEPS
-from mechsim.model.motion_laws import CrankProfile, MotionLaws
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.limits import MAX_STEPS
+from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation import recording

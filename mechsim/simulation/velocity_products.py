@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MissingToolError, OutputError
-from mechsim.model.instructions import (
+from mechsim.mechanism.instructions import (
     EXPRESSION,
     INSTRUCTION,
     TIME,

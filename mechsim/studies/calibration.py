@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.forces import Forces
-from mechsim.model.motion import short_repr
-from mechsim.model.progress import Progress, no_progress
+from mechsim.io.readers import parametric_model
+from mechsim.kinematics.designs import Dimension
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.motion import short_repr
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, read_measured, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
 from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names
-from mechsim.subjects.readers import parametric_model
 
 # relative singular value of the scaled derivatives below which it is rounding
 RANK_TOLERANCE = 1e-7

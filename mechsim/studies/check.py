@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.finding import Finding
+from mechsim.io.mujoco_inputs import mujoco_input, with_nearest_assembly
+from mechsim.mechanism.finding import Finding
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.simulation.findings.rules import fixed_text, unreadable, violations
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.reading import read_model
-from mechsim.subjects.mujoco_inputs import mujoco_input, with_nearest_assembly
 
 
 def check(
@@ -104,8 +104,8 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
     if own is not None:
         return with_nearest_assembly(read_model(own, lint=True))
+    from mechsim.io.readers import load
     from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
-    from mechsim.subjects.readers import load
 
     solver = load(model, still=True)
     spec = spec_and_unlimited(solver)[0]

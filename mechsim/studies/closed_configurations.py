@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_configurations
 from mechsim.simulation.closed_configurations import Sample

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import CrankProfile
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import dynamic_model, prescribed
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import CrankProfile
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motions import driven_as, simulated
 from mechsim.studies.scene.own_settings import published_motion, runs_as_published

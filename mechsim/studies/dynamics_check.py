@@ -6,29 +6,29 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, prescribed
-from mechsim.analytic.dynamics.dynamic_run import RunSegment
-from mechsim.analytic.dynamics.gaps import released, without_gaps
-from mechsim.analytic.dynamics.initial_state import InitialValues
-from mechsim.analytic.dynamics.state_quantities import motion_of
-from mechsim.analytic.dynamics.statics import with_stops
-from mechsim.analytic.loops.motion import conditioning_of
+from mechsim.compare.checks import Check, Verdict, check_of, concluded
+from mechsim.compare.crosscheck import crosscheck_forces
+from mechsim.compare.record_errors import lengths
+from mechsim.compare.tolerances import RecordInstants, Tolerance
 from mechsim.errors import AssemblyError
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, select_instants
-from mechsim.model.progress import Progress, no_progress
+from mechsim.kinematics.loops.motion import conditioning_of
+from mechsim.kinetics import DynamicModel, DynamicRun, Equilibrium, prescribed
+from mechsim.kinetics.dynamic_run import RunSegment
+from mechsim.kinetics.gaps import released, without_gaps
+from mechsim.kinetics.initial_state import InitialValues
+from mechsim.kinetics.state_quantities import motion_of
+from mechsim.kinetics.statics import with_stops
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion, select_instants
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import EPS
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.simulation.result import Driven
-from mechsim.verdict.checks import Check, Verdict, check_of, concluded
-from mechsim.verdict.crosscheck import crosscheck_forces
-from mechsim.verdict.record_errors import lengths
-from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
 # fewest and most MuJoCo steps for each step of collocation. A pendulum needs 1500 in a period, for which
 # collocation needs 5 (validation/published/forward_dynamics.py); a collocation step that loads over time keep

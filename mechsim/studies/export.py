@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from mechsim import files
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, needs
-from mechsim.model.mechanism import Mechanism, require_polynomials
-from mechsim.model.scene import Level, Scene
+from mechsim.io.readers import load
+from mechsim.io.toml_writer import to_toml
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.mechanism import Mechanism, require_polynomials
+from mechsim.mechanism.scene import Level, Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.equalities import TIME_CONSTANT_STEPS
 from mechsim.simulation.mjcf.generator import set_drive_inertia
 from mechsim.simulation.settings import plain_settings
 from mechsim.simulation.source import assembled
-from mechsim.subjects.readers import load
-from mechsim.subjects.toml_writer import to_toml
 from mechsim.units import crank_speed, si
 
 if TYPE_CHECKING:
@@ -182,11 +182,11 @@ def _exported(solver: KinematicSolver, format: str, style: str, contents: _Conte
 def _text_of_joints(solver: KinematicSolver, format: str) -> tuple[str, str]:
     """Return a mechanism as SDF or USD text, and a sentence on what is left out."""
     if format == "sdf":
-        from mechsim.subjects.sdf_writer import to_sdf
+        from mechsim.io.sdf_writer import to_sdf
 
         return to_sdf(solver)
     with needs("usd"):
-        from mechsim.subjects.usd_writer import to_usd
+        from mechsim.io.usd_writer import to_usd
     return to_usd(solver)
 
 

@@ -18,26 +18,26 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.applied_forces import add_friction
-from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import BATCH_SIZE, prescribed_along
-from mechsim.analytic.dynamics.reactions import linear_drives
-from mechsim.analytic.dynamics.reduced_equation import require_constant_friction
-from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.forces import Friction, forces_of
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.masses import with_inertia
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, Motion, select_instants, short_repr
-from mechsim.model.motion_laws import State
-from mechsim.model.motors import DCMotor, Geared
+from mechsim.io.catalog import nearest
+from mechsim.io.readers import load
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics.applied_forces import add_friction
+from mechsim.kinetics.model import DynamicModel, dynamic_model
+from mechsim.kinetics.prescribed_motion import BATCH_SIZE, prescribed_along
+from mechsim.kinetics.reactions import linear_drives
+from mechsim.kinetics.reduced_equation import require_constant_friction
+from mechsim.kinetics.unit_motion import UnitMotion
+from mechsim.mechanism.forces import Friction, forces_of
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.masses import with_inertia
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import JointMotion, Motion, select_instants, short_repr
+from mechsim.mechanism.motion_laws import State
+from mechsim.mechanism.motors import DCMotor, Geared
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.studies.measured_table import TableColumn, table_columns
-from mechsim.subjects.catalog import nearest
-from mechsim.subjects.readers import load
 
 # fraction of the rows, the last ones, that are predicted instead of fitted
 PREDICTED_FRACTION = 0.25

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim import files, units
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
 

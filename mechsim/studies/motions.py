@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.motion_laws import CrankProfile, within_range
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion_laws import CrankProfile, within_range
 from mechsim.simulation.run import Run, simulate
 
 

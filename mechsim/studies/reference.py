@@ -5,20 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import AssemblyError
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import CrankProfile, constant
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import rms
-from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.motions import driven_as, simulated
-from mechsim.subjects.reference_data import ReferenceTable
-from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
-from mechsim.verdict.quantities import (
+from mechsim.compare.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
+from mechsim.compare.quantities import (
     MOTION,
     QUANTITIES,
     largest_acceleration,
@@ -26,7 +14,19 @@ from mechsim.verdict.quantities import (
     reach_of,
     stroke_of,
 )
-from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
+from mechsim.compare.tolerances import Requested, Tolerance, instants_of
+from mechsim.errors import AssemblyError
+from mechsim.io.reference_data import ReferenceTable
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import dynamic_model
+from mechsim.kinetics.prescribed_motion import prescribed_along
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.motion import Motion, select_instants
+from mechsim.mechanism.motion_laws import CrankProfile, constant
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import rms
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.motions import driven_as, simulated
 
 COMPARED = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
 # tolerance on drive forces, relative to the largest root mean square; measured 9e-13 over 33 mechanisms

@@ -7,23 +7,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import (
+from mechsim.errors import AssemblyError, InputError
+from mechsim.kinetics import (
     DynamicModel,
     DynamicRun,
     nearest_equilibrium,
     response,
     run,
 )
-from mechsim.analytic.dynamics.dynamic_run import Initial
-from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
-from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
-from mechsim.analytic.dynamics.state_quantities import motion_of
-from mechsim.analytic.dynamics.statics import Equilibrium
-from mechsim.errors import AssemblyError, InputError
-from mechsim.model.motion import Motion
-from mechsim.model.progress import Progress, no_progress
-from mechsim.model.quantities import coordinate_units, moving_points, numeric_quantity
-from mechsim.model.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
+from mechsim.kinetics.dynamic_run import Initial
+from mechsim.kinetics.linearization import LinearModel, Mode, states_about
+from mechsim.kinetics.prescribed_motion import InverseDynamics, prescribed
+from mechsim.kinetics.state_quantities import motion_of
+from mechsim.kinetics.statics import Equilibrium
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.mechanism.quantities import coordinate_units, moving_points, numeric_quantity
+from mechsim.mechanism.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 

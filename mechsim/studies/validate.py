@@ -10,15 +10,29 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.checks import (
+    Check,
+    Verdict,
+    check_of,
+    combined,
+    concluded,
+    first_lines,
+)
+from mechsim.compare.crosscheck import crosscheck
+from mechsim.compare.quantities import stroke_of
+from mechsim.compare.tolerances import RecordInstants, Tolerance
 from mechsim.errors import AssemblyError, BudgetError
 from mechsim.files import plain
-from mechsim.model.finding import Finding, Outcome, by_severity, counted_findings, most_severe
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import CrankProfile, State, interval_around, swing
-from mechsim.model.progress import Progress, no_progress
+from mechsim.io.formula_file import with_formulas
+from mechsim.io.readers import parametric_model as dimension_family
+from mechsim.io.scene_findings import scene_findings
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Finding, Outcome, by_severity, counted_findings, most_severe
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import CrankProfile, State, interval_around, swing
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation.run import Run
@@ -33,20 +47,6 @@ from mechsim.studies.agreement.agreement import (
     parametric,
 )
 from mechsim.studies.motions import profile_of, simulated
-from mechsim.subjects.formula_file import with_formulas
-from mechsim.subjects.readers import parametric_model as dimension_family
-from mechsim.subjects.scene_findings import scene_findings
-from mechsim.verdict.checks import (
-    Check,
-    Verdict,
-    check_of,
-    combined,
-    concluded,
-    first_lines,
-)
-from mechsim.verdict.crosscheck import crosscheck
-from mechsim.verdict.quantities import stroke_of
-from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
 if TYPE_CHECKING:
     from mechsim.studies.scene.published_run import PublishedRun

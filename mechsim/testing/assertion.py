@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import State
+from mechsim.io.formula_file import with_formulas
+from mechsim.io.readers import load
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import State
 from mechsim.studies.agreement.agreement import (
     SPEED,
     Agreement,
@@ -21,8 +23,6 @@ from mechsim.studies.agreement.agreement import (
     parametric,
 )
 from mechsim.studies.validate import validate
-from mechsim.subjects.formula_file import with_formulas
-from mechsim.subjects.readers import load
 from mechsim.testing.running import RUNNING, RunningTest
 
 # width in characters, and number of failed quantities in a message
@@ -92,7 +92,7 @@ def assert_file_agrees(path: str) -> None:
 
 def _record(running: RunningTest, agreement: Agreement) -> None:
     """Record the result in the JUnit file."""
-    running.record("mechsim.model", agreement.solver.name)
+    running.record("mechsim.mechanism", agreement.solver.name)
     running.record("mechsim.against", agreement.source)
     running.record("mechsim.outcome", agreement.outcome)
     if agreement.checks:

@@ -5,10 +5,10 @@ import pytest
 from exact_solutions import four_bar_b
 
 from mechsim import catalog, simulate, simulation
-from mechsim.analytic.loops.motion import conditioning_of
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.motion_warnings import loss_of_significance
-from mechsim.verdict.tolerances import RATES
+from mechsim.compare.tolerances import RATES
+from mechsim.kinematics.loops.motion import conditioning_of
+from mechsim.kinematics.solvers import KinematicSolver
 
 SWINGS = {"ground": 0.1, "crank": 0.09, "coupler": 0.05, "rocker": 0.06}
 TYPED = [f"--set={name}={value}" for name, value in SWINGS.items()]

@@ -7,7 +7,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.model.masses import masses_of, summary, with_inertia
+from mechsim.mechanism.masses import masses_of, summary, with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # crank of 0.1 m and arm in file; the rod, 0.3 m, has no inertia

@@ -7,7 +7,7 @@ import pytest
 from drawing import draws
 
 import mechsim as ms
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.report import plot_table
 

@@ -17,18 +17,18 @@ from hypothesis import strategies as st
 from model_files import model_text
 
 from mechsim import catalog, files
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.io.model_source import Prescription
+from mechsim.io.toml_reader import TomlModel
+from mechsim.io.toml_writer import to_toml
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.pictures import plots
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
-from mechsim.subjects.model_source import Prescription
-from mechsim.subjects.toml_reader import TomlModel
-from mechsim.subjects.toml_writer import to_toml
 
 # each would break an output without escaping
 CRITICAL = (

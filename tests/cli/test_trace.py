@@ -5,7 +5,7 @@ import pytest
 from valid_scene import changed
 
 from mechsim import files
-from mechsim.subjects import reference_data
+from mechsim.io import reference_data
 
 SWINGS = ("four_bar", "--set", "crank=90mm", "--starts", "20")
 FLAT = ("four_bar", "--set", "crank=50mm", "--set", "rocker=50mm", "--set", "coupler=100mm")

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from mechsim.subjects import gallery
+from mechsim.io import gallery
 
 YOKE = gallery.files()["scotch_yoke"]
 SHORT_ROD = """
@@ -75,7 +75,7 @@ def test_one_mechanism_has_a_line_per_method_with_its_error_ratio(mechsim):
 
 def test_mechanisms_without_stepping_are_reported(mechsim, monkeypatch):
     monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
-    monkeypatch.setattr("mechsim.subjects.catalog.MECHANISMS", {})
+    monkeypatch.setattr("mechsim.io.catalog.MECHANISMS", {})
     code, out, _ = mechsim("validate")
     assert not code
     assert "1 gallery mechanism: solved poses only; --gallery also steps it" in out

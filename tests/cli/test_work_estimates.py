@@ -13,7 +13,7 @@ from typed_call import Call
 from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.cli import inverse_dynamics as cli_dynamics
 from mechsim.cli import options, progress, solve
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 
 
 def rejection_line(

@@ -5,9 +5,9 @@ import pytest
 from grids import grid
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MissingToolError, OutputError
-from mechsim.subjects import reference_data
+from mechsim.io import reference_data
+from mechsim.kinematics.solvers import KinematicSolver
 
 # a spinning coupler, dyads, redundant equations, gears and a limited range
 QUICK = ("rssr", "jansen", "bennett", "parallel_gripper")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.dynamics.model import dynamic_model
 from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
-from mechsim.model.forces import Forces, JointSpring
+from mechsim.kinetics.model import dynamic_model
+from mechsim.mechanism.forces import Forces, JointSpring
 
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 # damping fast enough for the implicit method

@@ -14,16 +14,16 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.analytic.dynamics.model import dynamic_model
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.fmu import fmu_archive
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.codegen.fmu_kinematics import kinematic_fmu
 from mechsim.codegen.solver_code import solver_code
 from mechsim.errors import MissingToolError
-from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.model.motors import Controller, TorqueSpeedLine
-from mechsim.subjects import reference_data
+from mechsim.io import reference_data
+from mechsim.kinetics.model import dynamic_model
+from mechsim.mechanism.forces import Forces, Friction, JointSpring
+from mechsim.mechanism.motors import Controller, TorqueSpeedLine
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 # agreement of coordinates, points and energies with mechsim's own runs, relative to their largest value

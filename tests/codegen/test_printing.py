@@ -12,11 +12,11 @@ from grids import grid
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli import main
 from mechsim.codegen.kinematics import identifiers
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import STATUSES
+from mechsim.kinematics.solvers import KinematicSolver
 
 REFERENCE = Path(__file__).parents[2] / "reference" / "mechanisms"
 WARNINGS = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")

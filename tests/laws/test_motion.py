@@ -10,14 +10,13 @@ import pytest
 from strategies import EPS
 
 import mechsim as ms
-from mechsim import loops
-from mechsim.analytic import dynamics
-from mechsim.model.forces import Forces
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.masses import with_inertia
+from mechsim import dynamics, loops
+from mechsim.io import gallery
+from mechsim.io.toml_writer import to_toml
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.masses import with_inertia
 from mechsim.simulation import simulate
-from mechsim.subjects import gallery
-from mechsim.subjects.toml_writer import to_toml
 
 # couplings by functions have tests of their own (test_coupling_functions.py, test_toml_cams.py)
 BY_FUNCTION = {"cam_follower", "geneva_drive"}

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from grids import grid
 
-from mechsim import load
-from mechsim.analytic import dynamics
-from mechsim.model import load_profile as course
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
-from mechsim.model.links import GROUND
-from mechsim.model.masses import with_inertia
+from mechsim import dynamics, load
+from mechsim.mechanism import load_profile as course
+from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.masses import with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # in [rad/s], and instants after the first

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from mpmath import mp
 
-from mechsim.analytic.vector_method import vectors
+from mechsim.kinematics.vector_method import vectors
 from mechsim.numerics import jets
 from mechsim.numerics.jets import Jet
 

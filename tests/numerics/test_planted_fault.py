@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics import newton
 from mechsim.numerics.continuation import ContinuationPath
 from mechsim.simulation import loop_jacobian, simulate
@@ -29,7 +29,7 @@ def plant(monkeypatch, fault):
         for name, module in sys.modules.items()
         if name.startswith("mechsim.") and getattr(module, "newton", None) is CORRECT
     ]
-    assert {name.split(".")[1] for name in (user.__name__ for user in users)} >= {"analytic", "simulation"}
+    assert {name.split(".")[1] for name in (user.__name__ for user in users)} >= {"kinematics", "simulation"}
     for user in users:
         monkeypatch.setattr(user, "newton", fault)
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from mechsim import loops
-from mechsim.model.joint_kinds import KINDS, displaced
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, IDENTITY, Link, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.mechanism.joint_kinds import KINDS, displaced
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, IDENTITY, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.shapes.joints import DRAW, link_shapes
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.generator import generate

@@ -8,14 +8,14 @@ import pytest
 from model_files import FOLDER
 
 import mechsim as ms
-from mechsim.model.expressions import compiled
-from mechsim.model.quantities import quantity
+from mechsim.io.law_text import parse_motion_law
+from mechsim.mechanism.expressions import compiled
+from mechsim.mechanism.quantities import quantity
 from mechsim.simulation.settings import setting_of
 from mechsim.studies.sensitivity.tolerances import written_tolerances
 from mechsim.studies.sweep.designs import parsed_range
 from mechsim.studies.sweep.measures import measure
 from mechsim.studies.sweep.sweeping import swept_designs
-from mechsim.subjects.law_text import parse_motion_law
 
 TABLES = tomllib.loads((FOLDER.parent / "rejected" / "texts.toml").read_text(encoding="utf-8"))
 

@@ -6,7 +6,7 @@ from picture_colours import coloured, hues
 
 from mechsim import catalog
 from mechsim.errors import MissingToolError
-from mechsim.model.scene import Scene
+from mechsim.mechanism.scene import Scene
 from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.scenery import CAMERA
 from mechsim.shapes.body import link_colours

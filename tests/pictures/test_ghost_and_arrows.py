@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.model.links import Pose
-from mechsim.model.motion import Motion
+from mechsim.mechanism.links import Pose
+from mechsim.mechanism.motion import Motion
 from mechsim.pictures import render
 from mechsim.pictures.render import frame_poses as ghost
 from mechsim.pictures.render import gl_backend, scenery

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, load
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.links import GROUND
 from mechsim.pictures.render.drawing import Source, named
 from mechsim.pictures.render.labels import foot, letters
 from mechsim.pictures.render.look import Look

@@ -11,15 +11,15 @@ from grids import grid
 
 from mechsim import catalog, load_profile
 from mechsim.errors import InputError, OutputError
-from mechsim.model.belts import belts_of
-from mechsim.model.forces import Forces
+from mechsim.io.readers import load
+from mechsim.mechanism.belts import belts_of
+from mechsim.mechanism.forces import Forces
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotSource
-from mechsim.subjects.readers import load
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 ERRORS = {"P2": 1e-9 * np.sin(ANGLES), "P3": 0.0 * ANGLES}

@@ -12,10 +12,10 @@ from picture_colours import coloured, hues
 
 from mechsim import catalog, load
 from mechsim.errors import InputError, MissingToolError, OutputError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion, Motion
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Link
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion, Motion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, video
 from mechsim.pictures.render.drawing import Source

@@ -9,11 +9,11 @@ import pytest
 from browser import CHROMIUM, Browser, in_browser
 
 from mechsim import catalog
+from mechsim.compare.checks import Check
 from mechsim.errors import OutputError
 from mechsim.files import plain
 from mechsim.pictures import plots
 from mechsim.report import page as report
-from mechsim.verdict.checks import Check
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 # a minimal PNG

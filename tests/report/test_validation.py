@@ -9,9 +9,9 @@ import pytest
 
 from mechsim import validate
 from mechsim.cli import main
+from mechsim.io.readers import parametric_model
 from mechsim.pictures.render import gl_backend
 from mechsim.report import validation
-from mechsim.subjects.readers import parametric_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

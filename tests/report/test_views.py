@@ -5,7 +5,7 @@ import pytest
 from slider_interpolation import interpolated
 
 import mechsim as ms
-from mechsim.analytic.loops.start import start_poses
+from mechsim.kinematics.loops.start import start_poses
 from mechsim.report.driver_views import hand_grids, motion_law_grid
 from mechsim.report.views import mechanism_view
 

@@ -15,61 +15,38 @@ FILES = structure.modules()
 # package -> the packages it may import besides `errors`; every package is listed
 ALLOWED_IMPORTS = {
     "numerics": set(),
-    "model": {"numerics"},
-    "analytic": {"numerics", "model", "units"},
+    "mechanism": {"numerics"},
+    "kinematics": {"numerics", "mechanism", "units"},
+    "kinetics": {"numerics", "mechanism", "kinematics", "units"},
     # what the file of a user's own formulas imports
-    "formulas": {"numerics", "model", "analytic"},
-    "simulation": {"numerics", "model", "units", "files"},
-    "verdict": {"numerics", "model"},
-    "shapes": {"numerics", "model"},
-    "theory": {"numerics", "model", "analytic", "subjects"},
-    "pictures": {"numerics", "model", "shapes", "simulation", "files", "units"},
-    "subjects": {"numerics", "model", "analytic", "simulation", "units", "files"},
+    "formulas": {"numerics", "mechanism", "kinematics"},
+    "loops": {"numerics", "mechanism", "kinematics"},
+    "dynamics": {"kinetics", "io"},
+    "simulation": {"numerics", "mechanism", "units", "files"},
+    "compare": {"numerics", "mechanism"},
+    "shapes": {"numerics", "mechanism"},
+    "papers": {"numerics", "mechanism", "kinematics"},
+    "pictures": {"numerics", "mechanism", "shapes", "simulation", "files", "units"},
+    "io": {"numerics", "mechanism", "kinematics", "kinetics", "simulation", "units", "files"},
     # only the export of a picture imports pictures
     "studies": {
-        "numerics",
-        "model",
-        "analytic",
-        "simulation",
-        "subjects",
-        "verdict",
-        "pictures",
-        "files",
-        "units",
+        *("numerics", "mechanism", "kinematics", "kinetics", "simulation", "io", "compare", "pictures"),
+        *("files", "units"),
     },
-    "codegen": {"numerics", "model", "analytic", "studies", "subjects", "units"},
+    "codegen": {"numerics", "mechanism", "kinematics", "kinetics", "studies", "io", "units"},
     "report": {
-        "shapes",
-        "numerics",
-        "model",
-        "analytic",
-        "theory",
-        "verdict",
-        "pictures",
-        "studies",
-        "codegen",
-        "subjects",
-        "files",
-        "units",
+        *("shapes", "numerics", "mechanism", "kinematics", "kinetics", "compare", "pictures", "studies"),
+        *("codegen", "io", "files", "units"),
     },
     "cli": {
-        "numerics",
-        "model",
-        "analytic",
-        "simulation",
-        "verdict",
-        "shapes",
-        "theory",
-        "pictures",
-        "studies",
-        "codegen",
-    }
-    | {"subjects", "report", "files", "units"},
+        *("numerics", "mechanism", "kinematics", "kinetics", "simulation", "compare", "shapes", "papers"),
+        *("pictures", "studies", "codegen", "io", "report", "files", "units"),
+    },
     # the pytest plugin and the assertion that a user's own test suite calls
-    "testing": {"numerics", "model", "analytic", "verdict", "studies", "subjects", "files"},
+    "testing": {"numerics", "mechanism", "kinematics", "kinetics", "compare", "studies", "io", "files"},
     "__main__": {"cli"},
     "errors": set(),
-    "files": {"numerics", "model"},
+    "files": {"numerics", "mechanism"},
     "units": set(),
 }
 EVERYWHERE = {"errors", "_version", ""}
@@ -142,8 +119,8 @@ def forbidden_libraries(name, imported):
 
 def test_the_top_level_is_small():
     folders = [path for path in structure.PACKAGE.iterdir() if any(path.rglob("*.py"))]
-    assert len(folders) <= 14
-    assert len(list(structure.PACKAGE.glob("*.py"))) <= 7
+    assert len(folders) <= 15
+    assert len(list(structure.PACKAGE.glob("*.py"))) <= 9
     assert {structure.package_of(name) for name in FILES} - {"", "_version"} == set(ALLOWED_IMPORTS)
 
 
@@ -177,7 +154,7 @@ def test_commands_reach_no_more_code_than_allowed():
 
 def test_the_closure_of_a_command_contains_what_it_runs():
     graph = import_closures.loaded()
-    assert "mechsim.analytic.loops.motion" in import_closures.closure(graph, "solve")
+    assert "mechsim.kinematics.loops.motion" in import_closures.closure(graph, "solve")
     assert "mechsim.report.page" not in import_closures.closure(graph, "validate")
     assert "mechsim.report.page" in import_closures.closure(import_closures.loaded(gates=False), "validate")
 
@@ -228,11 +205,14 @@ def test_no_two_classes_share_a_name():
 @pytest.mark.parametrize(
     ("name", "source"),
     [
-        ("mechsim.analytic.loops.tree", "import mujoco"),
-        ("mechsim.analytic.loops.maximal_coordinates", "def f():\n    from mujoco import MjSpec"),
-        ("mechsim.analytic.loops.maximal_coordinates", "import importlib\nimportlib.import_module('mujoco')"),
-        ("mechsim.verdict.crosscheck", "import mujoco"),
-        ("mechsim.model.motion", "import matplotlib.pyplot as plt"),
+        ("mechsim.kinematics.loops.tree", "import mujoco"),
+        ("mechsim.kinematics.loops.maximal_coordinates", "def f():\n    from mujoco import MjSpec"),
+        (
+            "mechsim.kinematics.loops.maximal_coordinates",
+            "import importlib\nimportlib.import_module('mujoco')",
+        ),
+        ("mechsim.compare.crosscheck", "import mujoco"),
+        ("mechsim.mechanism.motion", "import matplotlib.pyplot as plt"),
         ("mechsim.units", "import mediapy"),
         ("mechsim.simulation.run", "import typer"),
     ],
@@ -244,17 +224,17 @@ def test_the_check_rejects_a_forbidden_library(name, source):
 @pytest.mark.parametrize(
     ("name", "source"),
     [
-        ("mechsim.analytic.loops.maximal_coordinates", "from mechsim import simulation"),
-        ("mechsim.analytic.dynamics.model", "from mechsim.simulation.mjcf.compiling import to_xml"),
-        ("mechsim.analytic.loops.tree", "from ...simulation.mjcf import generator"),
+        ("mechsim.kinematics.loops.maximal_coordinates", "from mechsim import simulation"),
+        ("mechsim.kinetics.model", "from mechsim.simulation.mjcf.compiling import to_xml"),
+        ("mechsim.kinematics.loops.tree", "from ...simulation.mjcf import generator"),
         (
             "mechsim.simulation.mjcf.generator",
-            "def f():\n    from mechsim.analytic.loops.tree import SpanningTree",
+            "def f():\n    from mechsim.kinematics.loops.tree import SpanningTree",
         ),
-        ("mechsim.simulation.run", "import mechsim.analytic.loops as c"),
+        ("mechsim.simulation.run", "import mechsim.kinematics.loops as c"),
         ("mechsim.simulation.run", "from mechsim.pictures import render"),
-        ("mechsim.verdict.crosscheck", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
-        ("mechsim.model.mechanism", "from mechsim.verdict import crosscheck"),
+        ("mechsim.compare.crosscheck", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
+        ("mechsim.mechanism.mechanism", "from mechsim.compare import crosscheck"),
     ],
 )
 def test_the_check_rejects_a_forbidden_import(name, source, graph):
@@ -268,5 +248,5 @@ def test_the_check_rejects_a_forbidden_import(name, source, graph):
 
 def test_the_check_rejects_a_cycle(graph):
     wrong = graph.copy()
-    wrong.add_edge("mechsim.model.mechanism", "mechsim.analytic.loops.tree")
-    assert any("mechsim.analytic.loops.tree" in cycle for cycle in structure.cycles(wrong))
+    wrong.add_edge("mechsim.mechanism.mechanism", "mechsim.kinematics.loops.tree")
+    assert any("mechsim.kinematics.loops.tree" in cycle for cycle in structure.cycles(wrong))

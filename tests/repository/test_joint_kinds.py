@@ -4,14 +4,14 @@ import ast
 
 import structure
 
-from mechsim.model.joint_kinds import KINDS
+from mechsim.mechanism.joint_kinds import KINDS
 
 FILES = structure.modules()
 # modules with the table, equations, MuJoCo joints, file elements and drawings of the kinds;
 # a mechanism of the catalogue names those of its own joints
 DEFINING_MODULES = {
-    "mechsim.model.joint_kinds",
-    "mechsim.analytic.loops.maximal_coordinates",
+    "mechsim.mechanism.joint_kinds",
+    "mechsim.kinematics.loops.maximal_coordinates",
     "mechsim.simulation.mjcf.joints",
     "mechsim.simulation.mjcf_reader.kinematic_tree",
     "mechsim.shapes.joints",
@@ -24,24 +24,24 @@ DEFINING_MODULES = {
     "mechsim.simulation.mjcf_reader.urdf_unread",  # types of joints in URDF
     "mechsim.studies.certify.loop_equations",  # interval equations of a ball
     "mechsim.codegen.assembly",  # replaces a ball by a universal joint
-    "mechsim.subjects.linkage_sim_json",  # types of joints in files of other programs
-    "mechsim.subjects.planar_json",  # types of joints in files of other programs
-    "mechsim.subjects.pylinkage_json",  # types of joints in files of other programs
+    "mechsim.io.linkage_sim_json",  # types of joints in files of other programs
+    "mechsim.io.planar_json",  # types of joints in files of other programs
+    "mechsim.io.pylinkage_json",  # types of joints in files of other programs
     "mechsim.studies.robots.serial_twin",  # types of joints in URDF
-    "mechsim.model.link_poses",  # the ends of the links that stand for rods
-    "mechsim.model.quantities",  # "distance" is a quantity there
+    "mechsim.mechanism.link_poses",  # the ends of the links that stand for rods
+    "mechsim.mechanism.quantities",  # "distance" is a quantity there
     "mechsim.simulation.mjcf.generator",  # the ends of the links that stand for rods
     "mechsim.simulation.mjcf_reader.equality_constraints",  # a tendon's equality is a rod
     "mechsim.studies.release",  # "distance" is a quantity there
-    "mechsim.subjects.toml_cams",  # the joints that a cam and its follower consist of
-    "mechsim.subjects.toml_curves",  # the joints that a point on a curve consists of
-    "mechsim.subjects.sdf_reader",  # types of joints in SDF
-    "mechsim.subjects.sdf_writer",  # types of joints in SDF
-    "mechsim.subjects.plain_joints",  # the two joints into which one is split
+    "mechsim.io.toml_cams",  # the joints that a cam and its follower consist of
+    "mechsim.io.toml_curves",  # the joints that a point on a curve consists of
+    "mechsim.io.sdf_reader",  # types of joints in SDF
+    "mechsim.io.sdf_writer",  # types of joints in SDF
+    "mechsim.io.plain_joints",  # the two joints into which one is split
     "mechsim.simulation.findings.rules",  # tags of MJCF
-    "mechsim.subjects.usd_reader",  # types of joints in USD
-    "mechsim.subjects.usd_writer",  # types of joints in USD
-    "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
+    "mechsim.io.usd_reader",  # types of joints in USD
+    "mechsim.io.usd_writer",  # types of joints in USD
+    "mechsim.io.pose_drivers",  # the joints whose coordinates are the pose of a link
 }
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mechsim import load, loops
-from mechsim.model.joints import Coupling, End, Gear, Joint
-from mechsim.model.links import GROUND, Link, Pose
-from mechsim.model.links import IDENTITY as STANDING
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joints import Coupling, End, Gear, Joint
+from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.links import IDENTITY as STANDING
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.shapes.joints import link_shapes
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, load
-from mechsim.model.joints import Coupling, End, Gear, Joint
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX, Link
-from mechsim.model.mechanism import Mechanism, unit_vector
+from mechsim.io import gallery
+from mechsim.mechanism.joints import Coupling, End, Gear, Joint
+from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX, Link
+from mechsim.mechanism.mechanism import Mechanism, unit_vector
 from mechsim.pictures.render import scenery
 from mechsim.shapes import camera
 from mechsim.shapes.body import edges, planar_normals, rod_radius
 from mechsim.shapes.joints import link_shapes
-from mechsim.subjects import gallery
 
 
 def pieces(shapes, radius):

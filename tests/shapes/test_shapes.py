@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, load, loops
-from mechsim.model.joints import End, Joint, joint_coordinate
-from mechsim.model.link_poses import hinged_normals
-from mechsim.model.links import GROUND, Link, Pose
-from mechsim.model.links import IDENTITY as STANDING
-from mechsim.model.mechanism import Mechanism, unit_vector
+from mechsim.mechanism.joints import End, Joint, joint_coordinate
+from mechsim.mechanism.link_poses import hinged_normals
+from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.links import IDENTITY as STANDING
+from mechsim.mechanism.mechanism import Mechanism, unit_vector
 from mechsim.shapes import camera
 from mechsim.shapes.body import extent, free_sides, layers_of, planar_normals, rod_radius
 from mechsim.shapes.joints import link_shapes

@@ -6,10 +6,10 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.errors import InputError
+from mechsim.io.law_text import with_controls
+from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.studies.dynamics_check import crosscheck_forward
-from mechsim.subjects.law_text import with_controls
 
 ARM = model_text("actuators_arm.xml")
 # actuator, its control, and the order with which RK4 converges: limits and filterexact reduce it

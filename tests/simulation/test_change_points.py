@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from change_point_linkages import change_point_lengths, named
 
-from mechsim import catalog
-from mechsim.analytic import dynamics
+from mechsim import catalog, dynamics
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 from mechsim.simulation import constant, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.poses import follow

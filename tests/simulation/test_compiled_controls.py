@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.model.actuators import Actuator
-from mechsim.model.bushings import Bushing, diagonal
-from mechsim.model.coupling_functions import TabledFunction
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
-from mechsim.model.joints import End
-from mechsim.model.load_profile import function, table
-from mechsim.model.motors import Controller, TorqueSpeedLine
-from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
+from mechsim.io.law_text import control_law
+from mechsim.mechanism.actuators import Actuator
+from mechsim.mechanism.bushings import Bushing, diagonal
+from mechsim.mechanism.coupling_functions import TabledFunction
+from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load
+from mechsim.mechanism.joints import End
+from mechsim.mechanism.load_profile import function, table
+from mechsim.mechanism.motors import Controller, TorqueSpeedLine
+from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics import c_library
 from mechsim.simulation import velocity_products
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, prepared
 from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, start_of
 from mechsim.simulation.velocity_products import compiled_rows
-from mechsim.subjects.law_text import control_law
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 9)
 WAVES = np.stack([np.sin(ANGLES), np.cos(ANGLES), np.zeros(9)], 1)

@@ -5,7 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.errors import InputError
-from mechsim.model.motion_laws import tabled
+from mechsim.mechanism.motion_laws import tabled
 
 LAW = {"crank": "0.3*sin(2*pi*t)"}
 SPEED = ms.units.rpm(600)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from model_files import model_text
 
+from mechsim.io.readers import load
 from mechsim.simulation import simulate
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.subjects.readers import load
 
 LINKS = model_text("floating_links_links.xml")
 ROD = '<body name="rod" pos="{x} 0 0">{joint}<geom fromto="0 0 0 0.08 0 0.06" mass="0.3"/></body>'

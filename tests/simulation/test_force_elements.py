@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, load_profile
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
-from mechsim.model.motors import ConstantTorque
+from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load
+from mechsim.mechanism.motors import ConstantTorque
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 
 PUSH = load_profile.constant((1.0, 2.0, 3.0))

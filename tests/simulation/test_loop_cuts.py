@@ -10,9 +10,9 @@ from model_files import model_text
 import mechsim as ms
 from mechsim import catalog, simulate
 from mechsim.errors import InputError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Link
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, turning_with
 
 

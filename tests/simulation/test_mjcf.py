@@ -7,10 +7,10 @@ import pytest
 
 from mechsim import catalog, loops
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Link
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.generator import generate

@@ -6,8 +6,8 @@ import pytest
 from model_files import model_text
 
 from mechsim.errors import InputError
-from mechsim.model.joints import joint_coordinate
-from mechsim.model.links import GROUND, IDENTITY, VIRTUAL_PREFIX
+from mechsim.mechanism.joints import joint_coordinate
+from mechsim.mechanism.links import GROUND, IDENTITY, VIRTUAL_PREFIX
 from mechsim.simulation.mjcf_reader.file_errors import MAX_DEPTH
 from mechsim.simulation.mjcf_reader.kinematic_tree import kinematic_tree, poses
 from mechsim.simulation.mjcf_reader.reading import read_model

@@ -8,8 +8,8 @@ from model_files import model_text
 
 from mechsim import catalog
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
 from mechsim.simulation.model_loops import ModelLoops, read_loops

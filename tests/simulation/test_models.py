@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.model.scene import Scene
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.source import assembled
 
 MODELS = Path(__file__).parents[2] / "models"

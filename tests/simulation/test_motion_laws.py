@@ -17,11 +17,11 @@ from driven_mechanisms import (
 )
 
 from mechsim import crosscheck, simulate
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MobilityError
-from mechsim.model.joints import End
-from mechsim.model.links import GROUND
-from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.joints import End
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.motion_laws import make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
 ARMS = {"left": sinusoidal(2.0, 0.3, 6.0, 0.2), "right": sinusoidal(1.0, 0.4, 9.0, 1.0)}

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.analytic.loops import motion as loop_motion
-from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import End, Gear, Joint
-from mechsim.model.links import Link
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.kinematics.loops import motion as loop_motion
+from mechsim.kinematics.loops.start import with_closed_guess
+from mechsim.mechanism.joints import End, Gear, Joint
+from mechsim.mechanism.links import Link
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.equations import ModelEquations, ModelStates

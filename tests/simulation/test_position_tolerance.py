@@ -8,10 +8,10 @@ import pytest
 from scene_texts import FINGER
 
 from mechsim import catalog, units
-from mechsim.model.motion_laws import swing
+from mechsim.io.readers import load
+from mechsim.mechanism.motion_laws import swing
 from mechsim.simulation import Settings, driven_run, position_tolerance, simulate
 from mechsim.simulation.position_tolerance import TRIAL_STEPS
-from mechsim.subjects.readers import load
 
 TURNS = 10.0
 SPEED = units.rpm(100.0)

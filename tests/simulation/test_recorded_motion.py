@@ -7,7 +7,7 @@ import pytest
 from model_files import model_text
 
 from mechsim import catalog
-from mechsim.model.scene import Scene
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.recording import CHUNK, States, add_sensors, evaluate

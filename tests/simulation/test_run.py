@@ -8,15 +8,15 @@ import pytest
 from model_files import model_text
 
 from mechsim import catalog, loops, simulation
+from mechsim.compare.crosscheck import crosscheck
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import swing, tabled
-from mechsim.model.scene import Scene
+from mechsim.io.readers import load
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import swing, tabled
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.source import assembled
-from mechsim.subjects.readers import load
 from mechsim.units import rpm
-from mechsim.verdict.crosscheck import crosscheck
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
 REVOLUTION = 2.0 * np.pi

@@ -6,10 +6,10 @@ from model_files import model_text
 
 from mechsim import simulate
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Link
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import make_motion_laws, steady
 
 # a four-bar whose coupler consists of two halves connected by EQUALITY
 FOUR_BAR = model_text("user_models_four_bar.xml")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.io.toml_writer import to_toml
+from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.studies.dynamics_check import crosscheck_forward
-from mechsim.subjects.toml_writer import to_toml
 
 START = {"crank.q": "40deg", "crank.v": 2.0}
 STIFFNESS, REST, DAMPING = 0.1, 0.5, 2e-5

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from strategies import CASES, random_knitter
 
 from mechsim import catalog, loops
+from mechsim.compare.crosscheck import crosscheck
 from mechsim.errors import AssemblyError
-from mechsim.model.motion_laws import SWING_FRACTION, constant, interval_around, swing
-from mechsim.model.scene import Scene
+from mechsim.mechanism.motion_laws import SWING_FRACTION, constant, interval_around, swing
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
-from mechsim.verdict.crosscheck import crosscheck
 
 SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
 FRACTIONS = st.floats(0.05, 0.95)

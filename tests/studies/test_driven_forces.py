@@ -6,13 +6,13 @@ import driven_mechanisms as machines
 import numpy as np
 import pytest
 
-from mechsim.analytic import dynamics
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim import dynamics
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces, Friction
-from mechsim.model.joints import Coupling
-from mechsim.model.links import Inertia
-from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import Forces, Friction
+from mechsim.mechanism.joints import Coupling
+from mechsim.mechanism.links import Inertia
+from mechsim.mechanism.motion_laws import make_motion_laws, steady
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.equality_rows import CouplingConstraint

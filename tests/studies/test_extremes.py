@@ -8,7 +8,7 @@ from grids import grid
 
 import mechsim as ms
 from mechsim import catalog
-from mechsim.model.scene import Scene
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import stability_map

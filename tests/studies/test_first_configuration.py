@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.model.motion_laws import constant
+from mechsim.compare.crosscheck import crosscheck
+from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import simulate
-from mechsim.verdict.crosscheck import crosscheck
 
 PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
 SLIDER = {"crank": 0.05, "rod": 0.05, "offset": 0.0}

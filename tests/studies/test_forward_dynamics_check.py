@@ -9,12 +9,12 @@ from pendulums import WEIGHT, double_pendulum, point_mass, slider
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.dynamics.initial_state import InitialValues
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.model.links import Inertia
-from mechsim.model.masses import with_inertia as with_rods
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics.dynamic_run import initial_values
+from mechsim.kinetics.initial_state import InitialValues
+from mechsim.mechanism.forces import Forces, Friction, JointSpring
+from mechsim.mechanism.links import Inertia
+from mechsim.mechanism.masses import with_inertia as with_rods
 from mechsim.simulation.dynamics import forward_run
 from mechsim.simulation.dynamics.forward_run import start_of
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward

@@ -8,11 +8,11 @@ import pytest
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.model.scene import Scene
+from mechsim.io.readers import load
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.studies.export import exported
 from mechsim.studies.scene import tune_model
-from mechsim.subjects.readers import load
 
 SPEED = 60.0
 

@@ -9,10 +9,10 @@ from scipy.stats import chi2
 
 from mechsim import dynamics
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces, Friction
+from mechsim.io.readers import load
+from mechsim.mechanism.forces import Forces, Friction
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.identification import identify
-from mechsim.subjects.readers import load
 
 LINK = ("mass", "com.x", "com.y", "inertia.zz")
 TIMES = np.linspace(0.0, 4.0, 240)

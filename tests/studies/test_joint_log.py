@@ -9,10 +9,10 @@ from mcap_ros2.writer import Writer as RosWriter
 from model_files import FOLDER
 
 from mechsim.errors import InputError
+from mechsim.io.readers import load
 from mechsim.studies.identification import identify
 from mechsim.studies.joint_log import read_log
 from mechsim.studies.measured_table import measured_of
-from mechsim.subjects.readers import load
 
 JOINT_STATE = """std_msgs/Header header
 string[] name

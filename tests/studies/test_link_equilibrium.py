@@ -12,18 +12,17 @@ import gear_trains
 import numpy as np
 import pytest
 
-from mechsim import load_profile
-from mechsim.analytic import dynamics
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring
-from mechsim.model.joints import End, Gear, Joint
-from mechsim.model.links import GROUND, Inertia, Link
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import make_motion_laws
+from mechsim import dynamics, load_profile
+from mechsim.io.readers import load
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring
+from mechsim.mechanism.joints import End, Gear, Joint
+from mechsim.mechanism.links import GROUND, Inertia, Link
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.subjects.readers import load
 
 ROBUSTNESS = Path(__file__).parents[2] / "validation" / "robustness"
 GALLERY = Path(__file__).parents[2] / "models" / "gallery"

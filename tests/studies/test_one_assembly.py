@@ -5,13 +5,13 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import InputError
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import Link, Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.kinematics.loops.start import start_poses
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.studies.assemblies import all_assembly_points
 from mechsim.studies.scene.open_scene import open_scene
-from mechsim.theory.assemblies import all_assembly_points
 
 
 @pytest.mark.long

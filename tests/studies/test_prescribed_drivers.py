@@ -7,8 +7,8 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.model.forces import Forces
+from mechsim.kinetics.dynamic_run import initial_values
+from mechsim.mechanism.forces import Forces
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 LENGTH, MASS, INERTIA, GRAVITY = 0.2, 1.5, 2e-3, 9.81

@@ -10,10 +10,10 @@ from valid_scene import changed
 
 import mechsim as ms
 from mechsim.cli.schema import output_schema
+from mechsim.compare.quantities import stroke_of
 from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.scene.own_settings import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
-from mechsim.verdict.quantities import stroke_of
 
 LAW, DURATION = "0.3*sin(2*pi*t)", 0.5
 

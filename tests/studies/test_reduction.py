@@ -4,6 +4,8 @@ import pytest
 from scene_texts import FINGER
 
 from mechsim.errors import InputError
+from mechsim.io.law_text import control_laws
+from mechsim.io.readers import load
 from mechsim.studies.reduction.candidates import bodies
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
@@ -20,8 +22,6 @@ from mechsim.studies.reduction.reduced_scene import (
 from mechsim.studies.reduction.search import reduce_scene, with_comment
 from mechsim.studies.scene import run
 from mechsim.studies.scene.scene import scene_of
-from mechsim.subjects.law_text import control_laws
-from mechsim.subjects.readers import load
 
 LENGTH = 0.07
 LIMIT = 1e-4 * LENGTH

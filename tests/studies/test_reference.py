@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.io import reference_data
 from mechsim.studies.reference import by_reference
-from mechsim.subjects import reference_data
 
 
 def table_of(name):

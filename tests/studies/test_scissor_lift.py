@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.model.links import Inertia
+from mechsim.compare.crosscheck import crosscheck
+from mechsim.mechanism.links import Inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.studies.motions import driven_as
-from mechsim.verdict.crosscheck import crosscheck
 
 LIFT = Path(__file__).parents[1] / "models" / "scissor_lift.toml"
 BAR, LEAD, GRAVITY = 0.6, 0.005, 9.81

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.model.motion_laws import constant
+from mechsim.compare.crosscheck import crosscheck
+from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
-from mechsim.verdict.crosscheck import crosscheck
 
 FLAT = {
     "parallelogram": ("four_bar", {"ground": 0.1, "crank": 0.045, "coupler": 0.1, "rocker": 0.045}),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mechsim.io.readers import load
 from mechsim.studies.agreement.evaluation_points import driver_inputs, evaluation_points
 from mechsim.studies.validate import case_of
-from mechsim.subjects.readers import load
 
 FIVE_BAR = load("five_bar")
 

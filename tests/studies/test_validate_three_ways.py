@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import mechsim as ms
-from mechsim.analytic import solvers
+from mechsim.kinematics import solvers
 from mechsim.simulation.mjcf import generator
 from mechsim.studies.agreement import diagnosis
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechsim.analytic.vector_method import triad
+from mechsim.kinematics.vector_method import triad
 
 EPS = np.finfo(np.float64).eps
 # published poses, with angles within one revolution

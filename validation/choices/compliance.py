@@ -20,10 +20,10 @@ import numpy as np
 import study_table as sheet
 
 from mechsim import catalog
-from mechsim.model.motion_laws import constant
+from mechsim.io.readers import load
+from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.subjects.readers import load
 
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><joint axis="0 0 1"/></default>
 <worldbody>

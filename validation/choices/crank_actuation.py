@@ -19,7 +19,7 @@ import study_table as sheet
 from mujoco import batch
 
 from mechsim import catalog
-from mechsim.model.scene import Scene
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import Settings, loop_jacobian
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.model_loops import read_loops

@@ -16,7 +16,7 @@ import numpy as np
 import study_table as sheet
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation import settings
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 

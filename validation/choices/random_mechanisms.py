@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.formulas.closed_form import SELECTORS
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
+from mechsim.kinematics.formulas.closed_form import SELECTORS
+from mechsim.kinematics.solvers import KinematicSolver
 
 # sizes vary by this factor up and down, angles by this many radians
 FACTOR, REVOLUTION = 1.25, 0.25

@@ -7,13 +7,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from mechsim.model.scene import Scene
+from mechsim.io.law_text import control_laws
+from mechsim.io.readers import load
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.export import exported
 from mechsim.studies.scene.scene import UserScene, scene_of
-from mechsim.subjects.law_text import control_laws
-from mechsim.subjects.readers import load
 
 
 @dataclass(frozen=True)

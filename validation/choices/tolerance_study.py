@@ -20,8 +20,8 @@ import study_table as sheet
 from random_mechanisms import drives
 
 from mechsim import simulation, units
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.motion_laws import constant
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import Settings, driven_run
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, stepping_methods

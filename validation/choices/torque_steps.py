@@ -14,8 +14,8 @@ import numpy as np
 import study_table as sheet
 
 from mechsim import catalog, dynamics
-from mechsim.analytic.dynamics import DynamicModel
-from mechsim.model.forces import Forces
+from mechsim.kinetics import DynamicModel
+from mechsim.mechanism.forces import Forces
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven

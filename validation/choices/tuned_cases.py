@@ -11,12 +11,12 @@ import numpy as np
 
 from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.options import DriveOptions
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.io.readers import load
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.export import exported
-from mechsim.subjects.readers import load
 
 CRANKS = (
     *("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett", "jansen", "klann", "hoeken"),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from mpmath import mp
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.analytic.vector_method.vectors import (
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinematics.vector_method.vectors import (
     Sign,
     column,
     cross,

@@ -17,7 +17,7 @@ import mpmath as mp
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.vector_method import triad
+from mechsim.kinematics.vector_method import triad
 
 Array = NDArray[np.float64]
 SAMPLES = 720

@@ -6,13 +6,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.analytic.vector_method.triad import carried, flat, xyz
-from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
-from mechsim.model.joints import End
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinematics.vector_method.triad import carried, flat, xyz
+from mechsim.kinematics.vector_method.triad_path import Pivots, TriadPath
+from mechsim.mechanism.joints import End
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
 

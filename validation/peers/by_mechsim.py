@@ -13,10 +13,10 @@ import numpy as np
 from problem import SAMPLES, Array, Positions, Problem
 from protocol import Setting, Solver
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.compiled import compile
-from mechsim.model.forces import Forces
-from mechsim.model.scene import Scene
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import Settings, constant, loop_jacobian
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.model_loops import ModelLoops, read_loops

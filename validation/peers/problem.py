@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, dynamics, masses
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND, Inertia
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion, Motion
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import GROUND, Inertia
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion, Motion
 
 Array = NDArray[np.float64]
 Positions = Mapping[str, Array]

@@ -23,7 +23,7 @@ from problem import Array, Problem
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 GRAVITY, DURATION, INSTANTS, ROUNDS = 9.81, 1.0, 20, 3

@@ -20,7 +20,7 @@ import mujoco
 
 import mechsim as ms
 from mechsim.errors import MechsimError
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 
 LISTED = Path(__file__).with_name("models.txt")
 SLOW = 1.0

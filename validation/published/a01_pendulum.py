@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from table import Row, energy_error, show
 
 import mechsim as ms
-from mechsim.model.forces import Forces
-from mechsim.model.links import Inertia
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.links import Inertia
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 GRAVITY = 9.81

@@ -26,8 +26,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from table import Row, show
 
 import mechsim as ms
-from mechsim.model.forces import Forces
-from mechsim.model.masses import slender_rod
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.masses import slender_rod
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 GRAVITY = 9.81

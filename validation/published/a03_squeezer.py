@@ -23,9 +23,9 @@ from table import Row, energy_error, show
 
 import mechsim as ms
 from mechsim import dynamics
-from mechsim.model.forces import Forces, Spring
-from mechsim.model.links import Inertia
-from mechsim.model.motors import ConstantTorque
+from mechsim.mechanism.forces import Forces, Spring
+from mechsim.mechanism.links import Inertia
+from mechsim.mechanism.motors import ConstantTorque
 from mechsim.simulation.dynamics.forward_run import SteppedRun, stepped_run
 
 MASSES = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)

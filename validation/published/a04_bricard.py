@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from table import Row, energy_error, show
 
 import mechsim as ms
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 MODEL = Path(__file__).parents[1] / "suites" / "models" / "exudyn" / "bricardMechanism.toml"

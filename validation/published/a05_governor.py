@@ -18,8 +18,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.model.forces import Forces, Spring
-from mechsim.model.links import Inertia
+from mechsim.mechanism.forces import Forces, Spring
+from mechsim.mechanism.links import Inertia
 from mechsim.numerics.arrays import Array
 
 GRAVITY, DENSITY, SIDE, LENGTH, CUBE = 9.81, 3000.0, 0.01, 1.0, 0.1
@@ -69,7 +69,7 @@ def governor() -> ms.Mechanism:
 
 
 def _combined(rod: Inertia, ball: Inertia) -> Inertia:
-    from mechsim.model.links import combine
+    from mechsim.mechanism.links import combine
 
     return combine([rod, ball])
 

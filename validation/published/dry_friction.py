@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim import catalog, dynamics
-from mechsim.model.forces import Forces, Friction
+from mechsim.mechanism.forces import Forces, Friction
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 STEPS = (1e-4, 2.5e-5)

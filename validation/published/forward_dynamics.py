@@ -24,7 +24,7 @@ import a04_bricard
 import rsup
 
 import mechsim as ms
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 
 # of the cranks of A02 at the start, in [rad/s]
 SPEEDS = (-0.7, -0.9, -1.0, -1.1, -1.3, -1.5)

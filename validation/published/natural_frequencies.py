@@ -15,8 +15,8 @@ import mpmath as mp
 import numpy as np
 
 import mechsim as ms
-from mechsim.model.forces import Forces, Friction, JointSpring, Spring
-from mechsim.model.masses import with_inertia
+from mechsim.mechanism.forces import Forces, Friction, JointSpring, Spring
+from mechsim.mechanism.masses import with_inertia
 
 DIGITS = 60
 GRAVITY = 9.81

@@ -22,8 +22,8 @@ from table import Row, energy_error, show
 
 import mechsim as ms
 from mechsim import dynamics
-from mechsim.model.forces import Forces
-from mechsim.model.links import Inertia
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.links import Inertia
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 X = (1.0, 0.0, 0.0)

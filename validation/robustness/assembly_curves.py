@@ -19,13 +19,13 @@ import numpy as np
 from change_points import NAMES, random_linkages
 
 from mechsim import catalog, loops
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
+from mechsim.io import gallery
+from mechsim.io.readers import load
+from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve, CurvePoses
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects import gallery
-from mechsim.subjects.readers import load
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses
-from mechsim.theory.continuation.mechanism_trace import trace
+from mechsim.studies.trace import trace
 
 # relative to the characteristic length; conditioning below which a pose is singular; samples of a curve
 ERROR_LIMIT, MIN_CONDITIONING, SAMPLES = 1e-10, 1e-3, 24

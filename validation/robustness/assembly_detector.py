@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.crosscheck import crosscheck
 from mechsim.errors import MechsimError
-from mechsim.model.motion import Motion
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import Motion
 from mechsim.simulation import Settings, simulate
-from mechsim.verdict.crosscheck import crosscheck
 
 Array = NDArray[np.float64]
 # the length that is changed until the crank just rotates fully
@@ -154,7 +154,7 @@ def closest_angle(linkage: KinematicSolver) -> float:
 
 def start_at(linkage: KinematicSolver, angle: float):
     """Return the mechanism with its start at a crank angle."""
-    from mechsim.model.links import Pose
+    from mechsim.mechanism.links import Pose
 
     motion = linkage.solve([angle])
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}

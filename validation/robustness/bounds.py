@@ -18,18 +18,18 @@ import numpy as np
 from random_catalog_mechanisms import SPEED, random_catalog_mechanisms
 
 from mechsim import dynamics, load_profile
-from mechsim.analytic.dynamics.initial_state import InitialValues
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.checks import Check, Verdict
+from mechsim.compare.crosscheck import crosscheck
 from mechsim.errors import MechsimError
-from mechsim.model.forces import Forces, Friction, Load
-from mechsim.model.motion_laws import within_range
-from mechsim.model.motors import ConstantTorque
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics.initial_state import InitialValues
+from mechsim.mechanism.forces import Forces, Friction, Load
+from mechsim.mechanism.motion_laws import within_range
+from mechsim.mechanism.motors import ConstantTorque
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 from mechsim.studies.validate import case_of
-from mechsim.verdict.checks import Check, Verdict
-from mechsim.verdict.crosscheck import crosscheck
 
 # load on the last point in [N], friction of the crank in [N m s], motor torque in [N m]
 LOAD, VISCOUS, MOTOR = (0.2, -0.1, 0.0), 1e-5, 1e-3

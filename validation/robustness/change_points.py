@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import catalog, loops
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
-from mechsim.model.motion import ChangePointPolicy
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import from_source
 

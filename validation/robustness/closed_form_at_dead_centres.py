@@ -20,8 +20,8 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.analytic.vector_method.vectors import column, norm
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinematics.vector_method.vectors import column, norm
 
 sys.path.append(str(Path(__file__).parents[1] / "papers"))
 

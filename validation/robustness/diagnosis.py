@@ -22,13 +22,13 @@ import numpy as np
 
 from mechsim import catalog, dynamics
 from mechsim.errors import MechsimError
-from mechsim.model.forces import Forces
-from mechsim.model.quantities import coordinate_units
+from mechsim.io import gallery
+from mechsim.io.readers import parametric_model
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.quantities import coordinate_units
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
-from mechsim.subjects import gallery
-from mechsim.subjects.readers import parametric_model
 
 SPEED = 20.0 * np.pi
 SIZES = (1e-4, 3e-3, 5e-2)

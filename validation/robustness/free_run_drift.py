@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from mechsim import catalog, dynamics
-from mechsim.model.forces import Forces
+from mechsim.mechanism.forces import Forces
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 SPEED, GRAVITY = 60.0, (0.0, -9.81, 0.0)

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "laws"))
 from test_power_balance import CRANKS, SEVERAL_DRIVERS, every_force, motion_and_forces, relative_imbalance
 
 from mechsim import load
-from mechsim.model.masses import with_inertia
+from mechsim.mechanism.masses import with_inertia
 
 METHODS = ("pose", "formulas", "step")
 

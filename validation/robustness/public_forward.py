@@ -21,9 +21,9 @@ import mujoco
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 DURATION, SAMPLES, STEPS, MAX_STEPS = 0.5, 40, 2000, 128_000

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.formulas.closed_form import SELECTORS
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
-from mechsim.model.motion_laws import CrankProfile, interval_around, swing, within_range
+from mechsim.kinematics.formulas.closed_form import SELECTORS
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion_laws import CrankProfile, interval_around, swing, within_range
 from mechsim.numerics.angles import REVOLUTION
 
 # lengths vary by this factor, angles by this value in [rad]

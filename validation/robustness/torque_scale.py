@@ -21,15 +21,15 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from mechanisms import three_cranks
 
 from mechsim import catalog, dynamics, load
-from mechsim.analytic.dynamics import dynamic_model, prescribed
-from mechsim.analytic.dynamics.model import DynamicModel
+from mechsim.compare.quantities import force_scales
 from mechsim.errors import MechsimError
-from mechsim.model.forces import Forces
-from mechsim.model.motion_laws import within_range
+from mechsim.io import gallery
+from mechsim.kinetics import dynamic_model, prescribed
+from mechsim.kinetics.model import DynamicModel
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.motion_laws import within_range
 from mechsim.simulation.dynamics import applied_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
-from mechsim.subjects import gallery
-from mechsim.verdict.quantities import force_scales
 
 SPEED = 20.0 * np.pi
 ROUNDS = 15

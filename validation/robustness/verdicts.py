@@ -19,14 +19,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from random_catalog_mechanisms import SPEED, random_mechanism, random_swing, swing_near_dead_centre
 
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.crosscheck import crosscheck
+from mechsim.compare.quantities import stroke_of
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.finding import POSITION_TOLERANCE
-from mechsim.model.motion_laws import CrankProfile, within_range
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import POSITION_TOLERANCE
+from mechsim.mechanism.motion_laws import CrankProfile, within_range
 from mechsim.simulation import Settings, simulate
 from mechsim.studies.validate import case_of
-from mechsim.verdict.crosscheck import crosscheck
-from mechsim.verdict.quantities import stroke_of
 
 # scale of the wrong length
 WRONG_SCALE = 1.001

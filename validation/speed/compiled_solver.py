@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.compiled import CompiledSolver
 from mechsim.codegen.self_test import c_test, javascript_test
-from mechsim.subjects import reference_data
+from mechsim.io import reference_data
+from mechsim.kinematics.solvers import KinematicSolver
 
 FLAGS = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 ROUNDS = 5

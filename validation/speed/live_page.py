@@ -17,9 +17,9 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.cli import main
+from mechsim.io import gallery as listing
+from mechsim.io.readers import as_text
 from mechsim.numerics.arrays import Array
-from mechsim.subjects import gallery as listing
-from mechsim.subjects.readers import as_text
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 

@@ -15,8 +15,8 @@ from statistics import median
 
 import numpy as np
 
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.subjects.readers import load
+from mechsim.io.readers import load
+from mechsim.kinematics.solvers import KinematicSolver
 
 ROUNDS = 15
 

@@ -12,7 +12,7 @@ from statistics import median
 import numpy as np
 
 from mechsim import catalog
-from mechsim.model.scene import Scene
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled

@@ -20,13 +20,13 @@ import numpy as np
 from mujoco import batch
 
 from mechsim import catalog, load
-from mechsim.model.bushings import Bushing, diagonal
-from mechsim.model.forces import Forces, Friction
-from mechsim.model.joints import End
-from mechsim.model.load_profile import table
-from mechsim.model.motors import Controller
-from mechsim.model.nonlinear_springs import NonlinearSpring, SoftStop
-from mechsim.model.scene import Scene
+from mechsim.mechanism.bushings import Bushing, diagonal
+from mechsim.mechanism.forces import Forces, Friction
+from mechsim.mechanism.joints import End
+from mechsim.mechanism.load_profile import table
+from mechsim.mechanism.motors import Controller
+from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation import Settings, constant, loop_jacobian, simulate
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, prepared
 from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, Start, start_of

@@ -16,8 +16,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import cut
+from mechsim.kinematics.loops.start import start_poses
 from validation.published.table import Row
 from validation.suites.case import Case, Clone, Suite
 

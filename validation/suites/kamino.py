@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import cut
+from mechsim.kinematics.solvers import KinematicSolver
 from validation.published.table import Row
 from validation.suites.case import Case, Clone, Suite
 from validation.suites.gepetto import MAX_REASON, Pose, after

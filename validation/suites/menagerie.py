@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.reading import states_of
 from validation.published.table import Row

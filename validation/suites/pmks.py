@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import mechsim as ms
-from mechsim.model.links import GROUND, Pose
+from mechsim.mechanism.links import GROUND, Pose
 from validation.published.table import Row
 from validation.suites.case import Case, Clone, Suite
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics.arrays import Array
 
 MODELS = Path(__file__).parent / "models"

@@ -11,8 +11,8 @@ from functools import partial
 import numpy as np
 
 import mechsim as ms
-from mechsim.model.joints import Gear
-from mechsim.model.links import GROUND, Pose
+from mechsim.mechanism.joints import Gear
+from mechsim.mechanism.links import GROUND, Pose
 from validation.published.table import Row
 from validation.suites.case import Case, Clone, Suite
 

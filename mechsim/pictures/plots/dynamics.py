@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mechsim.model.force_record import Fluctuation, ForceRecord
+from mechsim.mechanism.force_record import Fluctuation, ForceRecord
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (

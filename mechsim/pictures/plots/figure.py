@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError, needs
 from mechsim.files import atomic_path
-from mechsim.model.motion import Motion
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten, readable
 from mechsim.shapes.shape import PALETTE

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.model.motion import Motion
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import (

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.model.belts import belts_of
-from mechsim.model.forces import Forces
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import hinged_normals, moved_links
-from mechsim.model.links import GROUND, IDENTITY, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.mechanism.belts import belts_of
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.link_poses import hinged_normals, moved_links
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed, readable

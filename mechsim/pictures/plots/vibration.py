@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.link_poses import moved_links
-from mechsim.model.links import GROUND, IDENTITY
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.mechanism.link_poses import moved_links
+from mechsim.mechanism.links import GROUND, IDENTITY
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots.dynamics import WithEnergies, draw_energies
 from mechsim.pictures.plots.figure import (

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel, faded

@@ -11,10 +11,10 @@ from typing import Any, TypedDict
 import mujoco
 import numpy as np
 
-from mechsim.model.forces import Forces
-from mechsim.model.link_poses import hinged_normals, with_rods
-from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.link_poses import hinged_normals, with_rods
+from mechsim.mechanism.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.frame_poses import FramePoses, Ghost

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.files import atomic_path
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism, unit_vector
-from mechsim.model.motion import Motion
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.mechanism import Mechanism, unit_vector
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Up, require_axis
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.mechanism import Up, require_axis
 from mechsim.shapes.camera import PRESETS, Angles
 from mechsim.shapes.shape import Shape
 from mechsim.units import option, parse_names

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.model.link_poses import hinged_normals, with_rods
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.link_poses import hinged_normals, with_rods
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes import camera as cameras

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError, MissingToolError, OutputError, needs
 from mechsim.files import atomic_path
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
 from mechsim.pictures.render.drawing import frames, still
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
 from mechsim.pictures.render.labels import Picture

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mechsim._version import __version__
 from mechsim.errors import needs
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.link_poses import hinged_normals, with_rods
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.link_poses import hinged_normals, with_rods
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras

@@ -6,11 +6,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.model.forces import Forces
-from mechsim.model.link_poses import moved_links, with_rods
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX
-from mechsim.model.mechanism import Mechanism, Up
-from mechsim.model.motion import Motion
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.link_poses import moved_links, with_rods
+from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
+from mechsim.mechanism.mechanism import Mechanism, Up
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import errors, factor, returns_to_start
 from mechsim.shapes.camera import Angles

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, MissingToolError, OutputError
-from mechsim.model.actuators import Actuator
-from mechsim.model.instructions import NotCompiledError
-from mechsim.model.motion_laws import State
-from mechsim.model.nonlinear_springs import OPEN, Phases, phases_of
+from mechsim.mechanism.actuators import Actuator
+from mechsim.mechanism.instructions import NotCompiledError
+from mechsim.mechanism.motion_laws import State
+from mechsim.mechanism.nonlinear_springs import OPEN, Phases, phases_of
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.compiled_controls import compiled_controls
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction

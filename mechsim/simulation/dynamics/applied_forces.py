@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 import mujoco
 import numpy as np
 
-from mechsim.model.force_record import MeshForce
-from mechsim.model.joints import Joint
-from mechsim.model.meshes import Mesh, meshes_of, threads_of
+from mechsim.mechanism.force_record import MeshForce
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.meshes import Mesh, meshes_of, threads_of
 from mechsim.numerics.arrays import Array, cross
 from mechsim.simulation.dynamics.loaded_model import SITE, TENDON, AppliedForces, LoadedModel
 from mechsim.simulation.equality_rows import RodPair

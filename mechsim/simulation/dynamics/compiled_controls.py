@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.model.actuators import Actuator
-from mechsim.model.instructions import (
+from mechsim.mechanism.actuators import Actuator
+from mechsim.mechanism.instructions import (
     CONTROLLER,
     EXPRESSION,
     INSTRUCTION,
@@ -14,7 +14,7 @@ from mechsim.model.instructions import (
     NotCompiledError,
     Variable,
 )
-from mechsim.model.nonlinear_springs import SoftStop
+from mechsim.mechanism.nonlinear_springs import SoftStop
 from mechsim.simulation.dynamics.loaded_model import SITE, LoadedModel
 from mechsim.simulation.mjcf.force_elements import AXES, native
 from mechsim.simulation.velocity_products import CallbackData, callback_data

@@ -9,16 +9,16 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.forces import Forces
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.limits import NO_RANGES, Ranges
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, leading_joint
-from mechsim.model.motion_laws import State
-from mechsim.model.nonlinear_springs import OPEN, Phases, SoftStop
-from mechsim.model.progress import Progress, no_progress
-from mechsim.model.scene import Scene
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.limits import NO_RANGES, Ranges
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, leading_joint
+from mechsim.mechanism.motion_laws import State
+from mechsim.mechanism.nonlinear_springs import OPEN, Phases, SoftStop
+from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
 from mechsim.numerics.rounding import CLOSED

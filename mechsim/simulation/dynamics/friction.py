@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.forces import Friction
+from mechsim.mechanism.forces import Friction
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import TINY
 from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name

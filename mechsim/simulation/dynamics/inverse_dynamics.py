@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.motion import join, replace_instants, weighted_sums
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.motion import join, replace_instants, weighted_sums
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation import loop_jacobian, recording

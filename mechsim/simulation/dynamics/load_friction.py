@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mechsim.errors import FrictionError
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.joint_friction import Friction
-from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.joint_friction import Friction
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.applied_forces import Fields, add_force
 from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.model.force_record import Reaction
-from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import Joint
+from mechsim.mechanism.force_record import Reaction
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joints import Joint
 from mechsim.numerics.arrays import Array, cross
 from mechsim.simulation.dynamics.applied_forces import rod_force, thread_forces
 from mechsim.simulation.dynamics.loaded_model import LoadedModel

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import FIRST, extrapolated_derivative
 from mechsim.numerics.rank import null_spaces

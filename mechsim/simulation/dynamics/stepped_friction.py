@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.model.force_record import Reaction
-from mechsim.model.forces import Forces
-from mechsim.model.joint_friction import Friction
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.force_record import Reaction
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.joint_friction import Friction
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import pseudo_inverse
 from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, native, together

@@ -5,9 +5,9 @@ from contextlib import suppress
 
 import numpy as np
 
-from mechsim.model.finding import Finding
-from mechsim.model.links import VIRTUAL_PREFIX
-from mechsim.model.motion_laws import CRANK, MotionLaws
+from mechsim.mechanism.finding import Finding
+from mechsim.mechanism.links import VIRTUAL_PREFIX
+from mechsim.mechanism.motion_laws import CRANK, MotionLaws
 from mechsim.simulation.findings.actuation import controls_beyond_range, fighting
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
 from mechsim.simulation.findings.damping import negative_losses, too_stiff_for_step

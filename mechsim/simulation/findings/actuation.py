@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import moment_arms

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden

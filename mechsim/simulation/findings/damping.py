@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.compliance import AMPLIFICATION, GapDynamics, stable_step
 from mechsim.simulation.findings.inspected import OFF, Element, Inspected, null_space

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
-from mechsim.model.links import GROUND
+from mechsim.mechanism.finding import Finding
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.findings.inspected import Inspected

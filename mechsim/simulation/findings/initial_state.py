@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.findings.inspected import Element, Inspected, driver_swing, null_space

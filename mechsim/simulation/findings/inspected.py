@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError, MobilityError
-from mechsim.model.finding import NO_POSITION, FilePosition, Finding
-from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
+from mechsim.mechanism.finding import NO_POSITION, FilePosition, Finding
+from mechsim.mechanism.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian

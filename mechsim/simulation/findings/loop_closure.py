@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.custom_model import from_file
 from mechsim.simulation.equality_rows import coincident_frames

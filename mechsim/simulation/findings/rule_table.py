@@ -4,7 +4,7 @@ import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mechsim.model.finding import HARMLESS, Finding, Severity
+from mechsim.mechanism.finding import HARMLESS, Finding, Severity
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import HARMLESS, Finding, by_severity
+from mechsim.mechanism.finding import HARMLESS, Finding, by_severity
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from mechsim.model.joints import Joint
-from mechsim.model.links import Pose
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import Pose
 from mechsim.simulation.mjcf.compiling import compiled
 
 # time constant of the loops in steps

@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Coupling, Joint
-from mechsim.model.link_poses import initial_coordinates, plane_normals, with_rods, with_virtual_bodies
-from mechsim.model.links import GROUND, IDENTITY, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Coupling, Joint
+from mechsim.mechanism.link_poses import initial_coordinates, plane_normals, with_rods, with_virtual_bodies
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.mjcf.equalities import add_equality, add_rod, lock_joint
 from mechsim.simulation.mjcf.joints import (

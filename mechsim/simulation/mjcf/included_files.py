@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from mechsim.errors import InputError
-from mechsim.model.finding import FilePosition
+from mechsim.mechanism.finding import FilePosition
 from mechsim.simulation.mjcf.edited_text import EditedText, Element, elements_of
 
 # largest depth of nested includes; more are an endless recursion

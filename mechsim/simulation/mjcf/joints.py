@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.model.actuators import NO_LIMIT, Range
-from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, coordinates, displaced
-from mechsim.model.joints import End, Joint
-from mechsim.model.limits import Ranges
-from mechsim.model.links import Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.actuators import NO_LIMIT, Range
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS, Axis, Kind, coordinates, displaced
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.limits import Ranges
+from mechsim.mechanism.links import Pose
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
 BALL = mujoco.mjtJoint.mjJNT_BALL

@@ -5,9 +5,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from mechsim.model.links import Inertia, vector
-from mechsim.model.masses import with_inertia
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.links import Inertia, vector
+from mechsim.mechanism.masses import with_inertia
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.state import quaternion
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS, Kind
-from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import plane_normals, split_joints, virtual_body
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.joint_kinds import KINDS, Kind
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.link_poses import plane_normals, split_joints, virtual_body
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.graphs import components, distances, spanning_edges
 from mechsim.simulation.mjcf.joints import Branch, coincident_points
 

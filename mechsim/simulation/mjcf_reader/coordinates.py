@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.links import GROUND, VIRTUAL_PREFIX
+from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights

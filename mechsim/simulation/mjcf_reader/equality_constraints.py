@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.joints import Coupling, End, Joint
+from mechsim.mechanism.joints import Coupling, End, Joint
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.equality_rows import coincident_frames, is_rod, rod_pair, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.actuators import NO_LIMIT, Actuator, Range
-from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.model.links import Inertia, Link, vector
+from mechsim.mechanism.actuators import NO_LIMIT, Actuator, Range
+from mechsim.mechanism.forces import Forces, Friction, JointSpring
+from mechsim.mechanism.links import Inertia, Link, vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_names, listed

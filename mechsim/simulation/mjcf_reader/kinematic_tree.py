@@ -8,9 +8,20 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.model.joint_kinds import KINDS, KindName, displaced
-from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector, vector
+from mechsim.mechanism.joint_kinds import KINDS, KindName, displaced
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import (
+    EX,
+    EZ,
+    GROUND,
+    IDENTITY,
+    ORIGIN,
+    VIRTUAL_PREFIX,
+    Link,
+    Pose,
+    Vector,
+    vector,
+)
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.state import BALL, FREE, HINGE, SLIDE, rotation_matrix
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
-from mechsim.model.finding import Finding
-from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.finding import Finding
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, cut
-from mechsim.model.finding import Finding
-from mechsim.model.links import GROUND, Vector
+from mechsim.mechanism.finding import Finding
+from mechsim.mechanism.links import GROUND, Vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet, warnings_of_mujoco
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.links import VIRTUAL_PREFIX
+from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 

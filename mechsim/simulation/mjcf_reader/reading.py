@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces
-from mechsim.model.link_poses import spin_rod
-from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.link_poses import spin_rod
+from mechsim.mechanism.links import GROUND, IDENTITY, Link, Pose, Vector
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader.coordinates import (

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.simulation.mjcf_reader.file_text import UrdfFile
 from mechsim.simulation.mjcf_reader.urdf_sidecar import JointChanges, read_sidecar
 from mechsim.simulation.mjcf_reader.urdf_tree import (

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.errors import InputError, cut, needs
 from mechsim.files import read_text
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
 from mechsim.simulation.mjcf_reader.urdf_tree import (
     KINDS,

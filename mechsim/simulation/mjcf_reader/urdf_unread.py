@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from mechsim.model.finding import HARMLESS, Finding
+from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
 from mechsim.simulation.mjcf_reader.urdf_tree import Element, UrdfTree
 

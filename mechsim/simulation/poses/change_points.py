@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
-from mechsim.model.motion import Motion, replace_instants, weighted_sums
+from mechsim.mechanism.motion import Motion, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
 from mechsim.simulation import loop_jacobian

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.model.limits import require_travel
+from mechsim.mechanism.limits import require_travel
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.continuation import ContinuationPath, PathNames

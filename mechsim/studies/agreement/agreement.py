@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.checks import Check, Verdict, concluded, first_lines
 from mechsim.errors import InputError
 from mechsim.files import plain
-from mechsim.model.finding import Finding, Outcome
-from mechsim.model.links import GROUND
-from mechsim.model.masses import LinkMass
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import State
-from mechsim.model.quantities import quantity
-from mechsim.model.quantity import record_columns
+from mechsim.io.python_object import run_object
+from mechsim.io.readers import parametric_model as dimension_family
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Finding, Outcome
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.masses import LinkMass
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import State
+from mechsim.mechanism.quantities import quantity
+from mechsim.mechanism.quantity import record_columns
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader, values_of_function
@@ -29,10 +32,7 @@ from mechsim.studies.agreement.comparison import (
     scales_of,
 )
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
-from mechsim.subjects.python_object import run_object
-from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.units import si
-from mechsim.verdict.checks import Check, Verdict, concluded, first_lines
 
 if TYPE_CHECKING:
     from mechsim.studies.agreement.attribution import AskFunction

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.quantity import Quantity
+from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.settings import Settings

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantities import quantity, unknown
-from mechsim.model.quantity import AXES, Quantity
+from mechsim.io.python_object import run_user_code
+from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.quantities import quantity, unknown
+from mechsim.mechanism.quantity import AXES, Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver_inputs
-from mechsim.subjects.python_object import run_user_code
 
 # names of further arguments of a user's function -> driver data that it receives
 DRIVER_DATA = {

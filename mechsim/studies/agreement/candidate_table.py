@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
-from mechsim.model.quantity import AXES, Quantity
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion_laws import MotionLaws, State, make_motion_laws, tabled
+from mechsim.mechanism.quantity import AXES, Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints

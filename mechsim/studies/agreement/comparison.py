@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.expressions import unit_powers
-from mechsim.model.quantity import Quantity
+from mechsim.compare.checks import Check, check_of
+from mechsim.compare.quantities import force_scales, reach_of, stroke_of
+from mechsim.compare.tolerances import Tolerance
+from mechsim.mechanism.expressions import unit_powers
+from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import EPS
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.verdict.checks import Check, check_of
-from mechsim.verdict.quantities import force_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import Tolerance
 
 
 @dataclass(frozen=True, slots=True)

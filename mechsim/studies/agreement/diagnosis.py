@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import Finding
+from mechsim.mechanism.finding import Finding
 from mechsim.studies.agreement import dimension_hypotheses, driver_hypotheses, value_hypotheses
 from mechsim.studies.agreement.evaluation_points import Hypothesis
 from mechsim.studies.agreement.fitting import ODDS, Fitted, fitted

@@ -7,15 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily, Dimension, placed_designs
-from mechsim.analytic.loops.assemblies import other_assemblies
-from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.motion import driven_path
-from mechsim.analytic.loops.tree import SpanningTree
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.links import AXES
-from mechsim.model.mechanism import Mechanism
+from mechsim.kinematics.designs import DesignFamily, Dimension, placed_designs
+from mechsim.kinematics.loops.assemblies import other_assemblies
+from mechsim.kinematics.loops.kinematics import Coordinates
+from mechsim.kinematics.loops.motion import driven_path
+from mechsim.kinematics.loops.tree import SpanningTree
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.links import AXES
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.angles import wrapped
 from mechsim.studies.agreement.evaluation_points import (
     NAMED,

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.motion_laws import MotionLaws, State
+from mechsim.mechanism.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.evaluation_points import (

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.motion import conditioning_of
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.tolerances import RecordInstants
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.force_record import ForceRecord
-from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion
-from mechsim.model.quantity import Column, Quantity, record_columns
+from mechsim.kinematics.loops.motion import conditioning_of
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.force_record import ForceRecord
+from mechsim.mechanism.masses import LinkMass
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.quantity import Column, Quantity, record_columns
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.motions import profile_of
-from mechsim.verdict.tolerances import RecordInstants
 
 if TYPE_CHECKING:
-    from mechsim.analytic.derivatives.motion import TracedMotion
-    from mechsim.analytic.dynamics.model import DynamicModel
+    from mechsim.kinematics.derivatives.motion import TracedMotion
+    from mechsim.kinetics.model import DynamicModel
 
 Values = Sequence[Array]
 Rows = NDArray[np.bool_]
@@ -150,7 +150,7 @@ class EvaluationPoints:
 
     @cached_property
     def _perturbed(self) -> "TracedMotion | None":
-        from mechsim.analytic.derivatives.motion import followed_motion
+        from mechsim.kinematics.derivatives.motion import followed_motion
 
         with suppress(AssemblyError):
             return followed_motion(self.solver, self.angle, self.speed, self.acceleration)
@@ -181,7 +181,7 @@ class EvaluationPoints:
         """Return another solver with the forces of this one; None if there are none but its own."""
         if self.dynamic_model is None:
             return None
-        from mechsim.analytic.dynamics.model import dynamic_model
+        from mechsim.kinetics.model import dynamic_model
 
         return dynamic_model(solver, self.dynamic_model.forces)
 
@@ -201,7 +201,7 @@ class EvaluationPoints:
     @cached_property
     def loaded_model(self) -> "DynamicModel":
         """The mechanism with its masses and forces."""
-        from mechsim.analytic.dynamics.model import dynamic_model
+        from mechsim.kinetics.model import dynamic_model
 
         return self.dynamic_model or dynamic_model(self.solver)
 
@@ -213,7 +213,7 @@ class EvaluationPoints:
     @cached_property
     def forces(self) -> ForceRecord:
         """Drive forces and joint reactions."""
-        from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+        from mechsim.kinetics.prescribed_motion import prescribed_along
 
         run = prescribed_along(self.loaded_model, self.angle, self.speed, self.acceleration, time=self.time)
         return run.forces

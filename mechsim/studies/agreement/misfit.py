@@ -5,17 +5,17 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import changes
-from mechsim.analytic.derivatives.motion import motion_derivatives
-from mechsim.analytic.designs import DesignFamily
+from mechsim.compare.tolerances import Tolerance
 from mechsim.errors import MechsimError
-from mechsim.model.motion import Motion
-from mechsim.model.quantity import Quantity
+from mechsim.kinematics.derivatives.dimensions import changes
+from mechsim.kinematics.derivatives.motion import motion_derivatives
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.comparison import candidate_errors
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Rows, Values
-from mechsim.verdict.tolerances import Tolerance
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from mechsim.analytic.vector_method.rotations import turned_by
-from mechsim.model.quantity import AXES, Quantity
+from mechsim.kinematics.vector_method.rotations import turned_by
+from mechsim.mechanism.quantity import AXES, Quantity
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import (

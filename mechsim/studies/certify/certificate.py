@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.motion import join
-from mechsim.model.motion_laws import MotionLaws
-from mechsim.model.progress import Progress, no_progress
+from mechsim.io.readers import load, open_model, parametric_model
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import join
+from mechsim.mechanism.motion_laws import MotionLaws
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
 from mechsim.studies.certify.segments import (
@@ -30,10 +31,9 @@ from mechsim.studies.certify.segments import (
 from mechsim.studies.certify.singular_points import SingularPoint, enclosed_singular_point
 from mechsim.studies.certify.toml_intervals import radii_within
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances
-from mechsim.subjects.readers import load, open_model, parametric_model
 
 if TYPE_CHECKING:
-    from mechsim.subjects.readers import Model
+    from mechsim.io.readers import Model
 
 # initial segments per radian of the path parameter; minimum half-length of a segment relative to the range;
 # maximum number of segments

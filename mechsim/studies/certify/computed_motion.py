@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.initial_state import rotation_matrices, rotation_quaternions
-from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
-from mechsim.analytic.loops.kinematics import link_poses
-from mechsim.analytic.loops.motion import driven_path
-from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.start import locked_values, with_locked
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import starting_at
-from mechsim.model.motion_laws import NOT_ENCLOSED, MotionLaws, state_in_balls
+from mechsim.kinematics.loops.constraints import TreeLoops, cuts_of
+from mechsim.kinematics.loops.kinematics import link_poses
+from mechsim.kinematics.loops.motion import driven_path
+from mechsim.kinematics.loops.path import LoopPath
+from mechsim.kinematics.loops.start import locked_values, with_locked
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics.initial_state import rotation_matrices, rotation_quaternions
+from mechsim.mechanism.mechanism import starting_at
+from mechsim.mechanism.motion_laws import NOT_ENCLOSED, MotionLaws, state_in_balls
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball

@@ -1,8 +1,8 @@
 """Loop equations of a mechanism for several number types: balls, balls with derivatives, exact numbers.
 
-The equations are those of `analytic.loops.constraints`, in a second version for interval arithmetic. Vectors
-are columns (..., 3, 1), frames (..., 3, 3). A rod between two ball joints, which spins freely, is replaced by
-the distance between its ends.
+The equations are those of `kinematics.loops.constraints`, in a second version for interval arithmetic.
+Vectors are columns (..., 3, 1), frames (..., 3, 3). A rod between two ball joints, which spins freely, is
+replaced by the distance between its ends.
 """
 
 from collections.abc import Mapping
@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.constraints import CoupledRow, Cut, coupled_rows, cuts_of
-from mechsim.analytic.loops.tree import SpanningTree, TreeJoint, spanning_tree
-from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import Joint
-from mechsim.model.link_poses import with_rods
-from mechsim.model.links import GROUND, ORIGIN, VIRTUAL_PREFIX
-from mechsim.model.mechanism import Mechanism, require_polynomials
+from mechsim.kinematics.loops.constraints import CoupledRow, Cut, coupled_rows, cuts_of
+from mechsim.kinematics.loops.tree import SpanningTree, TreeJoint, spanning_tree
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.link_poses import with_rods
+from mechsim.mechanism.links import GROUND, ORIGIN, VIRTUAL_PREFIX
+from mechsim.mechanism.mechanism import Mechanism, require_polynomials
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
 

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.motion import join, select_instants
+from mechsim.mechanism.motion import join, select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion

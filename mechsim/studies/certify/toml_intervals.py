@@ -12,20 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.designs import DesignFamily
 from mechsim.errors import InputError
-from mechsim.model.design_arrays import side_numbers, structure
-from mechsim.model.expressions import Evaluator, Term, parse_expression
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
-from mechsim.model.links import EX, EY, EZ, Vector
-from mechsim.model.mechanism import Mechanism
+from mechsim.io.file_expressions import FileExpressions, expressions_of, parameter_name
+from mechsim.io.toml_coordinates import leaves
+from mechsim.io.toml_values import Values, is_quantity
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.mechanism.design_arrays import side_numbers, structure
+from mechsim.mechanism.expressions import Evaluator, Term, parse_expression
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import EX, EY, EZ, Vector
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, ROUNDOFF, Ball, ball
 from mechsim.numerics.jets import Jet
-from mechsim.subjects.file_expressions import FileExpressions, expressions_of, parameter_name
-from mechsim.subjects.toml_coordinates import leaves
-from mechsim.subjects.toml_values import Values, is_quantity
 from mechsim.units import Unit
 
 # largest component of a link's x axis along a joint's axis at which it is the joint's reference direction

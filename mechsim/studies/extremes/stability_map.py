@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
-from mechsim.model.finding import Outcome
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.progress import Progress, no_progress
-from mechsim.model.scene import Scene
+from mechsim.io import catalog
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Outcome
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.run import simulate
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.trial import StabilityMap, Trial, attempt, borders_along
 from mechsim.studies.motions import driven_as, profile_of
-from mechsim.subjects import catalog
 from mechsim.units import rpm
 
 # crank speeds in [rad/s]
@@ -109,7 +109,7 @@ def far_start(solver: KinematicSolver, value: float, seed: int) -> Trial:
 
 
 def _assembled(trial: Trial, solver: KinematicSolver, mechanism: Mechanism) -> Trial:
-    from mechsim.verdict.crosscheck import crosscheck
+    from mechsim.compare.crosscheck import crosscheck
 
     try:
         run = simulate(mechanism, method="pose", samples=12, **_motion(solver, ASSEMBLED_SPEED))
@@ -133,7 +133,7 @@ def _assembled(trial: Trial, solver: KinematicSolver, mechanism: Mechanism) -> T
 
 
 def _perturbed(pose: Pose, value: float, length: float, random: np.random.Generator) -> Pose:
-    from mechsim.analytic.vector_method.rotations import turned_by
+    from mechsim.kinematics.vector_method.rotations import turned_by
 
     shift, rotation = value * length * random.normal(size=3), value * random.normal(size=3)
     return Pose(pose.position + shift, turned_by(pose.rotation[None], rotation[None])[0])

@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.compare.crosscheck import crosscheck
 from mechsim.errors import MechsimError
-from mechsim.model.finding import Outcome
-from mechsim.model.motion import Motion
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Outcome
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.verdict.crosscheck import crosscheck
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from mechsim import files
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.studies.reduction.search import By, Reduction, reduce_scene, with_comment
 from mechsim.studies.scene.errors import UNITS, tolerance_in_si
 from mechsim.studies.scene.open_scene import open_scene, scene_file

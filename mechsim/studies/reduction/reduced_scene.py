@@ -8,7 +8,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from mechsim.model.motion_laws import State
+from mechsim.mechanism.motion_laws import State
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import rank
 from mechsim.simulation.equality_rows import coincident_frames

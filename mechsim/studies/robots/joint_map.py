@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.progress import Progress, no_progress
+from mechsim.io.driver_positions import driver_path
+from mechsim.io.readers import load
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.joint_map import AXES, STEP, JointMap, map_over_grid
 from mechsim.simulation.state import rotation_vector_rates
 from mechsim.studies.robots.mujoco_models import ranges_in_si, started_model
-from mechsim.subjects.driver_positions import driver_path
-from mechsim.subjects.readers import load
 
 if TYPE_CHECKING:
-    from mechsim.model.motion import Motion
+    from mechsim.mechanism.motion import Motion
 
 # number of grid points at which a map is compared with the loop equations
 COMPARED_POINTS = 9

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces, JointSpring
-from mechsim.model.limits import NO_RANGES, Ranges
-from mechsim.model.mechanism import Mechanism
+from mechsim.mechanism.forces import Forces, JointSpring
+from mechsim.mechanism.limits import NO_RANGES, Ranges
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import inertia_and_holding
 from mechsim.simulation.mjcf.joints import CRANK, limit_joints

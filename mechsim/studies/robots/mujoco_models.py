@@ -7,19 +7,19 @@ from typing import Any
 
 import mujoco
 
-from mechsim.analytic.loops.rounded_geometry import corrected
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.finding import Finding
-from mechsim.model.scene import Scene
+from mechsim.io.mjcf_source import read_mjcf
+from mechsim.io.model_source import Prescription
+from mechsim.io.mujoco_inputs import mujoco_input, printed
+from mechsim.kinematics.loops.rounded_geometry import corrected
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.finding import Finding
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.subjects.mjcf_source import read_mjcf
-from mechsim.subjects.model_source import Prescription
-from mechsim.subjects.mujoco_inputs import mujoco_input, printed
 from mechsim.units import Unit, si
 
 
@@ -44,7 +44,7 @@ def started_model(
     """
     own = mujoco_input(model, loops)
     if own is None:
-        from mechsim.subjects.readers import load
+        from mechsim.io.readers import load
 
         return mujoco_model(load(model, set, start=start, key=key, still=True)), None
     if set:
@@ -66,7 +66,7 @@ def mujoco_spec(
     own = mujoco_input(model, loops)
     if own is not None:
         return parse_file(own)[0]
-    from mechsim.subjects.readers import load
+    from mechsim.io.readers import load
 
     solver = load(model, set, still=True)
     return spec_and_unlimited(solver)[0]
@@ -103,7 +103,7 @@ def notes_on(
         with suppress(MechsimError):
             return [*read_mjcf(own, Prescription(key=key, start=start or {}, still=True)).facts]
         return printed(parse_file(own).unread)
-    from mechsim.subjects.readers import load
+    from mechsim.io.readers import load
 
     solver = load(model, set, still=True)
     limits = [
@@ -115,7 +115,7 @@ def notes_on(
 
 def rounded_angle(model: Any) -> Finding | None:
     """Return the rounded angle that locks the loops of a mechanism as it is written; None for none."""
-    from mechsim.subjects.readers import open_model
+    from mechsim.io.readers import open_model
 
     return corrected(open_model(model).describe({}, Prescription(still=True)).solver.mechanism).finding
 

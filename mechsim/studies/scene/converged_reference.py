@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import plausible_order, refine
 from mechsim.numerics.resources import Budget

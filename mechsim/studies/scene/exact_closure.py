@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.mobility import driver_determinacy
-from mechsim.analytic.loops.start import ASSEMBLY
 from mechsim.errors import AssemblyError
-from mechsim.model.mechanism import Mechanism
+from mechsim.kinematics.loops.mobility import driver_determinacy
+from mechsim.kinematics.loops.start import ASSEMBLY
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import LoopSystem
 from mechsim.numerics.newton import newton

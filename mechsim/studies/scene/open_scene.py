@@ -13,16 +13,16 @@ import numpy as np
 
 from mechsim import files
 from mechsim.errors import InputError
-from mechsim.model.links import Vector
-from mechsim.model.mechanism import described
-from mechsim.model.motion_laws import State, steady
-from mechsim.model.scene import Scene
+from mechsim.io.law_text import control_laws, python_expression
+from mechsim.io.prescription import duration_of
+from mechsim.io.readers import load
+from mechsim.mechanism.links import Vector
+from mechsim.mechanism.mechanism import described
+from mechsim.mechanism.motion_laws import State, steady
+from mechsim.mechanism.scene import Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.studies.scene.scene import UserScene, scene_of
-from mechsim.subjects.law_text import control_laws, python_expression
-from mechsim.subjects.prescription import duration_of
-from mechsim.subjects.readers import load
 from mechsim.units import si
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.links import GROUND
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, select_instants
-from mechsim.model.motion_laws import CrankProfile, State, steady
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion, select_instants
+from mechsim.mechanism.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.model_loops import loops_with_crank

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from mechsim.model.finding import Finding, Severity
+from mechsim.mechanism.finding import Finding, Severity
 from mechsim.numerics.arrays import Array, worst
 
 

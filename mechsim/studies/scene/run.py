@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
+from mechsim.mechanism.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.links import GROUND, Pose, Vector, vector
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import State
+from mechsim.kinematics.loops.start import start_poses
+from mechsim.mechanism.links import GROUND, Pose, Vector, vector
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO

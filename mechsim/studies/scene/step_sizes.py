@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.limits import MAX_SCENE_STEPS
+from mechsim.mechanism.limits import MAX_SCENE_STEPS
 from mechsim.simulation.plain_settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 from mechsim.studies.scene.scene import UserScene
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.convergence import half_extent
 from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet

@@ -15,9 +15,9 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import constant
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import constant
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.joints import CRANK

@@ -7,26 +7,26 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import changes
-from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers, perturbed_forces
-from mechsim.analytic.derivatives.motion import (
+from mechsim.errors import AssemblyError, InputError
+from mechsim.kinematics.derivatives.dimensions import changes
+from mechsim.kinematics.derivatives.motion import (
     TracedMotion,
     derivatives_along,
     followed_motion,
     motion_derivatives,
 )
-from mechsim.analytic.designs import DesignFamily, placed_designs
-from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import AssemblyError, InputError
-from mechsim.model.forces import WEIGHT, Forces, forces_of
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.masses import with_inertia
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import no_crank_range_error
-from mechsim.model.quantities import quantity, scalar_quantities, unknown
-from mechsim.model.quantity import AXES, Quantity, record_columns
+from mechsim.kinematics.designs import DesignFamily, placed_designs
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import DynamicModel, InverseDynamics, dynamic_model
+from mechsim.kinetics.derivatives import forces_along, model_numbers, perturbed_forces
+from mechsim.kinetics.prescribed_motion import prescribed_along
+from mechsim.mechanism.forces import WEIGHT, Forces, forces_of
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.masses import with_inertia
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import no_crank_range_error
+from mechsim.mechanism.quantities import quantity, scalar_quantities, unknown
+from mechsim.mechanism.quantity import AXES, Quantity, record_columns
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.tolerances import CLEARANCE

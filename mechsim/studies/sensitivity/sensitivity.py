@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.designs import Dimension
-from mechsim.analytic.path_instants import path_instants
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, needs
-from mechsim.model.forces import Forces
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import short_repr
+from mechsim.io.readers import parametric_model
+from mechsim.io.toml_values import suggestion
+from mechsim.kinematics.designs import Dimension
+from mechsim.kinematics.path_instants import path_instants
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.studies.sensitivity.moved_family import (
@@ -24,8 +26,6 @@ from mechsim.studies.sensitivity.moved_family import (
     QuantityDerivatives,
     spread_instants,
 )
-from mechsim.subjects.readers import parametric_model
-from mechsim.subjects.toml_values import suggestion
 
 if TYPE_CHECKING:
     from pandas import DataFrame

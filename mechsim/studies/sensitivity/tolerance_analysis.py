@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.motion import short_repr
+from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.sensitivity import Sensitivity
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, parsed_tolerances

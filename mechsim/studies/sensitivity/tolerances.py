@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.designs import Dimension
 from mechsim.errors import InputError
-from mechsim.model.joint_kinds import KINDS, kinds_that
-from mechsim.model.joints import Joint
-from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.toml_values import suggestion
+from mechsim.io.toml_values import suggestion
+from mechsim.kinematics.designs import Dimension
+from mechsim.mechanism.joint_kinds import KINDS, kinds_that
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.units import SI_UNITS, Unit, WrittenUnits
 
 # suffix of a joint's name for its clearance

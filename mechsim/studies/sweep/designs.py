@@ -9,16 +9,16 @@ from typing import Literal
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import read_rows
-from mechsim.model.limits import require_count
-from mechsim.model.links import AXES
+from mechsim.io.toml_values import suggestion
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.limits import require_count
+from mechsim.mechanism.links import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_memory
-from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit
 
 # seed of random samples

@@ -8,14 +8,14 @@ import numpy as np
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import CRANK, MotionLaws
-from mechsim.model.quantities import coordinate_units, numeric_quantity
-from mechsim.model.quantity import AXES, Quantity, Source, record_columns, unwrapped
+from mechsim.io.python_object import run_object, run_user_code
+from mechsim.io.toml_values import suggestion
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion, select_instants
+from mechsim.mechanism.motion_laws import CRANK, MotionLaws
+from mechsim.mechanism.quantities import coordinate_units, numeric_quantity
+from mechsim.mechanism.quantity import AXES, Quantity, Source, record_columns, unwrapped
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.python_object import run_object, run_user_code
-from mechsim.subjects.toml_values import suggestion
 
 # name -> statistic of a quantity over the motion, (designs, poses) -> (designs,)
 STATISTICS: dict[str, Callable[[Array], Array]] = {

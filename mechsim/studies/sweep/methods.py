@@ -5,9 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import dynamic_model
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.formulas.many_designs import (
+from mechsim.errors import MechsimError, MobilityError, cut
+from mechsim.kinematics.formulas.many_designs import (
     allowed,
     crank_ranges,
     formula_of_many,
@@ -15,15 +14,16 @@ from mechsim.analytic.formulas.many_designs import (
     swing_arcs,
     transmissions,
 )
-from mechsim.analytic.formulas.two_branch import TwoBranchForm
-from mechsim.analytic.loops.crank_swings import SwingTracer
-from mechsim.analytic.loops.design_motion import many_motion
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import MechsimError, MobilityError, cut
-from mechsim.model.design_arrays import StartedDesigns
-from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import interval_around, no_crank_range_error
-from mechsim.model.quantity import TRANSMISSION
+from mechsim.kinematics.formulas.two_branch import TwoBranchForm
+from mechsim.kinematics.loops.crank_swings import SwingTracer
+from mechsim.kinematics.loops.design_motion import many_motion
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import dynamic_model
+from mechsim.kinetics.prescribed_motion import prescribed_along
+from mechsim.mechanism.design_arrays import StartedDesigns
+from mechsim.mechanism.motion import Motion, select_instants
+from mechsim.mechanism.motion_laws import interval_around, no_crank_range_error
+from mechsim.mechanism.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rounding import ROUNDING

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.progress import Progress, no_progress
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.sweep.designs import (

@@ -9,21 +9,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.designs import DesignFamily
-from mechsim.analytic.formulas.closed_form import ClosedForm
-from mechsim.analytic.formulas.many_designs import allowed, can_be_started, closed_form_starts
-from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
-from mechsim.model.design_arrays import StartedDesigns, similar_designs
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import SWING_FRACTION
+from mechsim.io.python_object import PythonObject
+from mechsim.io.readers import open_model, parametric_model
+from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.formulas.closed_form import ClosedForm
+from mechsim.kinematics.formulas.many_designs import allowed, can_be_started, closed_form_starts
+from mechsim.kinematics.loops.design_motion import SharedLoops, shared_loops
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.design_arrays import StartedDesigns, similar_designs
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import SWING_FRACTION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
-from mechsim.subjects.python_object import PythonObject
-from mechsim.subjects.readers import open_model, parametric_model
 
 # outcomes of designs, stored by index
 OUTCOMES = (

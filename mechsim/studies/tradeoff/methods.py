@@ -8,10 +8,10 @@ import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import CrankProfile
-from mechsim.model.scene import Scene
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import CrankProfile
+from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import from_spec

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import within_range
+from mechsim.compare.quantities import QUANTITIES, motion_scales
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import within_range
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import half_extent
 from mechsim.studies.tradeoff.methods import BuiltModel, build_model
-from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
 # compared quantities; the drive is compared with its profile
 COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.model.progress import Progress, no_progress
+from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.tradeoff.methods import LOW_COMPLIANCE, STEPS, stepping_methods

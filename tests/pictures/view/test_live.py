@@ -10,11 +10,11 @@ from model_files import model_text
 import mechsim as ms
 from mechsim.codegen import geometry
 from mechsim.codegen.geometry import Formula, parametric_geometry
+from mechsim.io.readers import open_model, parametric_model
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.offline_page import page
 from mechsim.pictures.view.pose_grid import View, motion_grid
 from mechsim.report.live_page import live_page
-from mechsim.subjects.readers import open_model, parametric_model
 
 SPEED = 20.0
 # changed dimensions in the form of `set=`, and values of the drivers in SI

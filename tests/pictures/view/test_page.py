@@ -10,7 +10,7 @@ from browser import Browser, in_browser
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.solvers import KinematicSolver
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 

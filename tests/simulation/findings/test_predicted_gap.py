@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from valid_scene import changed
 
-from mechsim.model.motion_laws import make_motion_laws
+from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing, wave
 from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
 from mechsim.simulation.mjcf_reader.reading import read_model

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic import dynamics
-from mechsim.model.forces import Forces
-from mechsim.model.quantities import quantity
+from mechsim import dynamics
+from mechsim.io.readers import parametric_model
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.quantities import quantity
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
-from mechsim.subjects.readers import parametric_model
 
 SPEED = 20 * np.pi
 

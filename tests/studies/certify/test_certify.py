@@ -7,16 +7,16 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.analytic.designs import own_designs
-from mechsim.analytic.loops.constraints import cuts_of
-from mechsim.analytic.loops.motion import driven_path
+from mechsim.io import catalog, reference_data
+from mechsim.io.readers import open_model, parametric_model
+from mechsim.kinematics.designs import own_designs
+from mechsim.kinematics.loops.constraints import cuts_of
+from mechsim.kinematics.loops.motion import driven_path
 from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
 from mechsim.studies.certify.toml_intervals import proportional_radii, radii_within
-from mechsim.subjects import catalog, reference_data
-from mechsim.subjects.readers import open_model, parametric_model
 
 REGULAR = [
     "four_bar",

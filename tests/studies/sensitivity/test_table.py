@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
+from mechsim.io import reference_data
+from mechsim.io.readers import parametric_model
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import derivative_table
-from mechsim.subjects import reference_data
-from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 4.1])
 

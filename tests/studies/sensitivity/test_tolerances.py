@@ -8,10 +8,10 @@ from scipy.stats import qmc
 
 import mechsim as ms
 from mechsim.errors import InputError
+from mechsim.io.readers import parametric_model
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sensitivity.sensitivity import derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
-from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
 

@@ -12,7 +12,7 @@ ANGLES = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
 @pytest.fixture(scope="module")
 def turns():
     """Two turns of one mechanism at different speeds, as if they were two designs."""
-    from mechsim.model.motion import join
+    from mechsim.mechanism.motion import join
 
     solver = catalog.make("rssr")
     motions = [solver.solve(ANGLES, speed) for speed in (1.0, 3.0)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic import dynamics
+from mechsim import dynamics
 from mechsim.studies.sweep.methods import by_one_formula
 from mechsim.studies.sweep.sweeping import swept_task
 

@@ -10,7 +10,7 @@ const DRAG_STEPS = 6;         // Newton steps of a drag for each event of the po
 const DRAG_STEP = 0.15;       // largest change of a driver in each, in [rad] or sizes
 const DRAG_HALVINGS = 8;      // halvings of a step that does not decrease the distance
 
-/* the frame of a side of a joint, as mechsim.model.joints.End makes it: rows of the columns reference, axis x reference, axis */
+/* the frame of a side of a joint, as mechsim.mechanism.joints.End makes it: rows of the columns reference, axis x reference, axis */
 function frameOf(axis, reference) {
   const length = Math.hypot(...axis), z = times(axis, 1 / length);
   const mark = reference || (Math.abs(axis[0]) < 0.9 * length ? AXES[0] : AXES[1]);
@@ -26,7 +26,7 @@ function quaternionOf(r) {
   return [[main, a, b, c], [a, main, d, e], [b, d, main, f], [c, e, f, main]][k];
 }
 
-/* pairs of points that connect all with the least total length (Prim), as in mechsim.model.masses */
+/* pairs of points that connect all with the least total length (Prim), as in mechsim.mechanism.masses */
 function joined(points) {
   const done = [0], pairs = [];
   while (done.length < points.length) {

@@ -1,0 +1,227 @@
+"""SDF files: links, joints, frames and inertias of one model; a joint that closes a loop is one of them.
+
+Joints are at zero where the poses of the file put the links. A file that mechsim wrote also states the
+drivers, positions and names of its mechanism, which other programs ignore.
+
+Source: SDFormat 1.11, "Specifying pose: semantics", sdformat.org.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mechsim.errors import InputError, several
+from mechsim.files import read_text
+from mechsim.io.model_source import ModelSource, PlainFile
+from mechsim.io.plain_joints import FileContents
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import JointSpring
+from mechsim.mechanism.joint_friction import Friction
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, IDENTITY, Inertia, Link, Pose, Vector, vector
+from mechsim.numerics.arrays import Array
+
+# elements and attribute of mechsim: drivers, positions of joints at the poses of the file, names
+NAMESPACE = "mechsim"
+DRIVER, POSITION, NAME = (f"{{{NAMESPACE}}}{name}" for name in ("driver", "position", "name"))
+# type of a joint in SDF -> kind
+KIND_OF: dict[str, Any] = {
+    "ball": "spherical",
+    "continuous": "revolute",
+    **{kind: kind for kind in ("revolute", "prismatic", "universal", "fixed")},
+}
+# limits that stand for none, gravity without any, and the frame of the model
+UNLIMITED, GRAVITY, MODEL = 1e16, "0 0 -9.8", "__model__"
+# elements that are read: element -> those in it
+READ = {
+    "model": {"link", "joint", "frame", "pose", DRIVER},
+    "link": {"pose", "inertial"},
+    "joint": {"parent", "child", "pose", "axis", "axis2", POSITION},
+    "axis": {"xyz", "limit", "dynamics", "mimic"},
+}
+LIMITS = (("lower", -1.0), ("upper", 1.0))
+MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+# largest file in bytes
+MAX_BYTES = 20_000_000
+
+
+def open_sdf(path: str) -> ModelSource:
+    """Return the source of an SDF file with one model."""
+    return PlainFile(path, _solver)
+
+
+def _solver(path: str) -> KinematicSolver:
+    """Return the mechanism of a file, its forces and limits, and a sentence on what is not read."""
+    try:
+        root = ElementTree.fromstring(read_text(path, "an SDF file", MAX_BYTES))
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path} is no XML ({error}); correct it") from None
+    models = root.findall(".//model")
+    if root.tag != "sdf" or len(models) != 1 or root.findall(".//include"):
+        raise InputError(
+            f"<{root.tag}> with {len(models)} models is not read; give one <sdf> with one <model>, without "
+            "includes (gz sdf -p writes it)"
+        )
+    (model,) = models
+    frames = {each.get("name", ""): each for each in model if each.tag in ("link", "joint", "frame")}
+    bodies = {_label(link): _placed(model, frames, link.get("name", ""))[1] for link in model.findall("link")}
+    gravity = _floats(root.findtext(".//gravity", GRAVITY), 3, "gravity")
+    contents = FileContents(_label(model), gravity, poses=bodies)
+    contents.links += [Link(_label(link), inertia=_inertia(link)) for link in model.findall("link")]
+    for element in model.findall("joint"):
+        _add_joint(contents, element, model, frames)
+    for element in model.findall("joint"):
+        mimic = element.find("axis/mimic")
+        if mimic is not None:
+            _add_mimic(contents, _label(element), mimic, frames)
+    for frame in model.findall("frame"):
+        link, pose = _placed(model, frames, frame.get("name", ""))
+        contents.points[_label(frame)] = link, _in_body(bodies.get(link, IDENTITY), pose.position)
+    contents.drivers = tuple((each.text or "").strip() for each in model.findall(DRIVER))
+    return contents.solver(_unread(model))
+
+
+def _placed(
+    model: Element, frames: Mapping[str, Element], name: str, behind: tuple[str, ...] = ()
+) -> tuple[str, Pose]:
+    """Return the link to which a link, joint or frame is fixed, and its pose in the world."""
+    if name == "world":
+        return GROUND, IDENTITY
+    if name in ("", MODEL):
+        return next((_label(link) for link in model.findall("link")), GROUND), _pose(model)
+    if name not in frames or name in behind:
+        problem = "is given relative to itself" if name in behind else "is named, but there is none"
+        raise InputError(f"frame {name!r} {problem}; correct relative_to, attached_to, parent or child")
+    element, behind = frames[name], (*behind, name)
+    own = element.find("pose")
+    fixed = element.findtext("child", "").strip() or element.get("attached_to", MODEL)
+    link = _label(element) if element.tag == "link" else _placed(model, frames, fixed, behind)[0]
+    stated = None if own is None else own.get("relative_to")
+    base, pose = _placed(model, frames, stated or fixed, behind)[1], _pose(element)
+    return link, Pose(base.position + base.rotation @ pose.position, base.rotation @ pose.rotation)
+
+
+def _add_joint(
+    contents: FileContents, element: Element, model: Element, frames: Mapping[str, Element]
+) -> None:
+    """Add a joint, and what its axis states."""
+    name, kind = _label(element), KIND_OF.get(element.get("type", ""))
+    if kind is None:
+        raise InputError(
+            f"joint {name} is of type {element.get('type')!r}; types that are read are {', '.join(KIND_OF)}"
+        )
+    _, own = _placed(model, frames, element.get("name", ""))
+    sides = [_placed(model, frames, element.findtext(side, "").strip())[0] for side in ("parent", "child")]
+    crossed, single = KINDS[kind].crossed, KINDS[kind].single
+    axes = [own.rotation @ _axis(element.find(tag)) for tag in ("axis", "axis2" if crossed else "axis")]
+    position = _number(element, POSITION) if single else 0.0
+    x = np.eye(3)[int(np.argmin(np.abs(axes[0])))]
+    x = x - axes[0] * (axes[0] @ x)
+    rotated = Rotation.from_rotvec(axes[0] * position).apply(x) if KINDS[kind].hinge else x
+    # at the poses of the file the coordinate is the position that mechsim wrote, else zero
+    starts = own.position - (0.0 if KINDS[kind].hinge else position) * axes[0], own.position
+    bodies, ends = {GROUND: IDENTITY, **contents.poses}, list[End]()
+    for link, start, axis, reference in zip(sides, starts, axes, (x, rotated), strict=True):
+        own_axes = bodies[link].rotation.T
+        toward = None if crossed else vector(own_axes @ reference)
+        ends.append(End(link, _in_body(bodies[link], start), vector(own_axes @ axis), toward))
+    cross_angle = float(np.arccos(axes[0] @ axes[1])) if crossed else np.pi / 2
+    contents.joints.append(Joint(name, kind, *ends, cross_angle=cross_angle))
+    axis = element.find("axis")
+    if not single or axis is None:
+        return
+    contents.positions[name] = position
+    low, high = (position + _number(axis, f"limit/{side}", sign * np.inf) for side, sign in LIMITS)
+    if low > -UNLIMITED or high < UNLIMITED:
+        contents.ranges[name] = low if low > -UNLIMITED else -np.inf, high if high < UNLIMITED else np.inf
+    friction = Friction(name, _number(axis, "dynamics/damping"), _number(axis, "dynamics/friction"))
+    contents.friction += [friction] if friction.viscous or friction.coulomb else []
+    rest = position + _number(axis, "dynamics/spring_reference")
+    spring = JointSpring(name, _number(axis, "dynamics/spring_stiffness"), rest)
+    contents.springs += [spring] if spring.stiffness else []
+
+
+def _axis(axis: Element | None) -> Array:
+    """Return the direction of an axis in the joint frame, (3,)."""
+    xyz = None if axis is None else axis.find("xyz")
+    if xyz is None:
+        return np.array([0.0, 0.0, 1.0])
+    direction = _floats(xyz.text, 3, "an axis")
+    length = float(np.linalg.norm(direction))
+    if xyz.get("expressed_in") or not length > 0.0:
+        raise InputError(
+            "an axis is zero or expressed in another frame; give its direction in the joint frame"
+        )
+    return direction / length
+
+
+def _add_mimic(contents: FileContents, name: str, mimic: Element, frames: Mapping[str, Element]) -> None:
+    """Add the coupling of a joint that follows another: p = multiplier (p' - reference) + offset."""
+    leader = mimic.get("joint", "")
+    leader = _label(frames[leader]) if leader in frames else leader
+    zeros = _number(mimic, "offset"), _number(mimic, "reference")
+    zeros = contents.positions.get(name, 0.0) + zeros[0], contents.positions.get(leader, 0.0) + zeros[1]
+    contents.follow(name, leader, _number(mimic, "multiplier", 1.0), zeros)
+
+
+def _inertia(link: Element) -> Inertia | None:
+    """Return the inertia of a link; None without any."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    pose, matrix = _pose(inertial), np.zeros((3, 3))
+    for key, (i, j) in MOMENTS.items():
+        matrix[i, j] = matrix[j, i] = _number(inertial, f"inertia/{key}", float(i == j))
+    moments: Any = pose.rotation @ matrix @ pose.rotation.T
+    return Inertia(_number(inertial, "mass", 1.0), vector(pose.position), moments)
+
+
+def _unread(model: Element) -> Iterator[str]:
+    """Yield the tags of elements that are not read."""
+    for element in (model, *model.iter("link"), *model.iter("joint"), *model.iter("axis")):
+        yield from (each.tag for each in element if each.tag not in READ[element.tag])
+
+
+def _label(element: Element) -> str:
+    """Return the name of an element, that of its mechanism if mechsim wrote it."""
+    return element.get(NAME) or element.get("name", "")
+
+
+def _in_body(body: Pose, position: Array) -> Vector:
+    """Return a position in the world in the frame of a body."""
+    return vector(body.rotation.T @ (position - body.position))
+
+
+def _pose(element: Element) -> Pose:
+    """Return the <pose> of an element: a position, and roll, pitch and yaw or a quaternion."""
+    pose = element.find("pose")
+    if pose is None or not (pose.text or "").strip():
+        return IDENTITY
+    if pose.get("rotation_format") == "quat_xyzw":
+        numbers = _floats(pose.text, 7, "a pose")
+        return Pose(numbers[:3], Rotation.from_quat(numbers[3:]).as_matrix())
+    numbers, degrees = _floats(pose.text, 6, "a pose"), pose.get("degrees") in ("true", "1")
+    return Pose(numbers[:3], Rotation.from_euler("xyz", numbers[3:], degrees=degrees).as_matrix())
+
+
+def _number(element: Element, path: str, default: float = 0.0) -> float:
+    """Return the number in an element; `default` without the element."""
+    text = element.findtext(path)
+    return default if text is None else float(_floats(text, 1, path)[0])
+
+
+def _floats(text: str | None, count: int, what: str) -> Array:
+    """Return the numbers in a text, (count,)."""
+    words = (text or "").split()
+    try:
+        numbers = np.array([float(word) for word in words])
+    except ValueError:
+        numbers = np.zeros(0)
+    if len(numbers) != count or np.isnan(numbers).any():
+        raise InputError(f"{what} is {' '.join(words)[:40]!r}; give {several(count, 'number')}")
+    return numbers

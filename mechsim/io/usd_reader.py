@@ -1,0 +1,385 @@
+"""USD files: rigid bodies, masses and joints of one scene; a joint that closes a loop is one of them.
+
+A coordinate is zero where the joint frames of both sides coincide. Drives are read as springs and dampers.
+Numbers are in single precision, besides those that mechsim writes next to them (`usd_writer`).
+
+Source: OpenUSD, "Rigid body physics", openusd.org.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mechsim.errors import InputError, needs
+from mechsim.files import require_file
+from mechsim.io.model_source import ModelSource, PlainFile
+from mechsim.io.plain_joints import FileContents
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import JointSpring
+from mechsim.mechanism.joint_friction import Friction
+from mechsim.mechanism.joint_kinds import KINDS, KindName, coordinates
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, IDENTITY, Inertia, Link, Pose, vector
+from mechsim.numerics.arrays import Array
+
+# prefixes of the attributes of UsdPhysics and of mechsim, and the schema of joints that follow others
+PHYSICS, DOUBLE, MIMIC = "physics:", "mechsim:", "NewtonMimicAPI"
+# type of a joint in USD -> kind; a PhysicsJoint is free where no limit locks it
+KIND_OF: dict[str, KindName] = {
+    "PhysicsRevoluteJoint": "revolute",
+    "PhysicsPrismaticJoint": "prismatic",
+    "PhysicsSphericalJoint": "spherical",
+    "PhysicsFixedJoint": "fixed",
+}
+AXES = "XYZ"
+# numbers of free slides and turns of a PhysicsJoint -> kind
+KIND_OF_FREE: dict[tuple[int, int], KindName] = {
+    (0, 0): "fixed",
+    (0, 1): "revolute",
+    (1, 0): "prismatic",
+    (1, 1): "cylindrical",
+    (0, 2): "universal",
+    (0, 3): "spherical",
+    (2, 1): "planar",
+    (3, 0): "cartesian",
+    (3, 3): "floating",
+}
+# what files hold rounded to single precision: sines and cosines of 0, 30, 45, 60 and 90 degrees
+ROUNDED = np.array([0.0, 0.5, np.sqrt(0.5), np.sqrt(0.75), 1.0])
+ROUNDING = float(np.finfo(np.float32).eps)
+# standard gravity, which a scene without a magnitude has, in [m/s2]
+GRAVITY = 9.81
+# largest file in bytes
+MAX_BYTES = 200_000_000
+
+
+def open_usd(path: str) -> ModelSource:
+    """Return the source of a USD file, text or binary, with one mechanism."""
+    return PlainFile(path, _solver)
+
+
+def _solver(path: str) -> KinematicSolver:
+    """Return the mechanism of a file, its forces and limits, and a sentence on what is not read."""
+    require_file(path, "a USD file", MAX_BYTES)
+    with needs("usd"):
+        from pxr import Tf, Usd
+    try:
+        stage = Usd.Stage.Open(path)
+        return _contents(stage).solver(_unread(stage))
+    except Tf.ErrorException as error:
+        lines = [line.rpartition(" : ")[2].strip(" '") for line in str(error).splitlines() if " : " in line]
+        raise InputError(f"{path} is no USD file ({lines[0]}); correct it") from None
+
+
+def _contents(stage: Any) -> FileContents:
+    """Return what a stage contains, in [m] and [kg]."""
+    from pxr import UsdGeom, UsdPhysics
+
+    metre, kilogram = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
+    prims = [prim for prim in stage.Traverse() if prim.IsActive()]
+    bodies = {prim.GetPath(): prim for prim in prims if _is_body(prim)}
+    root = stage.GetDefaultPrim()
+    name = _name(root) if root else Path(stage.GetRootLayer().identifier).stem
+    contents = FileContents(name, _gravity(stage, prims, metre))
+    contents.drivers = tuple(root.GetAttribute(f"{DOUBLE}drivers").Get() or ()) if root else ()
+    transforms = UsdGeom.XformCache()
+    for path, body in bodies.items():
+        link = _unused(_name(body), path, contents.poses)
+        contents.poses[link] = _pose(transforms, body, metre)
+        contents.links.append(Link(link, inertia=_inertia(body, metre, kilogram)))
+        if body.GetAttribute(f"{PHYSICS}kinematicEnabled").Get():
+            start = contents.poses[link]
+            side = End(
+                GROUND, vector(start.position), vector(start.rotation[:, 2]), vector(start.rotation[:, 0])
+            )
+            contents.joints.append(Joint(f"{link} kinematic", "fixed", side, End(link)))
+    links = dict(zip(bodies, contents.poses, strict=True))
+    joints = [prim for prim in prims if prim.IsA(UsdPhysics.Joint) and _enabled(prim)]
+    names: dict[Any, str] = {}
+    for prim in joints:
+        names[prim.GetPath()] = _unused(_name(prim), prim.GetPath(), names.values())
+        _add_joint(contents, prim, names[prim.GetPath()], links, transforms, (metre, kilogram))
+    for prim in joints:
+        _add_mimic(contents, prim, names, metre)
+    for prim in prims:
+        if prim.GetAttribute(f"{DOUBLE}point").Get():
+            link, body = _holder(prim, links)
+            pose = _pose(transforms, prim, metre)
+            contents.points[_name(prim)] = link, _in_body(contents, link, pose.position)
+    return contents
+
+
+def _is_body(prim: Any) -> bool:
+    """Return whether a prim is a rigid body that the scene moves."""
+    enabled = prim.GetAttribute(f"{PHYSICS}rigidBodyEnabled")
+    return "PhysicsRigidBodyAPI" in prim.GetAppliedSchemas() and enabled.Get() is not False
+
+
+def _enabled(prim: Any) -> bool:
+    return prim.GetAttribute(f"{PHYSICS}jointEnabled").Get() is not False
+
+
+def _name(prim: Any) -> str:
+    """Return the name of a prim, that of its link, joint or point if mechsim wrote it."""
+    return prim.GetAttribute(f"{DOUBLE}name").Get() or prim.GetName()
+
+
+def _unused(name: str, path: Any, names: Iterable[str]) -> str:
+    """Return the name of a prim, or its path where another has the name."""
+    return str(path) if name in names else name
+
+
+def _numbers(prim: Any, name: str, count: int = 1) -> Array:
+    """Return the numbers of an attribute in the precision of the file, (count,); nan without a value.
+
+    What mechsim wrote in double precision counts as long as it agrees with the attribute.
+
+    Args:
+        prim: with the attribute.
+        name: of the attribute; those of UsdPhysics without their prefix.
+        count: 1, 3, or 4 for a quaternion in the order x, y, z, w.
+    """
+    value = prim.GetAttribute(name if ":" in name else PHYSICS + name).Get()
+    if value is None:
+        return np.full(count, np.nan)
+    single = np.array([*value.GetImaginary(), value.GetReal()] if count == 4 else value, float).reshape(count)
+    double = np.array(prim.GetAttribute(DOUBLE + name).Get() or single, float)
+    if double.shape == single.shape and np.allclose(double, single, rtol=ROUNDING, atol=1e-30):
+        return double
+    return single
+
+
+def _number(prim: Any, name: str, default: float) -> float:
+    """Return the number of an attribute; `default` without a finite value."""
+    (number,) = _numbers(prim, name)
+    return float(number) if np.isfinite(number) else default
+
+
+def _rotation(prim: Any, name: str) -> Array:
+    """Return the matrix of a quaternion, (3, 3); rounded sines and cosines of simple angles are exact."""
+    numbers = _numbers(prim, name, 4)
+    if not np.linalg.norm(numbers) > 0.5:
+        return np.eye(3)
+    nearest = ROUNDED[np.abs(np.abs(numbers)[:, None] - ROUNDED).argmin(1)]
+    if np.abs(np.abs(numbers) - nearest).max() <= ROUNDING:
+        numbers = np.copysign(nearest, numbers)
+    return Rotation.from_quat(numbers).as_matrix()
+
+
+def _gravity(stage: Any, prims: Iterable[Any], metre: float) -> Array:
+    """Return the gravity of the scene, (3,) in [m/s2]; none without a scene."""
+    from pxr import UsdGeom
+
+    for scene in (prim for prim in prims if prim.GetTypeName() == "PhysicsScene"):
+        direction = _numbers(scene, "gravityDirection", 3)
+        if not np.linalg.norm(direction) > 0.0:
+            direction = -np.eye(3)[AXES.index(UsdGeom.GetStageUpAxis(stage))]
+        magnitude = _number(scene, "gravityMagnitude", GRAVITY / metre)
+        return direction / np.linalg.norm(direction) * magnitude * metre
+    return np.zeros(3)
+
+
+def _pose(transforms: Any, prim: Any, metre: float) -> Pose:
+    """Return the pose of a prim in the world, its scale left out."""
+    matrix = transforms.GetLocalToWorldTransform(prim)
+    rotation = np.array(matrix.RemoveScaleShear().ExtractRotationMatrix(), float).T
+    return Pose(np.array(matrix.ExtractTranslation(), float) * metre, rotation)
+
+
+def _inertia(body: Any, metre: float, kilogram: float) -> Inertia | None:
+    """Return the inertia of a body; None without a mass."""
+    mass = _number(body, "mass", 0.0) * kilogram
+    if not mass > 0.0:
+        return None
+    centre = np.nan_to_num(_numbers(body, "centerOfMass", 3), neginf=0.0) * metre
+    axes = _rotation(body, "principalAxes")
+    moments = axes @ np.diag(np.nan_to_num(_numbers(body, "diagonalInertia", 3))) @ axes.T
+    tensor: Any = (moments + moments.T) / 2.0 * kilogram * metre**2
+    return Inertia(mass, vector(centre), tensor)
+
+
+def _holder(prim: Any, links: Mapping[Any, str]) -> tuple[str, Any]:
+    """Return the link to which a prim belongs, and the body; the ground outside of all bodies."""
+    while prim and prim.GetPath() not in links:
+        prim = prim.GetParent()
+    return (links[prim.GetPath()], prim) if prim else (GROUND, None)
+
+
+def _in_body(contents: FileContents, link: str, position: Array) -> Any:
+    """Return a position in the world in the frame of a link."""
+    pose = contents.poses.get(link, IDENTITY)
+    return vector(pose.rotation.T @ (position - pose.position))
+
+
+def _add_joint(
+    contents: FileContents,
+    prim: Any,
+    name: str,
+    links: Mapping[Any, str],
+    transforms: Any,
+    units: tuple[float, float],
+) -> None:
+    """Add a joint, and what limits and drives it.
+
+    Args:
+        contents: to add to.
+        prim: the joint.
+        name: of the joint.
+        links: path of a body -> link.
+        transforms: of all prims.
+        units: of length in [m], and of mass in [kg].
+    """
+    kind, axes, length = _kind(prim, name)
+    columns = np.roll(np.arange(3), -axes[0] - 1)  # the axis of the joint becomes z
+    sides = [_side(prim, side, links, transforms, units[0]) for side in ("0", "1")]
+    (_, start_a, frame_a), (_, start_b, frame_b) = sides
+    frames = [frame_a[:, columns], frame_b[:, columns]]
+    if KINDS[kind].crossed:
+        # side a: z, and x toward the axis of side b; side b: the reverse
+        frames = [_from_z_and_x(frame_a, *axes), _from_z_and_x(frame_b, *axes[::-1])]
+    end_a, end_b = (
+        End(
+            *(link, _in_body(contents, link, start)),
+            *(_direction(contents, link, frame[:, column]) for column in (2, 0)),
+        )
+        for (link, start, _), frame in zip(sides, frames, strict=True)
+    )
+    contents.joints.append(Joint(name, kind, end_a, end_b, length=length * units[0]))
+    if KINDS[kind].single:
+        (value,) = coordinates(KINDS[kind], start_b - start_a, frames[0], frames[1], 0.0)
+        _add_axis_data(contents, prim, name, float(value), axes[0], units)
+
+
+def _add_axis_data(
+    contents: FileContents, prim: Any, name: str, value: float, axis: int, units: tuple[float, float]
+) -> None:
+    """Add the coordinate of a joint with one axis at the poses of the file, its limits, spring and damper."""
+    hinge = name in contents.hinges
+    stated = prim.GetAttribute(f"{DOUBLE}position").Get()
+    if hinge and stated is not None:  # revolutions, which poses do not show
+        value += 2.0 * np.pi * round((stated - value) / (2.0 * np.pi))
+    contents.positions[name] = value
+    own = prim.GetTypeName() in KIND_OF
+    which = f"{'rot' if hinge else 'trans'}{AXES[axis]}"
+    unit = np.deg2rad(1.0) if hinge else units[0]
+    limits = (
+        ("lowerLimit", "upperLimit") if own else (f"limit:{which}:physics:{end}" for end in ("low", "high"))
+    )
+    low, high = (_numbers(prim, end)[0] * unit for end in limits)
+    if np.isfinite(low) or np.isfinite(high):
+        contents.ranges[name] = float(np.nan_to_num(low, nan=-np.inf)), float(np.nan_to_num(high, nan=np.inf))
+    prefix = f"drive:{('angular' if hinge else 'linear') if own else which}:{PHYSICS}"
+    # forces in the unit of the file: torques from [kg m2/s2], forces from [kg m/s2]
+    force = units[1] * units[0] ** (2 if hinge else 1)
+    stiffness, damping = (
+        _number(prim, prefix + term, 0.0) * force / unit for term in ("stiffness", "damping")
+    )
+    if stiffness:
+        rest = _number(prim, f"{prefix}targetPosition", 0.0) * unit
+        contents.springs.append(JointSpring(name, stiffness, rest))
+    if damping:
+        contents.friction.append(Friction(name, damping))
+
+
+def _kind(prim: Any, name: str) -> tuple[KindName, tuple[int, ...], float]:
+    """Return the kind of a joint, its axes as columns of the joint frame, and the length of a rod.
+
+    Raises:
+        InputError: for a joint that mechsim does not have.
+    """
+    type = prim.GetTypeName()
+    if type in KIND_OF:
+        axis = prim.GetAttribute(f"{PHYSICS}axis").Get() or "Z"
+        return KIND_OF[type], (AXES.index(axis),), 0.0
+    if type == "PhysicsDistanceJoint":
+        shortest, longest = _number(prim, "minDistance", -1.0), _number(prim, "maxDistance", -1.0)
+        if shortest == longest > 0.0:
+            return "distance", (2,), shortest
+        raise InputError(f"joint {name} keeps a distance between limits; only a rod of one length is read")
+    slides, turns = (
+        [i for i, axis in enumerate(AXES) if not _locked(prim, f"{word}{axis}")] for word in ("trans", "rot")
+    )
+    kind = KIND_OF_FREE.get((len(slides), len(turns)))
+    axes = turns if 0 < len(turns) < 3 else [2] if len(slides) == 3 or not slides else slides
+    # a cylindrical joint turns about its slide, a planar one about what is normal to both
+    normal = {(1, 1): slides == turns, (2, 1): turns and turns[0] not in slides}
+    if type != "PhysicsJoint" or kind is None or not normal.get((len(slides), len(turns)), True):
+        free = ", ".join([*(f"trans{AXES[i]}" for i in slides), *(f"rot{AXES[i]}" for i in turns)])
+        raise InputError(
+            f"joint {name} is of type {type} with {free or 'nothing'} free, which is not read; types that "
+            f"are read are {', '.join(KIND_OF)}, PhysicsDistanceJoint of one length, and PhysicsJoint "
+            f"that is {' or '.join(KIND_OF_FREE.values())}"
+        )
+    return kind, tuple(axes), 0.0
+
+
+def _locked(prim: Any, coordinate: str) -> bool:
+    """Return whether limits lock a coordinate of a PhysicsJoint: the lower is not below the upper."""
+    low, high = (_numbers(prim, f"limit:{coordinate}:physics:{end}")[0] for end in ("low", "high"))
+    return bool(low >= high)
+
+
+def _side(
+    prim: Any, side: str, links: Mapping[Any, str], transforms: Any, metre: float
+) -> tuple[str, Array, Array]:
+    """Return the link of a side, and the position and the joint frame of the side in the world."""
+    from pxr import Gf
+
+    local, frame = _numbers(prim, f"localPos{side}", 3), _rotation(prim, f"localRot{side}")
+    targets = prim.GetRelationship(f"{PHYSICS}body{side}").GetTargets()
+    target = prim.GetStage().GetPrimAtPath(targets[0]) if targets else None
+    if targets and not target:
+        raise InputError(
+            f"joint {_name(prim)} connects {targets[0]}, which does not exist; correct its bodies"
+        )
+    if target is None:
+        return GROUND, local * metre, frame
+    position = transforms.GetLocalToWorldTransform(target).Transform(Gf.Vec3d(*local))
+    link, _ = _holder(target, links)
+    return link, np.array(position) * metre, _pose(transforms, target, metre).rotation @ frame
+
+
+def _from_z_and_x(frame: Array, z: int, x: int) -> Array:
+    """Return a joint frame whose z and x are two columns of another, (3, 3)."""
+    return np.column_stack([frame[:, x], np.cross(frame[:, z], frame[:, x]), frame[:, z]])
+
+
+def _direction(contents: FileContents, link: str, direction: Array) -> Any:
+    """Return a direction in the world in the frame of a link."""
+    return vector(contents.poses.get(link, IDENTITY).rotation.T @ direction)
+
+
+def _add_mimic(contents: FileContents, prim: Any, names: Mapping[Any, str], metre: float) -> None:
+    """Add the coupling of a joint that follows another: q = c0 + c1 q', with c0 in degrees for a hinge."""
+    if MIMIC not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+        return
+    name, targets = names[prim.GetPath()], prim.GetRelationship("newton:mimicJoint").GetTargets()
+    if not targets:
+        raise InputError(
+            f"joint {name} has {MIMIC} without newton:mimicJoint; name the joint that it follows"
+        )
+    unit = np.deg2rad(1.0) if name in contents.hinges else metre
+    offset = _number(prim, "newton:mimicCoef0", 0.0) * unit
+    leader, ratio = names.get(targets[0], str(targets[0])), _number(prim, "newton:mimicCoef1", 1.0)
+    # lengths of the file a radian
+    lengths = (name not in contents.hinges) - (leader not in contents.hinges)
+    contents.follow(name, leader, ratio * metre**lengths, (offset, 0.0))
+
+
+def _unread(stage: Any) -> Iterator[str]:
+    """Yield schemas, joints without effect and masses that are not read."""
+    from pxr import UsdPhysics
+
+    read = {MIMIC, "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsArticulationRootAPI"}
+    for prim in stage.Traverse():
+        schemas = {schema.partition(":")[0] for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()}
+        yield from schemas - read - {"PhysicsDriveAPI", "PhysicsLimitAPI"}
+        if prim.IsA(UsdPhysics.Joint) and not _enabled(prim):
+            yield "joints that are not enabled"
+        if _is_body(prim) and not _number(prim, "mass", 0.0) > 0.0:
+            yield "masses by density"
+        if np.nan_to_num(_numbers(prim, "velocity", 3)).any():
+            yield "velocities"

@@ -1,0 +1,140 @@
+"""All assemblies of a mechanism at driver positions, from random starts or from poses of its groups."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.kinematics.loops.constraints import TreeLoops
+from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
+from mechsim.kinematics.loops.mobility import undetermined_names
+from mechsim.kinematics.loops.motion import spinning_links
+from mechsim.kinematics.loops.path import LoopPath
+from mechsim.kinematics.loops.start import all_closed, random_poses
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Joint, joint_coordinate
+from mechsim.mechanism.limits import Ranges
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.motion import LinkMotion
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import loop_solver
+
+# random starts in a batch; the search ends after two batches without another assembly, or after MAX_BATCHES
+BATCH, MAX_BATCHES = 128, 16
+# distance of points in characteristic lengths below which two assemblies are one: closed loops are accurate
+# to 1e-12 over their conditioning
+SAME_ASSEMBLY = 1e-6
+# rounding of joint limits, in [rad] or [m]
+LIMIT_TOLERANCE = 1e-9
+
+
+def other_assemblies(
+    path: LoopPath,
+    parameter: float,
+    ranges: Ranges,
+    excluded: Sequence[Mapping[str, LinkMotion]],
+    candidates: Sequence[Mapping[str, Pose]] | None = None,
+) -> tuple[list[dict[str, Pose]], tuple[str, ...]]:
+    """Return the link poses of the assemblies at a path parameter that are not excluded, and what else moves.
+
+    Assemblies are distinct if a joint or a tracked point differs; the spin of a rod about its own axis does
+    not count, nor do other revolutions of a nut on its screw. A configuration that moves while the drivers
+    hold is one of a continuous family: it is not listed, but the sentences say what moves.
+
+    Args:
+        path: of one assembly.
+        parameter: crank angle in [rad], or time multiplied by the rate of the motion laws.
+        ranges: joint -> limits in [m] or [rad]; assemblies beyond them are left out.
+        excluded: links of the excluded assemblies at this parameter, one instant each.
+        candidates: link -> pose of every assembly; None searches from random starts.
+    """
+    loops, values = path.loops, path.start.values.copy()
+    values[list(loops.driven)] = path.prescribed(np.array([parameter]))
+    reference = replace(path.start, values=values)
+    compared = list(_compared_points(path))
+    signatures = [_points(compared, links) for links in excluded]
+    screws = [joint for joint in loops.tree.original.joints if KINDS[joint.kind].helical]
+    threads = _threads(screws, excluded[0]) if excluded else np.zeros(len(screws))
+    others: list[dict[str, Pose]] = []
+    families: dict[str, None] = {}
+
+    def add(batch: Coordinates) -> None:
+        for q, poses in _within(loops, batch, ranges):
+            signature = _points(compared, poses)
+            other_threads = excluded and np.abs(_threads(screws, poses) - threads).max(initial=0.0) > 0.5
+            if not other_threads and all(
+                np.abs(signature - previous).max() > SAME_ASSEMBLY * loops.tree.length
+                for previous in signatures
+            ):
+                signatures.append(signature)
+                if moving := undetermined_names(loop_solver(loops, q)):
+                    families[f"while the drivers hold, {', '.join(moving)} can move"] = None
+                else:
+                    others.append(poses)
+
+    if candidates is not None:
+        for poses in candidates:
+            add(all_closed(loops, loops.read(poses)))
+        return others, tuple(families)
+    without_new = 0
+    for seed in range(MAX_BATCHES):
+        count = len(others)
+        for _, batch in random_poses(loops, reference, BATCH, seed):
+            add(batch)
+        without_new = 0 if len(others) > count else without_new + 1
+        if without_new == 2:
+            break
+    return others, tuple(families)
+
+
+def _within(
+    loops: TreeLoops, q: Coordinates, ranges: Ranges
+) -> Iterator[tuple[Coordinates, dict[str, Pose]]]:
+    """Yield the configurations whose joints are in their ranges, in any revolution, and their link poses."""
+    inside = np.ones(len(q), dtype=np.bool_)
+    for name, (low, high) in ranges.items():
+        if (index := loops.tree.index_of.get(name)) is None:
+            continue
+        value = q.values[index]
+        if not loops.tree.slides[index]:
+            value = low + (value - low + LIMIT_TOLERANCE) % REVOLUTION - LIMIT_TOLERANCE
+        inside &= (value > low - LIMIT_TOLERANCE) & (value < high + LIMIT_TOLERANCE)
+    q = q.select(inside)
+    poses = link_poses(loops.tree, q).by_link(loops.tree.links)
+    for i in range(len(q)):
+        yield q.select(np.array([i])), {name: pose.select(i) for name, pose in poses.items()}
+
+
+def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) -> Array:
+    """Return the displacements of screws in revolutions, (k,)."""
+    placed = {
+        name: Pose(pose.position.reshape(3), pose.rotation.reshape(3, 3)) for name, pose in links.items()
+    }
+    placed[GROUND] = IDENTITY
+    ways = [joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0] for joint in screws]
+    return np.array(ways) / np.array([joint.lead for joint in screws])
+
+
+def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, float]]]:
+    """Yield joint points, and tracked points of links that do not spin: link and position in its frame."""
+    mechanism, spinning = path.loops.tree.original, spinning_links(path.first)
+    for joint in mechanism.joints:
+        yield from ((end.link, end.point) for end in (joint.a, joint.b) if end.link != GROUND)
+    for link, position in mechanism.points.values():
+        if link != GROUND and link not in spinning:
+            yield link, position
+
+
+def _points(
+    compared: Sequence[tuple[str, tuple[float, float, float]]], links: Mapping[str, Pose | LinkMotion]
+) -> Array:
+    """Return the positions of points on links, (k, 3) in [m]."""
+    placed = {name: (link.position.reshape(3), link.rotation.reshape(3, 3)) for name, link in links.items()}
+    return np.array([placed[link][0] + placed[link][1] @ np.array(local) for link, local in compared])
+
+
+def tracked_positions(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:
+    """Return the tracked points of moving links, (3,) in [m]."""
+    points = path.loops.tree.original.points.items()
+    return {name: poses[link].point(local) for name, (link, local) in points if link != GROUND}

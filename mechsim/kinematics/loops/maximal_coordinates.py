@@ -1,0 +1,321 @@
+"""The loop equations of a mechanism at given poses: six coordinates for each link, and no spanning tree.
+
+They check solved motions by their residual, and give the reactions in joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import InputError
+from mechsim.kinematics.vector_method.rotations import dot, skew
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joints import Coupling, Joint, joint_coordinate
+from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.numerics.angles import wrapped
+from mechsim.numerics.arrays import Array, cross
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Some loop equations, linearised.
+
+    Attributes:
+        residual: (n, m).
+        jacobian: (n, m, 6 links).
+        bias: velocity-product term: second derivative of the residual at zero link accelerations, (n, m).
+    """
+
+    residual: Array
+    jacobian: Array
+    bias: Array
+
+
+class Side:
+    """A joint end in space: its arm from the link's origin, its frame, and their rates."""
+
+    def __init__(self, pose: Pose, twist: Array, point: ArrayLike, frame: Array, slot: int | None):
+        self.slot = slot
+        self.arm = pose.rotation @ np.asarray(point)  # (n, 3)
+        self.point = pose.position + self.arm
+        self.frame = pose.rotation @ frame  # (n, 3, 3)
+        self.velocity, self.spin = twist[..., :3], twist[..., 3:]
+        self.point_velocity = self.velocity + cross(self.spin, self.arm)
+        self.point_bias = cross(self.spin, cross(self.spin, self.arm))
+
+    def direction(self, column: int) -> tuple[Array, Array, Array]:
+        """Return a frame direction, its rate and the velocity-product term of its second rate."""
+        u = self.frame[..., column]
+        rate = cross(self.spin, u)
+        return u, rate, cross(self.spin, rate)
+
+
+class Stack:
+    """Collects equations of a mechanism with `links` moving links at n poses."""
+
+    def __init__(self, links: int, n: int):
+        self.links, self.n = links, n
+        self.residual: list[Array] = []
+        self.jacobian: list[Array] = []
+        self.bias: list[Array] = []
+
+    def _add(self, residual: Array, bias: Array, terms: list[tuple[int | None, Array, Array]]) -> None:
+        dtype = np.result_type(*(block for _, *both in terms for block in both))
+        row = np.zeros((self.n, 6 * self.links), dtype)
+        for slot, linear, angular in terms:
+            if slot is not None:
+                row[:, 6 * slot : 6 * slot + 3] += linear
+                row[:, 6 * slot + 3 : 6 * slot + 6] += angular
+        self.residual.append(np.broadcast_to(residual, (self.n,)))
+        self.jacobian.append(row)
+        self.bias.append(np.broadcast_to(bias, (self.n,)))
+
+    def coincide(self, a: Side, b: Side) -> None:
+        """D = 0, three equations."""
+        gap, bias = b.point - a.point, b.point_bias - a.point_bias
+        turn_a, turn_b = skew(a.arm), -skew(b.arm)
+        for i in range(3):
+            unit = np.eye(3)[i]
+            terms = [(a.slot, -unit, turn_a[:, i]), (b.slot, unit, turn_b[:, i])]
+            self._add(gap[:, i], bias[:, i], terms)
+
+    def angle_between(self, a: Side, i: int, b: Side, j: int, cosine: float) -> None:
+        """U.V = cosine, with U column i of a's frame and V column j of b's."""
+        u, u_rate, _ = a.direction(i)
+        v, v_rate, _ = b.direction(j)
+        across = cross(u, v)
+        bias = dot(a.spin - b.spin, cross(u_rate, v) + cross(u, v_rate))
+        zero = np.zeros(3)
+        self._add(dot(u, v) - cosine, bias, [(a.slot, zero, across), (b.slot, zero, -across)])
+
+    def no_gap_along(self, a: Side, i: int, b: Side) -> None:
+        """U.D = 0, with U column i of a's frame."""
+        motion = slide_motion(a, i, b)
+        self._add(dot(a.frame[..., i], b.point - a.point), motion.bias, motion.terms)
+
+    def distance(self, a: Side, b: Side, length: float) -> None:
+        """(D.D - length^2) / (2 length) = 0: the points have a distance (Nikravesh, 1988, eq. 7.13)."""
+        gap, rate = (b.point - a.point) / length, b.point_velocity - a.point_velocity
+        bias = dot(gap, b.point_bias - a.point_bias) + dot(rate, rate) / length
+        terms = [(a.slot, -gap, -cross(a.arm, gap)), (b.slot, gap, cross(b.arm, gap))]
+        self._add(0.5 * length * (dot(gap, gap) - 1.0), bias, terms)
+
+    def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, CoordinateMotion]]) -> None:
+        """Prescribe a weighted sum of joint coordinates, weights (n,) or scalar; residual in [rad] or [m]."""
+        scaled = [
+            (slot, weight[..., None] * linear, weight[..., None] * angular)
+            for weight, moved in terms
+            for slot, linear, angular in moved.terms
+        ]
+        total = bias + sum(weight * moved.bias for weight, moved in terms)
+        self._add(residual, total, scaled)
+
+    def rows(self) -> Rows:
+        """Return all collected equations."""
+        return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class CoordinateMotion:
+    """Dependence of a joint coordinate on the motion of the links.
+
+    Attributes:
+        rate: at the links' twists, (n,) per second.
+        bias: velocity-product term: its second rate at zero link accelerations, (n,).
+        terms: link's slot, and the coordinate's derivative by its velocity and angular velocity, (n, 3) each.
+    """
+
+    rate: Array
+    bias: Array
+    terms: list[tuple[int | None, Array, Array]]
+
+
+def slide_motion(a: Side, column: int, b: Side) -> CoordinateMotion:
+    """Return the motion of the gap between two sides along a direction of a's frame."""
+    u, u_rate, u_bias = a.direction(column)
+    gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
+    bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
+    terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+    return CoordinateMotion(dot(u, gap_rate) + dot(u_rate, gap), bias, terms)
+
+
+def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateMotion:
+    """Return the motion of a joint coordinate, by its index in `Joint.coordinates`.
+
+    Raises:
+        InputError: for the angles of crossed axes, which no equation can couple or drive.
+    """
+    kind = KINDS[joint.kind]
+    if index < len(kind.slides):
+        return slide_motion(a, COLUMN[kind.slides[index]], b)
+    if kind.crossed:
+        raise InputError(
+            f"coordinate {joint.coordinates[index]!r} of a {joint.kind} joint is coupled or driven, which is "
+            "not supported; use two joints with one axis each instead"
+        )
+    axis = a.frame[..., 2]
+    zero = np.zeros_like(axis)
+    # the relative rotation is about the axis, to which a rate of the axis is perpendicular: no such term
+    return CoordinateMotion(
+        dot(axis, b.spin - a.spin), np.zeros(len(axis)), [(a.slot, zero, -axis), (b.slot, zero, axis)]
+    )
+
+
+def add_joint_equations(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
+    """Add the equations of a joint: a length for each force component, one for each moment component."""
+    kind = KINDS[joint.kind]
+    if kind.rod:
+        stack.distance(a, b, joint.length)
+    if not kind.slides:
+        stack.coincide(a, b)
+    else:
+        free = [COLUMN[axis] for axis in kind.slides]
+        for i in range(3):
+            if i not in free:
+                stack.no_gap_along(a, i, b)
+    if kind.crossed:
+        stack.angle_between(a, 2, b, 2, np.cos(joint.cross_angle))
+    elif kind.aligned:
+        stack.angle_between(a, 0, b, 2, 0.0)
+        stack.angle_between(a, 1, b, 2, 0.0)
+        if not kind.turns:
+            stack.angle_between(a, 0, b, 1, 0.0)
+
+
+def is_length(joint: Joint) -> list[bool]:
+    """Return for each equation of a joint whether its residual is a length."""
+    kind = KINDS[joint.kind]
+    return [True] * kind.forces + [False] * kind.moments
+
+
+Poses = Mapping[str, Pose]
+# crank angle, or driver -> value; None for free drivers
+Angles = ArrayLike | Mapping[str, ArrayLike] | None
+
+
+def equations(
+    mechanism: Mechanism,
+    poses: Poses,
+    angle: Angles,
+    twists: Mapping[str, Array] | None = None,
+) -> Rows:
+    """Return the loop equations of a mechanism, linearised about n sets of poses.
+
+    Args:
+        mechanism: the mechanism.
+        poses: moving link -> n poses.
+        angle: prescribed crank angle, scalar or (n,) in [rad], or driver -> value; drivers without a value
+            keep theirs. None omits the equations of drivers.
+        twists: moving link -> (n, 6) velocity of the origin and angular velocity, which determine
+            the bias; None means at rest.
+
+    Returns:
+        Equations in the order of joints, couplings (`Mechanism.laws`), locked coordinates and drivers.
+        Residuals in [m], [rad] or cosines of angles.
+    """
+    names = [link.name for link in mechanism.links]
+    n = next(iter(poses.values())).position.shape[0]
+    at_rest = np.zeros((n, 6))
+    ground = Pose(np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
+
+    def side(joint: Joint, which: str) -> Side:
+        end = getattr(joint, which)
+        if end.link == GROUND:
+            return Side(ground, at_rest, end.point, end.frame, None)
+        twist = at_rest if twists is None else twists[end.link]
+        return Side(poses[end.link], twist, end.point, end.frame, names.index(end.link))
+
+    def pose(link: str) -> Pose:
+        return ground if link == GROUND else poses[link]
+
+    stack = Stack(len(names), n)
+    for joint in mechanism.joints:
+        add_joint_equations(stack, joint, side(joint, "a"), side(joint, "b"))
+    joint_of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
+
+    def value(name: str) -> Array:
+        joint, i = joint_of[name]
+        return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., i]
+
+    def motion(name: str) -> CoordinateMotion:
+        joint, i = joint_of[name]
+        return coordinate_motion(joint, i, side(joint, "a"), side(joint, "b"))
+
+    prescribed = _prescribed(mechanism, angle)
+    for law in mechanism.laws:
+        _add_law(stack, mechanism, law, value, motion, prescribed)
+    for name, target in (*mechanism.locked.items(), *prescribed.items()):
+        gap = np.zeros(n) if target is None else value(name) - np.asarray(target)
+        stack.weighted(
+            gap if mechanism.unit(name) == "m" else wrapped(gap), np.zeros(n), [(np.ones(n), motion(name))]
+        )
+    return stack.rows()
+
+
+def _prescribed(mechanism: Mechanism, angle: Angles) -> dict[str, ArrayLike | None]:
+    """Return the prescribed motion of each driver; None for an unchanged one."""
+    if angle is None:
+        return {}
+    if isinstance(angle, Mapping):
+        return {name: angle[name] for name in mechanism.drivers}
+    return dict.fromkeys(mechanism.drivers, angle if mechanism.has_crank else None)
+
+
+def _add_law(
+    stack: Stack,
+    mechanism: Mechanism,
+    law: Coupling,
+    value: Callable[[str], Array],
+    motion: Callable[[str], CoordinateMotion],
+    prescribed: Mapping[str, ArrayLike | None],
+) -> None:
+    """Add the equation of a coupling."""
+
+    def multi_turn_value(name: str) -> Array:
+        """Return the value of a driver or of the guess with its revolutions, for any ratio."""
+        current, target = value(name), prescribed.get(name)
+        if target is None and name not in mechanism.drivers:
+            target = mechanism.guess_coordinates.get(name)
+        if target is None or mechanism.unit(name) == "m":
+            return current
+        return np.asarray(target) + wrapped(current - np.asarray(target))
+
+    def total(terms: Mapping[str, float]) -> Array:
+        return sum((weight * multi_turn_value(name) for name, weight in terms.items()), np.zeros(stack.n))
+
+    current, derivative, second_derivative = law.polynomial(total(law.right_terms))
+    residual = total(law.left_terms) - law.zeros[0] - current
+    angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
+    left_terms = [(np.full(stack.n, weight), motion(name)) for name, weight in law.left_terms.items()]
+    right_terms = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
+    rate = sum((weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(stack.n))
+    stack.weighted(
+        wrapped(residual) if angular else residual, -second_derivative * rate**2, [*left_terms, *right_terms]
+    )
+
+
+def length_rows(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
+    """Return for the first `count` equations of a mechanism whether their residual is a length, (count,)."""
+    is_length_row = [length for joint in mechanism.joints for length in is_length(joint)]
+    firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
+    named = (*firsts, *mechanism.locked, *mechanism.drivers)
+    return np.array(
+        [*is_length_row, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_
+    )
+
+
+def row_units(mechanism: Mechanism, count: int) -> Array:
+    """Return factors that make the first `count` equations of a mechanism dimensionless, (count,)."""
+    return np.where(length_rows(mechanism, count), 1.0 / mechanism.characteristic_length, 1.0)
+
+
+def residual_norms(mechanism: Mechanism, poses: Poses, angle: Angles) -> tuple[Array, Array]:
+    """Return the loop-closure errors at each pose: (n,) in [m] and (n,) in [rad]."""
+    rows = np.abs(equations(mechanism, poses, angle).residual)
+    long = length_rows(mechanism, rows.shape[1])
+    return rows[:, long].max(1, initial=0.0), rows[:, ~long].max(1, initial=0.0)

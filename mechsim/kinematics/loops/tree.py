@@ -1,0 +1,289 @@
+"""A mechanism as a spanning tree of links with joint coordinates, and the joints that close its loops."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS, Kind, crossed_at_zero
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.link_poses import split_joints
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+
+# a rotation about the third axis is the sum of these times 1, the cosine and the sine of its angle
+ABOUT_Z = np.array(
+    [
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]],
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    ]
+)
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """A joint that places a link relative to a link nearer the frame.
+
+    Attributes:
+        joint: the joint.
+        forward: whether its side a is on the link nearer the frame (the parent).
+        parent: index of the parent; -1 is the ground.
+        child: index of the placed link.
+        first: index of its first coordinate.
+    """
+
+    joint: Joint
+    forward: bool
+    parent: int
+    child: int
+    first: int
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Its joint kind."""
+        return KINDS[self.joint.kind]
+
+    @cached_property
+    def first_angle(self) -> int:
+        """Index of its first angle: displacements come first."""
+        return self.first + len(self.kind.slides)
+
+    @cached_property
+    def direction(self) -> float:
+        """+1 if the child moves in the direction of the coordinates, else -1."""
+        return 1.0 if self.forward else -1.0
+
+    @cached_property
+    def angles(self) -> list[int]:
+        """Indices of its angles, from the parent to the child; a spherical joint has none."""
+        count = 0 if self.kind.ball else len(self.kind.turns)
+        return list(range(self.first_angle, self.first_angle + count))[:: 1 if self.forward else -1]
+
+
+@dataclass(frozen=True, slots=True)
+class JointSides:
+    """The two sides of a tree joint in their links' frames: joint frame (3, 3) and point (3,) in [m]."""
+
+    parent_frame: Array
+    parent_point: Array
+    child_frame: Array
+    child_point: Array
+
+    def axes(self, branch: TreeJoint) -> list[tuple[int, Array]]:
+        """Return the link of each axis, and the direction of the child's motion in its frame, (3,)."""
+        axes: list[tuple[int, Array]] = []
+        for axis in (*branch.kind.slides, *branch.kind.turns):
+            on_child = (axis == "b") == branch.forward
+            frame, link = (self.child_frame, branch.child) if on_child else (self.parent_frame, branch.parent)
+            axes.append((link, branch.direction * frame[:, COLUMN[axis]]))
+        return axes
+
+    def rotations(self, branch: TreeJoint) -> list[Array]:
+        """Return the successive rotations of the child relative to the parent by the angles of the joint.
+
+        Each is (9, 3): factors of 1, the cosine and the sine of the angle; (9, 3, n) for many designs.
+        """
+        ends = [self.parent_frame, self.child_frame.swapaxes(0, 1)]
+        if branch.kind.crossed:
+            middle = crossed_at_zero(branch.joint.cross_angle)
+            ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
+        rotation_terms = ABOUT_Z * np.array([1.0, 1.0, branch.direction])[:, None, None]
+        rotations = (
+            np.einsum("ij...,pjk,kl...->ilp...", first, rotation_terms, second)
+            for first, second in zip(ends[::2], ends[1::2], strict=True)
+        )
+        return [rotation.reshape(9, 3, *rotation.shape[3:]) for rotation in rotations]
+
+
+@dataclass(frozen=True)
+class SpanningTree:
+    """Links in the order of placement, each with its tree joint; the other joints close the loops.
+
+    A coordinate is a displacement in [m], an angle in [rad], or one of the three rotations of a spherical
+    joint.
+
+    Attributes:
+        mechanism: the mechanism; tree joints that would close loops are split in it.
+        original: the mechanism before splitting.
+        branches: tree joint of each link, nearest the frame first.
+        cuts: the joints that close the loops, and all rods.
+        sides: index of a link -> sides of its tree joint, if they are not those of the joint, as of many
+            designs.
+    """
+
+    mechanism: Mechanism
+    original: Mechanism
+    branches: tuple[TreeJoint, ...]
+    cuts: tuple[Joint, ...]
+    sides: Mapping[int, JointSides] | None = None
+
+    @cached_property
+    def links(self) -> dict[str, int]:
+        """Moving link of the original mechanism -> index."""
+        return {link.name: self.index[link.name] for link in self.original.links}
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Moving link -> index, with the virtual bodies of split joints."""
+        return {link.name: i for i, link in enumerate(self.mechanism.links)}
+
+    @cached_property
+    def constants(self) -> Mapping[int, JointSides]:
+        """Index of a link -> sides of its tree joint."""
+        if self.sides is not None:
+            return self.sides
+        sides: dict[int, JointSides] = {}
+        for branch in self.branches:
+            a, b = branch.joint.a, branch.joint.b
+            parent_end, child_end = (a, b) if branch.forward else (b, a)
+            sides[branch.child] = JointSides(
+                parent_end.frame, np.array(parent_end.point), child_end.frame, np.array(child_end.point)
+            )
+        return sides
+
+    @cached_property
+    def rotations(self) -> dict[int, list[Array]]:
+        """Index of a link -> rotations of its tree joint, as `JointSides.rotations`."""
+        return {branch.child: self.constants[branch.child].rotations(branch) for branch in self.branches}
+
+    @cached_property
+    def axes(self) -> dict[int, list[tuple[int, Array]]]:
+        """Index of a link -> axes of its tree joint, as `JointSides.axes`."""
+        return {branch.child: self.constants[branch.child].axes(branch) for branch in self.branches}
+
+    @cached_property
+    def length(self) -> float:
+        """Characteristic length of the mechanism, in [m]."""
+        return self.mechanism.characteristic_length
+
+    @cached_property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return sum(branch.kind.dof for branch in self.branches)
+
+    @cached_property
+    def balls(self) -> tuple[TreeJoint, ...]:
+        """The spherical tree joints."""
+        return tuple(branch for branch in self.branches if branch.kind.ball)
+
+    @cached_property
+    def ball_indices(self) -> list[int]:
+        """Indices of the rotations of spherical joints, which are no angles."""
+        return [ball.first_angle + i for ball in self.balls for i in range(3)]
+
+    @cached_property
+    def moved_by(self) -> Array:
+        """Whether each coordinate moves each link, (links, count), 1 or 0."""
+        moved = np.zeros((len(self.mechanism.links), self.count))
+        for branch in self.branches:
+            if branch.parent >= 0:
+                moved[branch.child] = moved[branch.parent]
+            moved[branch.child, branch.first : branch.first + branch.kind.dof] = 1.0
+        return moved
+
+    @cached_property
+    def slides(self) -> NDArray[np.bool_]:
+        """Whether each coordinate is a displacement, (count,)."""
+        slides = np.zeros(self.count, dtype=np.bool_)
+        for branch in self.branches:
+            slides[branch.first : branch.first + len(branch.kind.slides)] = True
+        return slides
+
+    @cached_property
+    def units(self) -> Array:
+        """Unit of each coordinate in the equations: characteristic length for displacements, else 1 rad."""
+        return np.where(self.slides, self.length, 1.0)
+
+    def first_index(self, joint: str) -> int | None:
+        """Return the index of the first coordinate of a joint; None if it closes a loop."""
+        return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
+
+    @cached_property
+    def index_of(self) -> dict[str, int]:
+        """Coordinate of a tree joint -> its index."""
+        return {
+            name: branch.first + i
+            for branch in self.branches
+            for i, name in enumerate(branch.joint.coordinates)
+        }
+
+    def coupled(self, terms: Mapping[str, float]) -> Array:
+        """Return the weights of all coordinates in one side of a coupling, (count,)."""
+        weights = np.zeros(self.count, np.result_type(float, *terms.values()))
+        for name, weight in terms.items():
+            weights[self.index_of[name]] += weight
+        return weights
+
+
+def spanning_tree(mechanism: Mechanism) -> SpanningTree:
+    """Return a spanning tree with few loop equations that contains driven, coupled and multi-turn joints.
+
+    If these alone close a loop, some are split, and the loop is cut next to them.
+
+    Raises:
+        AssemblyError: if no chain of joints connects a link with the frame.
+    """
+    first = {
+        *mechanism.drivers,
+        *mechanism.locked,
+        *(name for law in mechanism.laws for name in law.coordinates),
+    }
+    # cut joints lose their number of revolutions
+    multi_turn = {*mechanism.guess_coordinates}
+
+    def cost(joint: Joint) -> tuple[bool, bool, int]:
+        names = {*joint.coordinates}
+        return not first & names, not multi_turn & names, KINDS[joint.kind].dof
+
+    ordered = sorted(mechanism.joints, key=cost)
+    chosen = _forest(ordered)
+    closing = {
+        joint.name
+        for joint in mechanism.joints
+        if joint.name not in chosen and not first.isdisjoint(joint.coordinates)
+    }
+    if closing:
+        return replace(spanning_tree(split_joints(mechanism, closing)), original=mechanism)
+    index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
+    # the equation of a rod remains if its coordinates place a link
+    cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen or KINDS[joint.kind].rod)
+    branches: list[TreeJoint] = []
+    placed, waiting, count = {GROUND}, [j for j in mechanism.joints if j.name in chosen], 0
+    while waiting:
+        joint = next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None)
+        if joint is None:
+            unreached = sorted({end.link for j in waiting for end in (j.a, j.b)} - placed)
+            raise AssemblyError(
+                f"{mechanism.name}: no chain of joints leads from the frame to "
+                f"{', '.join(unreached)}; add one"
+            )
+        waiting.remove(joint)
+        forward = joint.a.link in placed
+        parent_end, child_end = (joint.a, joint.b) if forward else (joint.b, joint.a)
+        branches.append(TreeJoint(joint, forward, index[parent_end.link], index[child_end.link], count))
+        count += KINDS[joint.kind].dof
+        placed.add(child_end.link)
+    return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
+
+
+def _forest(joints: Sequence[Joint]) -> set[str]:
+    """Return the names of the joints of a spanning forest, taken in order."""
+    group: dict[str, str] = {}
+
+    def root(link: str) -> str:
+        while group.get(link, link) != link:
+            link = group[link]
+        return link
+
+    chosen: set[str] = set()
+    for joint in joints:
+        a, b = root(joint.a.link), root(joint.b.link)
+        if a != b:
+            group[a] = b
+            chosen.add(joint.name)
+    return chosen

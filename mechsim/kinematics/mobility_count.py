@@ -1,0 +1,234 @@
+"""Mobility by Somov-Malyshev and by Grübler over planar pairs, confirmed by rank and explained."""
+
+from collections import Counter
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from mechsim.errors import AssemblyError, several
+from mechsim.kinematics.loops.mobility import dof_count, solver_at_generic_pose, undetermined_names
+from mechsim.kinematics.loops.motion import assemble, spinning_links
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.graphs import components
+
+# components of a null vector below this are rounding: singular vectors have errors of 1e-16 divided by the
+# gap of RANK_TOLERANCE between zero and nonzero singular values
+ZERO_COMPONENT = 1e-6
+
+
+def plane_normal(mechanism: Mechanism) -> Array | None:
+    """Return the normal of the plane of a planar mechanism, or None if it is spatial.
+
+    Returns:
+        Unit vector in the ground frame, (3,), or None; planar as in `model.link_poses.plane_normals`.
+    """
+    normals = plane_normals(mechanism)
+    return None if normals is None else normals[GROUND]
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Lower pairs at one point of a planar chain.
+
+    Attributes:
+        links: the connected links: two, or more on one pin. k links on a pin make k - 1 pairs.
+        hinge: whether they rotate on a pin; otherwise the two slide.
+        joints: the joints of the description that make them.
+    """
+
+    links: tuple[str, ...]
+    hinge: bool
+    joints: tuple[str, ...]
+
+
+def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
+    """Return the pairs of a planar chain, with revolute joints on one pin combined.
+
+    A description can connect three links on a pin in several ways, and the structure must not depend on this.
+    Links that are fixed to each other count once; a joint that does not constrain the plane is no pair.
+    """
+    body = rigid(mechanism)
+    moving = [joint for joint in mechanism.joints if not _welded(mechanism, joint)]
+    hinges = [joint for joint in moving if KINDS[joint.kind].hinge]
+    tolerance = PARALLEL_TOLERANCE * mechanism.characteristic_length
+    shared = [(a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance)]
+    order = [link.name for link in mechanism.links]
+    pairs: list[Pairs] = []
+    for pin in components([joint.name for joint in hinges], shared):
+        links = {body[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
+        pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True, tuple(pin)))
+    slides = (joint for joint in moving if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
+    return pairs + [Pairs((body[joint.a.link], body[joint.b.link]), False, (joint.name,)) for joint in slides]
+
+
+def rigid(mechanism: Mechanism) -> dict[str, str]:
+    """Return link (the ground included) -> the first link of those that are fixed to it."""
+    order = [GROUND, *(link.name for link in mechanism.links)]
+    bodies = components(order, [joint.links for joint in mechanism.joints if _welded(mechanism, joint)])
+    return {name: min(next(body for body in bodies if name in body), key=order.index) for name in order}
+
+
+def _welded(mechanism: Mechanism, joint: Joint) -> bool:
+    """Whether a joint cannot move: it has no degree of freedom, or is locked."""
+    kind = KINDS[joint.kind]
+    return not kind.dof or (not kind.ball and mechanism.locked.keys() >= {*joint.coordinates})
+
+
+def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
+    """Whether two revolute joints share a link and an axis on it."""
+    for end in (first.a, first.b):
+        for other in (second.a, second.b):
+            if end.link == other.link:
+                gap = np.asarray(end.point) - np.asarray(other.point)
+                if float(np.linalg.norm(np.cross(gap, end.axis))) <= tolerance:
+                    return True
+    return False
+
+
+# displacement of the crank to either side, in [rad], that distinguishes a special pose from the general one:
+# large enough for the rank, small enough for almost any range
+CRANK_STEP = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Mobility:
+    """Degrees of freedom of a mechanism, by counting and by rank.
+
+    Attributes:
+        actual: degrees of freedom by the rank of the loop Jacobian, the decisive number.
+        links: number of moving links.
+        joints: (constraints of a joint, number of such joints), decreasing.
+        gears: number of gears, each of which removes one degree of freedom.
+        planar: whether the mechanism is planar, so that Grübler's count applies.
+        redundant: number of redundant constraints in space.
+        crank_moves: whether the crank can move.
+        first_order: whether the mechanism can move to first order, but closes on neither side of its pose.
+        undetermined: coordinates and points that can move with the crank locked, one for each DOF.
+        idle: links that spin in place with the crank locked, if nothing else moves.
+    """
+
+    actual: int
+    links: int
+    joints: tuple[tuple[int, int], ...]
+    gears: int
+    planar: bool
+    redundant: int
+    crank_moves: bool
+    first_order: bool
+    undetermined: tuple[str, ...]
+    idle: tuple[str, ...]
+
+    @property
+    def somov_malyshev(self) -> int:
+        """W = 6n - 5 p5 - 4 p4 - 3 p3 - gears, the count in space. Paper 000, section on mobility."""
+        return 6 * self.links - sum(constraints * count for constraints, count in self.joints) - self.gears
+
+    @property
+    def grubler(self) -> int | None:
+        """W = 3n - 2 p5 - gears, the count in a plane (Chebyshev, Grübler); None in space.
+
+        A joint without a degree of freedom in the plane removes three, one that does not constrain the plane
+        none.
+        """
+        if not self.planar:
+            return None
+        return (
+            3 * self.links - sum((constraints - 3) * count for constraints, count in self.joints) - self.gears
+        )
+
+    @property
+    def redundant_in_plane(self) -> int:
+        """Number of constraints that are redundant even within the plane; in space all redundant ones."""
+        return self.redundant if self.grubler is None else self.actual - self.grubler
+
+    def lines(self) -> list[str]:
+        """Return the mobility in words: the result, then each count, then the explanation."""
+        gears = f" - {self.gears}" if self.gears else ""
+        constraints = "".join(f" - {constraints}*{count}" for constraints, count in self.joints)
+        lines = [
+            f"W = {self.actual} by the rank of the loop Jacobian",
+            f"Somov-Malyshev (space): W = 6*{self.links}{constraints}{gears} = {self.somov_malyshev}",
+        ]
+        if self.grubler is not None:
+            constraints = "".join(
+                f" - {constraints - 3}*{count}" for constraints, count in self.joints if constraints > 3
+            )
+            lines.append(f"Grübler (plane): W = 3*{self.links}{constraints}{gears} = {self.grubler}")
+        return lines + self._explanation()
+
+    def _explanation(self) -> list[str]:
+        lines: list[str] = []
+        out_of_plane = self.redundant - self.redundant_in_plane
+        if out_of_plane:
+            loops = out_of_plane // 3
+            lines.append(
+                f"{several(out_of_plane, 'redundant constraint')} in space: three for "
+                + ("the planar loop" if loops == 1 else f"each of {loops} planar loops")
+            )
+        if self.redundant_in_plane:
+            where = " within the plane" if self.planar else ""
+            count = several(self.redundant_in_plane, "redundant constraint")
+            lines.append(f"{count}{where}: it moves because of its special dimensions")
+        lines += [
+            f"undriven degree of freedom: {name} moves with the crank locked" for name in self.undetermined
+        ]
+        lines += [f"idle degree of freedom: {link} spins" for link in self.idle]
+        if self.actual == 0:
+            lines.append("locked: no link can move")
+        elif not self.crank_moves:
+            lines.append("locked: the crank cannot move")
+        if self.first_order:
+            lines.append("locked but for a small play: the loops close on neither side of this pose")
+        return lines
+
+    def __str__(self) -> str:
+        return "; ".join(self.lines())
+
+
+def mobility(mechanism: Mechanism) -> Mobility:
+    """Count the degrees of freedom, confirm them by rank and name those that the crank does not determine.
+
+    The rank is the largest at the start and at a small distance to either side: at a special pose (a flat
+    parallelogram) it is smaller than in general.
+
+    Args:
+        mechanism: the mechanism.
+
+    Returns:
+        The counts, the actual number, and the explanation of the difference.
+
+    Raises:
+        AssemblyError: if the loops do not close at the mechanism's start.
+
+    Source: docs/explanation/sources.md for the counts; rank of the loop Jacobian, `loops.dof_count`.
+    """
+    # the assembled start, and closed configurations at a small distance to either side
+    stands = [assemble(mechanism, [mechanism.start])]
+    for aside in (CRANK_STEP, -CRANK_STEP):
+        try:
+            stands.append(assemble(mechanism, [mechanism.start + aside], stands[0]))
+        except AssemblyError:
+            continue  # a dead centre or a locked structure: the other poses count
+    best = max((dof_count(mechanism, poses) for poses in stands), key=lambda count: count.rank)
+    crank_moves = best.mobility > best.passive
+    solver = solver_at_generic_pose(mechanism)[0]
+    undetermined = tuple(undetermined_names(solver))
+    constraints = Counter(KINDS[joint.kind].forces + KINDS[joint.kind].moments for joint in mechanism.joints)
+    return Mobility(
+        actual=best.mobility,
+        links=len(mechanism.links),
+        joints=tuple(sorted(constraints.items(), reverse=True)),
+        gears=len(mechanism.laws),
+        planar=plane_normal(mechanism) is not None,
+        redundant=best.redundant,
+        crank_moves=crank_moves,
+        first_order=crank_moves and len(stands) == 1,
+        undetermined=undetermined,
+        idle=() if undetermined else tuple(sorted(spinning_links(solver))),
+    )

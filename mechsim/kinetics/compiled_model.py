@@ -1,0 +1,574 @@
+"""A dynamic model as data of the C code in `c/`, which evaluates and integrates its equations of motion.
+
+The C code states the equations of `EquationsOfMotion` for one state; tests compare both for every element.
+A model with an element that is not listed here has no such data.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechsim.kinematics.loops.constraints import Cut
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion
+from mechsim.mechanism.bushings import Bushing
+from mechsim.mechanism.forces import Friction, Location, located
+from mechsim.mechanism.instructions import (
+    CONTROLLER,
+    EXPRESSION,
+    INSTRUCTION,
+    TIME,
+    Instructions,
+    NotCompiledError,
+    Variable,
+    c_source,
+)
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Vector
+from mechsim.mechanism.nonlinear_springs import SoftStop
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.c_library import loaded_library
+
+# attributes of the forces that the C code contains; another one must be empty
+FORCES = {
+    *("gravity", "friction", "springs", "joint_springs", "nonlinear_springs", "bushings", "loads", "couples"),
+    *("crank_torque", "flywheel", "motor", "controllers", "actuators", "armature", "clearances"),
+}
+
+_INT, _REAL = "i4", "f8"
+SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
+BRANCH = np.dtype(
+    [
+        *(
+            (name, _INT)
+            for name in ("parent", "child", "before", "forward", "slides", "turns", "ball", "first")
+        ),
+        ("parent_frame", _REAL, 9),
+        ("parent_point", _REAL, 3),
+        ("child_frame", _REAL, 9),
+        ("child_point", _REAL, 3),
+        ("rotation", _REAL, (2, 27)),
+    ],
+    align=True,
+)
+COORDINATE = np.dtype(
+    [
+        *((name, _INT) for name in ("link", "carrier", "slide", "centred", "centre_link", "column")),
+        ("axis", _REAL, 3),
+        ("centre", _REAL, 3),
+        ("unit", _REAL),
+    ],
+    align=True,
+)
+CUT = np.dtype(
+    [
+        ("a", SIDE),
+        ("b", SIDE),
+        *((name, _INT) for name in ("rows", "first_column", "columns")),
+        ("of_a", _INT, 6),
+        ("of_b", _INT, 6),
+        ("unit", _REAL, 6),
+        ("target", _REAL, 6),
+    ],
+    align=True,
+)
+MOVED = np.dtype([("coordinate", _INT), ("sign", _REAL)], align=True)
+COUPLING = np.dtype(
+    [
+        ("left_zero", _REAL),
+        ("right_zero", _REAL),
+        ("coefficients", _REAL, 5),
+        ("unit", _REAL),
+        ("offset", _REAL),
+        ("function", EXPRESSION),
+    ],
+    align=True,
+)
+INERTIA = np.dtype([("mass", _REAL), ("centre", _REAL, 3), ("moments", _REAL, 9)], align=True)
+SPRING = np.dtype(
+    [
+        ("link_a", _INT),
+        ("link_b", _INT),
+        ("a", _REAL, 3),
+        ("b", _REAL, 3),
+        *((name, _REAL) for name in ("stiffness", "rest", "damping")),
+    ],
+    align=True,
+)
+RESISTANCE = np.dtype(
+    [
+        ("a", SIDE),
+        ("b", SIDE),
+        *((name, _INT) for name in ("motion", "column", "friction", "hinge", "loaded", "branch", "cut")),
+        *((name, _REAL) for name in ("stiffness", "rest", "viscous", "coulomb", "at_rest", "stribeck")),
+        ("load", _REAL, 4),
+    ],
+    align=True,
+)
+SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
+NONLINEAR_SPRING = np.dtype(
+    [
+        *((name, _INT) for name in ("link_a", "link_b", "coordinate", "table", "over_rate")),
+        ("a", _REAL, 3),
+        ("b", _REAL, 3),
+        *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload", "exponent", "hysteresis")),
+        ("expression", EXPRESSION),
+    ],
+    align=True,
+)
+BUSHING = np.dtype(
+    [("a", SIDE), ("b", SIDE), ("stiffness", _REAL, (6, 6)), ("damping", _REAL, (6, 6))], align=True
+)
+PRESCRIBED = np.dtype([("coordinate", _INT), ("law", EXPRESSION)], align=True)
+LOAD = np.dtype(
+    [
+        ("link", _INT),
+        ("varying", _INT),
+        ("point", _REAL, 3),
+        ("wrench", _REAL, 6),
+        ("expressions", EXPRESSION, 6),
+    ],
+    align=True,
+)
+COUNTS = (
+    *("links", "count", "free", "balls", "cuts", "couplings"),
+    *("rows", "springs", "resistances", "loads", "crank"),
+    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded", "tabled", "driven"),
+    "bushings",
+)
+TABLES = (
+    *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
+    *("inertias", "spring", "resistance", "load"),
+    *("instruction", "controller", "prescribed", "actuator", "gear", "rotors", "nonlinear_spring", "tables"),
+    "bushing",
+)
+
+
+class ModelData(ctypes.Structure):
+    """`Model` of `c/equations.c`."""
+
+    _fields_ = [
+        *((name, ctypes.c_int) for name in COUNTS),
+        *((name, ctypes.c_void_p) for name in TABLES),
+        ("gravity", ctypes.c_double * 3),
+        *((name, ctypes.c_double) for name in ("torque", "torque_slope")),
+    ]
+
+
+@dataclass(frozen=True)
+class CompiledModel:
+    """A dynamic model for the C code.
+
+    Attributes:
+        data: the structure that the C code reads.
+        tables: arrays to which it points.
+        library: the compiled code.
+    """
+
+    data: ModelData
+    tables: dict[str, np.ndarray[Any, Any]]
+    library: ctypes.CDLL
+
+
+def c_sources() -> str:
+    """Return the C code that evaluates and integrates equations of motion."""
+    folder = Path(__file__).parent / "c"
+    names = "equations.c", "integration.c"
+    return c_source() + "".join((folder / name).read_text(encoding="utf-8") for name in names)
+
+
+def library() -> ctypes.CDLL:
+    """Return the compiled C code.
+
+    Raises:
+        MissingToolError: if there is no C compiler.
+        OutputError: if the cache is not writable.
+    """
+    return loaded_library("forward_dynamics", c_sources())
+
+
+def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
+    """Return the equations of motion of a model for the C code.
+
+    Raises:
+        NotCompiledError: if the C code does not contain an element of the model.
+        MissingToolError: if there is no C compiler.
+        OutputError: if the cache is not writable.
+    """
+    _require_supported(equations)
+    forces, loops, free = equations.model.forces, equations.loops, equations.free
+    torque, derivative = _crank_torque(equations)
+    moved, added = [_moved(cut) for cut in loops.cuts], Instructions()
+    resistances = _resistances(equations)
+    tables = {
+        "branches": _branches(equations),
+        "coordinates": _coordinates(equations),
+        "cut": _cuts(loops.cuts),
+        "moved": np.concatenate([np.empty(0, MOVED), *moved]),
+        "coupling": _couplings(equations, added),
+        "weights": np.array([[row.left_weights, row.right_weights] for row in loops.couplings], dtype=float),
+        "inertias": _inertias(equations),
+        "spring": spring_table(equations),
+        "resistance": resistances,
+        "load": _loads(equations, added),
+        "controller": _controllers(equations, added),
+        "prescribed": _prescribed(equations, added),
+        "nonlinear_spring": _nonlinear_springs(equations, added),
+        "bushing": _bushings(equations),
+        "actuator": added.add_actuators(forces.actuators),
+        "gear": _gears(equations),
+        "instruction": np.array(added.rows, INSTRUCTION),
+        "tables": np.array(added.numbers),
+        "rotors": np.ascontiguousarray(equations.rotors),
+    }
+    numbers = (
+        len(tables["branches"]),
+        loops.tree.count,
+        len(free),
+        len(loops.tree.balls),
+        len(loops.cuts),
+        len(loops.couplings),
+        loops.rows + len(equations.prescribed),
+        *(len(tables[name]) for name in ("spring", "resistance", "load")),
+        -1 if equations.crank is None else equations.crank,
+        *(len(tables[name]) for name in ("controller", "actuator")),
+        sum(actuator.inflow is not None for actuator in forces.actuators),
+        int(tables["rotors"].any()),
+        len(tables["nonlinear_spring"]),
+        int(resistances["loaded"].sum()),
+        int(bool(added.numbers)),
+        len(equations.prescribed),
+        len(tables["bushing"]),
+    )
+    data = ModelData(
+        **dict(zip(COUNTS, numbers, strict=True)),
+        **{name: table.ctypes.data for name, table in tables.items()},
+        gravity=(ctypes.c_double * 3)(*forces.gravity),
+        torque=torque,
+        torque_slope=derivative,
+    )
+    return CompiledModel(data, tables, library())
+
+
+def _require_supported(equations: EquationsOfMotion) -> None:
+    """Raise NotCompiledError if the C code does not contain an element of the model."""
+    forces, loops = equations.model.forces, equations.loops
+    for field in fields(forces):
+        if field.name not in FORCES and getattr(forces, field.name):
+            raise NotCompiledError(field.name.replace("_", " "))
+    rows = sum(cut.rows for cut in loops.cuts) + len(loops.couplings)
+    if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
+        raise NotCompiledError("its loop equations")
+    rod = next((cut.joint.name for cut in loops.cuts if KINDS[cut.joint.kind].rod), None)
+    if rod is not None:
+        raise NotCompiledError(f"the length of joint {rod}")
+    for friction in forces.friction:
+        if friction.coupling:
+            raise NotCompiledError(f"the efficiency of coupling {friction.coupling}")
+        if friction.bristle_stiffness:
+            raise NotCompiledError(f"bristles in {friction.joint}")
+    if equations.prescribed and any(friction.loads for friction in equations.frictions):
+        raise NotCompiledError("friction by the load under prescribed motion")
+
+
+def _crank_torque(equations: EquationsOfMotion) -> tuple[float, float]:
+    """Return load and motor torque on the crank at rest in [N m], and its derivative by the speed."""
+    forces = equations.model.forces
+    if equations.crank is None:
+        return 0.0, 0.0
+    constant = forces.crank_torque is not None and forces.crank_torque.over is None
+    load = float(forces.crank_torque.evaluate(np.zeros(1))[0]) if constant and forces.crank_torque else 0.0
+    torques = forces.motor_torque(np.zeros(1))
+    return load + float(torques[0]), 0.0 if forces.motor is None else float(forces.motor.derivative)
+
+
+def _filled(dtype: np.dtype[Any], rows: Sequence[dict[str, Any]]) -> np.ndarray[Any, Any]:
+    """Return a table of records."""
+    table = np.zeros(len(rows), dtype)
+    for record, row in zip(table, rows, strict=True):
+        for name, value in row.items():
+            record[name] = value
+    return table
+
+
+def _branches(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    tree, rows, number = equations.loops.tree, list[dict[str, Any]](), dict[int, int]()
+    for i, branch in enumerate(tree.branches):
+        sides, rotation = tree.constants[branch.child], np.zeros((2, 27))
+        for factors, other in zip(rotation, tree.rotations[branch.child], strict=False):
+            factors[:] = other.ravel()
+        number[branch.child] = i
+        row = {
+            "parent": branch.parent,
+            "child": branch.child,
+            "before": number.get(branch.parent, -1),
+            "forward": branch.forward,
+            "slides": len(branch.kind.slides),
+            "turns": len(branch.kind.turns),
+            "ball": branch.kind.ball,
+            "first": branch.first,
+            "parent_frame": sides.parent_frame.ravel(),
+            "parent_point": sides.parent_point,
+            "child_frame": sides.child_frame.ravel(),
+            "child_point": sides.child_point,
+            "rotation": rotation,
+        }
+        rows.append(row)
+    return _filled(BRANCH, rows)
+
+
+def _coordinates(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    tree, rows = equations.loops.tree, list[dict[str, Any]]()
+    column = np.full(tree.count, -1)
+    column[equations.free] = np.arange(len(equations.free))
+    for branch in tree.branches:
+        sides, kind = tree.constants[branch.child], branch.kind
+        link_a, link_b = (branch.parent, branch.child) if branch.forward else (branch.child, branch.parent)
+        axes = zip((*kind.slides, *kind.turns), tree.axes[branch.child], strict=True)
+        for k, (name, (link, axis)) in enumerate(axes, branch.first):
+            slide = k < branch.first_angle
+            in_a = slide or kind.ball or (kind.crossed and name == "a")
+            row = {
+                "link": link,
+                "carrier": link_a if in_a else link_b,
+                "slide": slide,
+                "centred": not slide and bool(kind.slides) and kind.ball,
+                "centre_link": link_b,
+                "column": column[k],
+                "axis": axis,
+                "centre": sides.child_point if branch.forward else sides.parent_point,
+                "unit": tree.units[k],
+            }
+            rows.append(row)
+    return _filled(COORDINATE, rows)
+
+
+def _side(link: int, end: End) -> tuple[int, Vector, Array]:
+    return link, end.point, end.frame.ravel()
+
+
+def _moved(cut: Cut) -> np.ndarray[Any, Any]:
+    rows = [{"coordinate": k, "sign": np.sign(gain)} for k, gain in zip(cut.columns, cut.gains, strict=True)]
+    return _filled(MOVED, rows)
+
+
+def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
+    rows, first = list[dict[str, Any]](), 0
+    for cut in cuts:
+        of_a, of_b, units, targets = cut.products
+        count, lengths = cut.rows, len(cut.lengths)
+        row = {
+            "a": _side(cut.sides[0], cut.joint.a),
+            "b": _side(cut.sides[1], cut.joint.b),
+            "rows": count,
+            "first_column": first,
+            "columns": len(cut.columns),
+            "of_a": np.append(of_a, np.zeros(6 - count)),
+            "of_b": np.concatenate([np.full(lengths, -1), of_b, np.zeros(6 - count)]),
+            "unit": np.append(units, np.zeros(6 - count)),
+            "target": np.append(targets, np.zeros(6 - count)),
+        }
+        first += len(cut.columns)
+        rows.append(row)
+    return _filled(CUT, rows)
+
+
+def _couplings(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    loops = equations.loops
+    rows = [
+        {
+            "left_zero": row.coupling.zeros[0],
+            "right_zero": row.coupling.zeros[1],
+            "coefficients": np.append(
+                row.coupling.coefficients, np.zeros(5 - len(row.coupling.coefficients))
+            ),
+            "unit": row.unit,
+            "offset": offset / row.unit,
+            "function": added.add(
+                getattr(row.coupling.function, "instructions", None) if row.coupling.function else (),
+                TIME,
+                f"coupling {row.coupling.name}",
+            ),
+        }
+        for row, offset in zip(loops.couplings, loops.turn_offsets, strict=True)
+    ]
+    return _filled(COUPLING, rows)
+
+
+def _inertias(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    table = np.zeros(len(equations.loops.tree.branches), INERTIA)
+    table["mass"][equations.links], table["centre"][equations.links], moments = equations.inertias
+    table["moments"][equations.links] = moments.reshape(-1, 9)
+    return table
+
+
+def _index(equations: EquationsOfMotion, link: str) -> int:
+    return -1 if link == GROUND else equations.loops.tree.index[link]
+
+
+def _point(equations: EquationsOfMotion, location: Location) -> tuple[int, Vector]:
+    link, point = located(equations.model.mechanism, location)
+    return _index(equations, link), point
+
+
+def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    """Return the springs between points as data of the C code."""
+    rows: list[dict[str, Any]] = []
+    for spring in equations.model.forces.springs:
+        (link_a, a), (link_b, b) = (_point(equations, end) for end in (spring.a, spring.b))
+        constants = {name: getattr(spring, name) for name in ("stiffness", "rest", "damping")}
+        rows.append({"link_a": link_a, "link_b": link_b, "a": a, "b": b, **constants})
+    return _filled(SPRING, rows)
+
+
+def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    rows: list[dict[str, Any]] = []
+    for spring in equations.model.forces.nonlinear_springs:
+        row: dict[str, Any] = {"coordinate": -1, "exponent": 1.0, **added.add_spring(spring)}
+        if isinstance(law := spring.law, SoftStop):
+            row |= {"exponent": law.exponent, "hysteresis": law.side * law.hysteresis}
+        if not isinstance(spring.ends, str):
+            (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
+                _point(equations, end) for end in spring.ends
+            )
+        elif spring.ends in equations.sprung:
+            row["coordinate"] = equations.sprung[spring.ends]
+        else:
+            raise NotCompiledError(f"a spring in {spring.ends}, which is no coordinate of the tree")
+        rows.append(row)
+    return _filled(NONLINEAR_SPRING, rows)
+
+
+def _bushings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    return _filled(
+        BUSHING,
+        [
+            {**_sides_of(equations, bushing), "stiffness": bushing.stiffness, "damping": bushing.damping}
+            for bushing in equations.model.forces.bushings
+        ],
+    )
+
+
+def _sides_of(equations: EquationsOfMotion, joint: Joint | Bushing) -> dict[str, Any]:
+    return {name: _side(_index(equations, end.link), end) for name, end in (("a", joint.a), ("b", joint.b))}
+
+
+def _load_factors(equations: EquationsOfMotion, friction: Friction, joint: Joint) -> dict[int, Array]:
+    """Return coordinate -> factors of force and moment, across and along the axis, in its friction, (4,)."""
+    if not friction.coefficient:
+        return {}
+    if equations.model.mechanism.named_laws:
+        raise NotCompiledError("coefficients of friction besides couplings")
+    maps = {i: terms[0].sum(0) for i, terms in friction.loads(joint, np.eye(3)[2:])}
+    return {i: total[[0, 2, 0, 2], [0, 2, 3, 5]] for i, total in maps.items()}
+
+
+def _where(equations: EquationsOfMotion, joint: Joint) -> dict[str, int]:
+    """Return the number of a joint's branch, -1 for one that closes a loop, and that of its cut."""
+    loops = equations.loops
+    branches = [branch.joint.name for branch in loops.tree.branches]
+    if joint.name in branches:
+        return {"branch": branches.index(joint.name)}
+    return {"branch": -1, "cut": [cut.joint.name for cut in loops.cuts].index(joint.name)}
+
+
+def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    mechanism, forces, rows = equations.model.mechanism, equations.model.forces, list[dict[str, Any]]()
+    numbers = {
+        (friction.joint.name, friction.coordinate): k for k, friction in enumerate(equations.frictions)
+    }
+    if len(numbers) != len(equations.frictions):
+        raise NotCompiledError("several frictions in one joint")
+    for friction in forces.friction:
+        joint = mechanism.joint(friction.joint)
+        slides, loads = KINDS[joint.kind].slides, _load_factors(equations, friction, joint)
+        for i, (viscous, coulomb) in enumerate(friction.sizes(KINDS[joint.kind])):
+            kind = KINDS[joint.kind]
+            turning = BALL if kind.ball else FIRST_AXIS + i if kind.crossed else ROTATION
+            row = {
+                **_sides_of(equations, joint),
+                "motion": SLIDE if i < len(slides) else turning,
+                "column": COLUMN[slides[i]] if i < len(slides) else 2,
+                "friction": numbers.get((joint.name, i), -1),
+                "viscous": viscous,
+                "coulomb": coulomb,
+                "at_rest": friction.ratio_at_rest,
+                "stribeck": friction.stribeck,
+            }
+            if i in loads:
+                row |= {"loaded": 1, "load": loads[i], **_where(equations, joint)}
+            rows.append(row)
+    for spring in forces.joint_springs:
+        joint = mechanism.joint(spring.joint)
+        hinge = KINDS[joint.kind].hinge
+        row = {"motion": ROTATION if hinge else SLIDE, "column": 2, "friction": -1, "hinge": hinge}
+        rows.append(
+            {**_sides_of(equations, joint), **row, "stiffness": spring.stiffness, "rest": spring.rest}
+        )
+    return _filled(RESISTANCE, rows)
+
+
+def _loads(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    rows: list[dict[str, Any]] = []
+    forces = equations.model.forces
+    acting = [(*_point(equations, load.location), load.force, 0) for load in forces.loads]
+    acting += [(_index(equations, couple.link), (0.0,) * 3, couple.moment, 3) for couple in forces.couples]
+    for link, point, profile, first in acting:
+        row: dict[str, Any] = {"link": link, "point": point, "varying": profile.over is not None}
+        if profile.over is None:
+            wrench = np.zeros(6)
+            wrench[first : first + 3] = profile.evaluate(np.zeros(1))[0]
+            row["wrench"] = wrench
+        else:
+            expressions = np.zeros(6, EXPRESSION)
+            expressions[first : first + 3] = added.add_load(profile, _angle(equations))
+            row["expressions"] = expressions
+        rows.append(row)
+    return _filled(LOAD, rows)
+
+
+def _angle(equations: EquationsOfMotion) -> Variable:
+    """Return the crank angle as a variable; zero without a crank."""
+    return ("number", 0, 0.0) if equations.crank is None else ("coordinate", equations.crank, 0.0)
+
+
+def _controllers(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    """Return controllers, and a load on the crank that varies."""
+    index_of, units = equations.loops.tree.index_of, equations.loops.units
+
+    def variable(name: str, letter: str) -> Variable:
+        return {"q": "coordinate", "v": "rate"}[letter], index_of[name], float(units[index_of[name]])
+
+    rows: list[tuple[int, tuple[int, int]]] = []
+    for controller in equations.model.forces.controllers:
+        rows.append((index_of[controller.coordinate], added.add_controller(controller, variable)))
+    load = equations.model.forces.crank_torque
+    if load is not None and load.over is not None and equations.crank is not None:
+        (effort,) = added.add_load(load, _angle(equations))
+        rows.append((equations.crank, effort))
+    return np.array(rows, CONTROLLER)
+
+
+def _prescribed(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
+    """Return prescribed coordinates and their motion laws."""
+    return np.array(
+        [
+            (
+                equations.loops.tree.index_of[name],
+                added.add(getattr(law, "instructions", None), TIME, f"the motion law of {name}"),
+            )
+            for name, law in equations.prescribed.items()
+        ],
+        PRESCRIBED,
+    )
+
+
+def _gears(equations: EquationsOfMotion) -> Array:
+    """Return the weights of all coordinates in the lengths of actuators, (actuators, count)."""
+    tree = equations.loops.tree
+    gears = [tree.coupled(actuator.gear) for actuator in equations.model.forces.actuators]
+    return np.reshape(np.array(gears, dtype=float), (-1, tree.count))

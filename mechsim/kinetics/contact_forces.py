@@ -1,0 +1,173 @@
+"""Forces of contacts, ropes and flanks with backlash along a prescribed motion: lift-off, slackness, changes.
+
+The force on link b is N n with the normal n of the contact. A contact closed by force can only push and lifts
+off where N becomes negative (Norton, *Cam Design and Manufacturing Handbook*, ch. 15); if it is closed by
+form, the other flank carries there. A force F, or moment, on the follower towards the cam adds F / l to N,
+where the lever l is the normal displacement of the contact per lift.
+
+With backlash, the flank that carries changes where the force on the driven side changes its sign, without
+regard of the impact.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mechsim.kinematics.loops.record import link_or_ground_motion
+from mechsim.kinetics.model import DynamicModel
+from mechsim.kinetics.prescribed_motion import prescribed_along
+from mechsim.mechanism.cams import Cam
+from mechsim.mechanism.contacts import Contact
+from mechsim.mechanism.joints import Coupling
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
+
+# intervals into which one with a least force next to zero is divided
+FINER = 32
+# force of a coupling relative to the largest one of the drives that is rounding
+ROUNDING = 1e-13
+
+# times (n,) in [s] -> path parameter with its rate and second derivative
+State = Callable[[Array], tuple[Array, Array, Array]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactForce:
+    """Normal force of a contact along a motion.
+
+    Attributes:
+        one_sided: whether the contact can only push, or a rope only pull.
+        rope: whether it is the tension of a rope.
+        backlash: play between the flanks of a coupling, whose force on the driven side it is; 0 for others.
+        least: least force in [N]; negative if the contact would pull.
+        least_at: its time in [s].
+        largest: largest force in [N].
+        largest_at: its time in [s].
+        changes: times in [s] at which the force changes its sign.
+        preload: further constant force in [N], or moment in [N m], on the follower towards the cam with which
+            the contact never pulls; None for a curve.
+    """
+
+    one_sided: bool
+    rope: bool
+    backlash: float
+    least: float
+    least_at: float
+    largest: float
+    largest_at: float
+    changes: tuple[float, ...]
+    preload: float | None
+
+    def sentence(self, name: str) -> str:
+        """Return in words whether the contact stays closed, or the rope taut."""
+        if self.rope:
+            if self.least >= 0.0:
+                return f"{name}: the rope is taut, under {self.least:.6g} to {self.largest:.6g} N"
+            instants = ", ".join(f"{time:.10g}" for time in self.changes) or "no instant"
+            return (
+                f"{name}: the rope goes slack: its tension changes sign at {instants} s and would reach "
+                f"{self.least:.6g} N at {self.least_at:.6g} s"
+            )
+        if self.backlash:
+            instants = ", ".join(f"{time:.10g}" for time in self.changes)
+            changes = (
+                f"at {instants} s the other flank carries" if instants else "one flank carries all the time"
+            )
+            return (
+                f"{name}: {changes}, under {self.least:.6g} to {self.largest:.6g} N m or N; a change moves "
+                f"the driven side by {self.backlash:.6g} rad or m"
+            )
+        if not self.changes:
+            if self.one_sided and self.least < 0.0:
+                return f"{name}: the contact would have to pull, up to {-self.least:.6g} N, all the time"
+            return f"{name}: the contact pushes with {self.least:.6g} to {self.largest:.6g} N"
+        instants = ", ".join(f"{time:.10g}" for time in self.changes)
+        if not self.one_sided:
+            return f"{name}: the other flank carries from {instants} s on, up to {-self.least:.6g} N"
+        more = ""
+        if self.preload is not None:
+            more = f"; {self.preload:.6g} N or N m more on the follower towards the cam prevent it"
+        return (
+            f"{name}: the contact lifts off: its force changes sign at {instants} s and would reach "
+            f"{self.least:.6g} N at {self.least_at:.6g} s{more}"
+        )
+
+
+def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str, ContactForce]:
+    """Return the forces of all contacts and ropes of a mechanism along a prescribed motion.
+
+    Args:
+        model: the dynamic model.
+        state: its motion over time.
+        times: instants between which changes of sign are located, rising, (n,) in [s].
+    """
+    mechanism = model.mechanism
+    laws = mechanism.named_laws.items()
+    opening = {law.name: (label, law) for label, law in laws if law.rope or law.backlash}
+    names = [*mechanism.contacts, *opening] if len(times) > 1 else []
+    return {name: _contact_force(model, state, times, name, *opening.get(name, ("", None))) for name in names}
+
+
+def _contact_force(
+    model: DynamicModel, state: State, times: Array, name: str, label: str, law: Coupling | None
+) -> ContactForce:
+    """Return the force of a contact by its name, or of a coupling by the label of its law."""
+    contact = model.mechanism.contacts.get(name)
+
+    def force(instants: Array) -> tuple[Array, Array | None]:
+        if contact is not None:
+            return _normal_force(model, state, instants, contact)
+        parameter, rate, second = state(instants)
+        # the multiplier of the left side; tension shortens that of a rope
+        forces = prescribed_along(model, parameter, rate, second, time=instants).forces
+        multiplier = forces.gears[label]
+        driving = np.abs([forces.torque, *forces.drives.values()]).max()
+        multiplier = np.where(np.abs(multiplier) <= ROUNDING * driving, 0.0, multiplier)
+        return (-multiplier if law is not None and law.rope else multiplier), None
+
+    value, levers = force(times)
+    preload = None if levers is None else max(0.0, float((-value * levers).max()))
+    # a force next to zero that turns between two instants may change its sign twice
+    steps, magnitude = np.abs(np.diff(value)), np.abs(value[1:-1])
+    turning = (magnitude < np.maximum(steps[1:], steps[:-1])) & (value[:-2] * value[2:] > 0.0)
+    for i in np.flatnonzero(turning):
+        between = np.linspace(times[i], times[i + 2], FINER + 1)
+        times, value = np.append(times, between), np.append(value, force(between)[0])
+    order = np.argsort(times, kind="stable")
+    times, value = times[order], value[order]
+    acting = np.flatnonzero(value)
+    changes = [
+        root(lambda time: float(force(np.array([time]))[0][0]), float(times[i]), float(times[k]))
+        for i, k in pairwise(acting)
+        if value[i] * value[k] < 0.0
+    ]
+    first, last = int(np.argmin(value)), int(np.argmax(value))
+    return ContactForce(
+        one_sided=contact is None or contact.one_sided,
+        rope=law is not None and law.rope,
+        backlash=0.0 if law is None else law.backlash,
+        least=float(value[first]),
+        least_at=float(times[first]),
+        largest=float(value[last]),
+        largest_at=float(times[last]),
+        changes=tuple(changes),
+        preload=preload,
+    )
+
+
+def _normal_force(
+    model: DynamicModel, state: State, times: Array, contact: Contact
+) -> tuple[Array, Array | None]:
+    """Return the normal force, (n,) in [N], and at a cam its lever, (n,) in [1] or [m]."""
+    parameter, rate, second = state(times)
+    motion = model.solver.whole_motion(parameter)
+    values = motion.joints[contact.coordinate].value
+    normals = contact.normals(values)
+    study = prescribed_along(model, parameter, rate, second, time=times)
+    reaction = study.forces.reactions[contact.force_joint].force
+    carrier = link_or_ground_motion(contact.frame, motion.links)
+    directions = (carrier.rotation @ normals[..., None])[..., 0]
+    levers = contact.shape.lever(values) if isinstance(contact.shape, Cam) else None
+    return (reaction * directions).sum(-1), levers

@@ -1,0 +1,523 @@
+"""Contacts: Coulomb friction that sticks or slides, impacts and contacts at joint limits, soft stops.
+
+The gaps g of the stops that are closed satisfy one complementarity problem, with their Jacobian W and the
+inverse mass matrix P on the loops. Impacts: v+ = v- + P W' L, 0 <= L, W v+ + e W v- >= 0, L' (W v+ + e W v-)
+= 0. Contacts at rest: the same with forces, and accelerations of the gaps instead of W v+ + e W v-. The
+energy of an impact changes by -(1 - e) / (1 + e) L' W P W' L / 2: one coefficient e for all stops never adds
+energy. Friction is finite and has no impulse.
+
+Source: C. Glocker, Set-Valued Force Laws (2001); F. Pfeiffer and C. Glocker, Multibody Dynamics with
+Unilateral Contacts (1996), section 5.4 (Newton's law of impact).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mechsim.errors import FrictionError, MechsimError
+from mechsim.kinetics.equations_of_motion import (
+    Dynamics,
+    EquationsOfMotion,
+    Kinematics,
+    with_locked_rows,
+)
+from mechsim.kinetics.gaps import gap_limits, gaps_of
+from mechsim.kinetics.link_forces import constrained_acceleration
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases, SpringLaw, phases_of
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complementarity import complementary, least_in_box
+from mechsim.numerics.newton import root
+from mechsim.numerics.rank import null_spaces
+
+# largest number of changes of sticking, sliding and contact at one instant
+MAX_CHANGES = 50
+# rate of a coordinate with friction, relative to the fastest rate so far, below which it is at rest
+REST = 1e-9
+# approach rate to a stop, relative to the fastest rate, below which there is contact without an impact: the
+# impacts that would follow have 1e-14 of the energy
+SOFT_IMPACT = 1e-7
+# rate of a closed gap, relative to the fastest rate, that is rounding
+NO_APPROACH = 1e-12
+# gap, in [rad] or characteristic lengths, that is closed, and the negative one that rounding of closed loops
+# leaves
+CLOSED_GAP = 1e-9
+# gap in the same units that a stop must exceed to count as open: the rounding of a step is 1e-15
+OPEN_GAP = 1e-13
+# height of a rebound relative to this gap, below which there is none
+REBOUND = 4.0
+# largest number of successive impacts at one instant; the last has no restitution
+MAX_IMPACTS = 100
+# acceleration of a coordinate by a unit force, relative to that of the total mass, below which it cannot
+# move: the square of its share in the motion
+IMMOBILE = 1e-9
+# acceleration of a sticking friction's rate, relative to the square of the fastest rate, that is no rounding
+REVERSAL = 1e-6
+# acceleration that a friction at rest permits, relative to that by its limit, that is rounding
+STARTED = 1e-9
+# relative excess of a friction force over its limit that counts as rounding
+BALANCED = 1e-9
+# smallest limit of a friction by the load, in [N] or [N m]: that of a joint without a load is zero
+NO_LIMIT = 1e-200
+# friction of a unit combination of redundant constraint forces, in [N] or [N m], that is rounding
+NO_FRICTION = 1e-9
+
+# n states and times (n,) in [s] -> numbers (n,), or rows (k, n), that are zero at the event
+EventFunction = Callable[[Kinematics, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A joint coordinate's limit: its index in the tree, the limit in units, and +1 (upper) or -1 (lower).
+
+    `restitution` is its coefficient of restitution; None for that of the run.
+    """
+
+    index: int
+    limit: float
+    side: float
+    restitution: float | None = None
+
+
+class JammedError(MechsimError):
+    """A joint that prescribed motion drives beyond its stop, or impacts that add energy."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMode:
+    """The frictions that slide (with direction) or stick, and the stops in contact.
+
+    Attributes:
+        sliding: direction of each friction's rate, (frictions,) of -1, 0, 1.
+        stuck: indices of the sticking frictions.
+        contacts: indices of the stops in contact.
+        adhesion: tensile force of each contact that is rounding, in [N m] or [N] times the coordinate's unit.
+        phases: phase of each nonlinear spring.
+    """
+
+    sliding: Array
+    stuck: list[int] = field(default_factory=list[int])
+    contacts: list[int] = field(default_factory=list[int])
+    adhesion: Array = field(default_factory=lambda: np.zeros(0))
+    phases: Phases = ()
+
+    def locked(self, equations: EquationsOfMotion, contacts: Sequence[int]) -> list[int] | None:
+        """Return the coordinates that stops, at indices `contacts`, and sticking frictions hold.
+
+        It is None if a friction acts on a motion that is not a coordinate of the tree.
+        """
+        locked, index_of = [*contacts], equations.loops.tree.index_of
+        for i in self.stuck:
+            joint, k = equations.frictions[i].joint, equations.frictions[i].coordinate
+            if not (k < len(joint.coordinates) and joint.coordinates[k] in index_of):
+                return None
+            locked.append(index_of[joint.coordinates[k]])
+        return locked
+
+
+@dataclass(frozen=True, slots=True)
+class Contacts:
+    """Frictions and stops of a mechanism.
+
+    Attributes:
+        equations: equations of motion.
+        stops: limits of joints.
+        restitution: coefficient of restitution, rate after an impact divided by that before it, 0 to 1.
+    """
+
+    equations: EquationsOfMotion
+    stops: tuple[Stop, ...] = ()
+    restitution: float = 0.0
+
+    def indices(self, mode: ContactMode) -> list[int]:
+        """Return the tree indices of the coordinates that stops constrain."""
+        return [self.stops[i].index for i in mode.contacts]
+
+    def accelerate(self, state: Kinematics, times: Array, mode: ContactMode) -> Dynamics:
+        """Return the accelerations of n states at times (n,) in [s] in a contact mode."""
+        return self.equations.accelerate(
+            state, times, mode.sliding, mode.stuck, self.indices(mode), mode.phases
+        )
+
+    def end_functions(self, mode: ContactMode) -> list[EventFunction]:
+        """Return functions of which a row crosses zero downwards where a contact mode ends."""
+
+        def dynamics(state: Kinematics, times: Array) -> Dynamics:
+            return self.accelerate(state, times, mode)
+
+        functions: list[EventFunction] = []
+        moving = np.flatnonzero(mode.sliding)
+        if len(moving):
+            functions.append(
+                lambda state, _: self.equations.friction_rates(state)[moving] * mode.sliding[moving, None]
+            )
+        if mode.stuck:
+            # positive for a balance to rounding
+            functions.append(
+                lambda state, times: 1.0 + BALANCED - self._friction_load(dynamics(state, times), mode)
+            )
+        if mode.contacts:
+            functions.append(
+                lambda state, times: self._pressing(dynamics(state, times), mode) + mode.adhesion[:, None]
+            )
+        for k, phase in enumerate(mode.phases):
+            functions.append(lambda state, _, k=k, phase=phase: self._phase_left(state, k, phase) + OPEN_GAP)
+        return functions
+
+    def _friction_load(self, dynamics: Dynamics, mode: ContactMode) -> Array:
+        """Return the largest sticking friction relative to its limit at n states, (n,).
+
+        If more frictions stick than the motion needs, their forces are not unique: those of the smallest
+        largest load count, since the frictions hold if any distribution of the forces is admissible.
+        """
+        limits = np.maximum(dynamics.limits[mode.stuck], NO_LIMIT)
+        holding = dynamics.holding[mode.stuck] / limits
+        loads = np.abs(holding).max(0)
+        last = dynamics.rows.shape[1] - len(mode.contacts)
+        # forces that are admissible hold, and need no other distribution
+        for k in np.flatnonzero((loads > 1.0) & (len(limits) > 1)):
+            unloaded = null_spaces(dynamics.rows[k])[0][last - len(limits) : last]
+            redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
+            loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
+        return loads
+
+    def _phase_left(self, state: Kinematics, k: int, phase: float) -> Array:
+        """Return what is left of the phase of a nonlinear spring, in units, (n,)."""
+        spring = self.equations.model.forces.nonlinear_springs[k]
+        lengths, rates = self.equations.spring_lengths(state)
+        return spring.law.remaining(phase, lengths[k], rates[k]) / self._unit_of(spring)
+
+    def _unit_of(self, spring: NonlinearSpring) -> float:
+        """Return the unit of a spring's length: a characteristic length, or 1 rad."""
+        mechanism = self.equations.model.mechanism
+        turning = isinstance(spring.ends, str) and mechanism.unit(spring.ends) == "rad"
+        return 1.0 if turning else mechanism.characteristic_length
+
+    def beyond_tables(self, state: Kinematics) -> str:
+        """Return which spring of one state is beyond its table, in words; empty for none."""
+        springs = self.equations.model.forces.nonlinear_springs
+        if not any(isinstance(spring.law, SpringLaw) and spring.law.table for spring in springs):
+            return ""
+        lengths, rates = self.equations.spring_lengths(state)
+        texts = (spring.law.beyond(lengths[k], rates[k]) for k, spring in enumerate(springs))
+        return next((text for text in texts if text), "")
+
+    def phases(self, state: Kinematics, before: Phases = ()) -> Phases:
+        """Return the phases of the nonlinear springs in one state, after other phases."""
+        springs = self.equations.model.forces.nonlinear_springs
+        lengths, rates = (values[:, 0] for values in self.equations.spring_lengths(state))
+        return phases_of(springs, lengths, rates, before)
+
+    def _pressing(self, dynamics: Dynamics, mode: ContactMode) -> Array:
+        """Return the forces of the stops in contact, (contacts, n); negative for a tensile force."""
+        return -self._sides(mode.contacts)[:, None] * dynamics.contact
+
+    def _sides(self, stops: Sequence[int]) -> Array:
+        return np.array([self.stops[i].side for i in stops])
+
+    def _restitutions(self, stops: Sequence[int]) -> Array:
+        own = (self.stops[i].restitution for i in stops)
+        return np.array([self.restitution if value is None else value for value in own])
+
+    def gaps(self, values: Array) -> Array:
+        """Return the gaps of the stops, (stops, n), at coordinates in units, (count, n)."""
+        return np.array([stop.side * (stop.limit - values[stop.index]) for stop in self.stops])
+
+    def gap_rates(self, rates: Array) -> Array:
+        """Return the rates of the gaps, (stops, n), at rates of the coordinates in units, (count, n)."""
+        return np.array([-stop.side * rates[stop.index] for stop in self.stops])
+
+    def _closed(self, state: Kinematics) -> list[int]:
+        """Return the stops with a closed gap in one state."""
+        gaps = self.gaps(state.q.values / self.equations.loops.units[:, None])
+        return [int(i) for i in np.flatnonzero(gaps[:, 0] <= CLOSED_GAP)] if len(gaps) else []
+
+    def rates_after_impact(self, state: Kinematics, time: float, mode: ContactMode, fastest: float) -> Array:
+        """Return the rates (count, 1) after impacts at all closed gaps, by impulses on all coordinates.
+
+        Impacts follow one another until no closed gap approaches. A gap that opens takes no part in an
+        impact. A joint that only touches its stop comes to rest there.
+
+        Args:
+            state: state before the impact.
+            time: in [s].
+            mode: contact mode before the impact.
+            fastest: largest rate of the run so far.
+
+        Raises:
+            JammedError: if prescribed motion closes a gap further.
+        """
+        closed, rates, still = self._closed(state), state.rates, NO_APPROACH * fastest
+        if not (self.gap_rates(rates)[closed] < -still).any():
+            return rates
+        mass = self.equations.mass(state)
+        falling = self.equations.accelerate(
+            state, np.array([time]), mode.sliding, phases=mode.phases
+        ).acceleration
+        slowest = max(SOFT_IMPACT * fastest, float(np.sqrt(2.0 * np.abs(falling).max() * REBOUND * OPEN_GAP)))
+        for number in range(MAX_IMPACTS):
+            before = self.gap_rates(rates)[closed, 0]
+            if not (before < -still).any():
+                break
+            rebound = np.maximum(-self._restitutions(closed) * before, 0.0)
+            rebound[rebound <= slowest] = 0.0
+            last = number == MAX_IMPACTS - 1
+            taking_part = np.flatnonzero((before <= still) | last)
+            stops, target = [closed[i] for i in taking_part], rebound[taking_part] * (not last)
+            pressed = self._pressed(mass, state.jacobian, stops, before[taking_part] - target, still)
+            hit = np.array([k for k, i in enumerate(stops) if i in pressed], dtype=np.intp)
+            rates = self._impact(state, mass, rates, [stops[k] for k in hit], target[hit])
+        return rates
+
+    def _impact(self, state: Kinematics, mass: Array, rates: Array, hit: list[int], target: Array) -> Array:
+        """Return the rates (count, 1) after an impact that gives some gaps their target rates."""
+        equations, indices = self.equations, [self.stops[i].index for i in hit]
+        free = rates[equations.free].T
+        rows = with_locked_rows(equations, state.jacobian, indices)
+        # impulses change no rate that the loops and prescribed motion determine
+        loops = (state.jacobian @ free[..., None])[..., 0]
+        kept = np.concatenate([loops, -(self._sides(hit) * target)[None]], 1)
+        after = np.zeros_like(rates)
+        momentum = (mass @ free[..., None])[..., 0]
+        after[equations.free] = constrained_acceleration(mass, momentum, rows, -kept)[0].T
+        return after
+
+    def _pressed(
+        self, mass: Array, rows: Array, stops: Sequence[int], opening: Array, tolerance: float
+    ) -> list[int]:
+        """Return the stops that must press so that no gap closes further.
+
+        Args:
+            mass: mass matrix, (1, free, free).
+            rows: constraint Jacobian without contacts, (1, rows, free).
+            stops: stops with a closed gap.
+            opening: rate or acceleration of each gap without the stops, less the smallest one admitted.
+            tolerance: rounding of it. A gap that opens less remains in contact.
+
+        Raises:
+            JammedError: if no forces of the stops prevent it.
+        """
+        indices = [self.stops[i].index for i in stops]
+        sides = self._sides(stops)
+        units = with_locked_rows(self.equations, np.zeros((1, 0, mass.shape[1])), indices)[0]
+        count = len(stops)
+        repeated, loops = np.repeat(mass, count, 0), np.repeat(rows, count, 0)
+        moved, _ = constrained_acceleration(repeated, units, loops, np.zeros((count, rows.shape[1])))
+        effects, least = units @ moved.T, 1.0 / float(np.trace(mass[0]))
+        mobile = np.diag(effects) > IMMOBILE * least
+        sizes = np.sqrt(np.where(mobile, np.diag(effects), least))
+        matrix = effects * np.outer(mobile * sides / sizes, mobile * sides / sizes)
+        for slack in (np.where(mobile, -tolerance, tolerance), tolerance):
+            forces = complementary(matrix, (opening + slack) / sizes)
+            if forces is not None:
+                return [i for i, force in zip(stops, forces, strict=True) if force > 0.0]
+        names = {index: name for name, index in self.equations.loops.tree.index_of.items()}
+        raise JammedError(
+            f"{self.equations.model.mechanism.name}: prescribed motion drives "
+            f"{', '.join(names[i] for i in indices)} beyond a stop"
+        )
+
+    def choose(self, state: Kinematics, time: float, fastest: float, before: Phases = ()) -> ContactMode:
+        """Return the contact mode with admissible friction and contact forces, after phases of springs.
+
+        Raises:
+            JammedError: if prescribed motion drives a joint beyond its stop.
+        """
+        rates, fastest = self.equations.friction_rates(state)[:, 0], max(fastest, 1e-9)
+        at_rest = np.abs(rates) <= REST * fastest
+        slow = np.abs(self.gap_rates(state.rates)) <= SOFT_IMPACT * fastest
+        resting = [i for i in self._closed(state) if slow[i, 0]]
+        stuck = [int(i) for i in np.flatnonzero(at_rest)]
+        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state, before))
+        if any(self.equations.frictions[i].friction.varies for i in stuck):
+            together = None if resting else self._moving_together(state, time, mode, fastest)
+            if together is not None:
+                return together
+        elif stuck:
+            mode = self._started(state, time, mode)
+        free = self.accelerate(state, np.array([time]), replace(mode, stuck=[])).acceleration
+        least_slip = max(REVERSAL * fastest**2, STARTED * float(np.abs(free).max(initial=0.0)))
+        for _ in range(MAX_CHANGES):
+            mode = self._touching(state, time, mode, resting)
+            if not self.equations.frictions:
+                break
+            dynamics = self.accelerate(state, np.array([time]), mode)
+            # at a dead centre the joint reverses whatever the friction
+            reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)
+            if reversing is not None and abs(slip := float(dynamics.slip[reversing, 0])) > least_slip:
+                mode = self._sliding(mode, reversing, slip)
+                continue
+            limits = np.maximum(dynamics.limits[:, 0], NO_LIMIT)
+            loads = {i: abs(float(dynamics.holding[i, 0])) / limits[i] for i in mode.stuck}
+            slipping = max(loads, key=lambda i: loads[i], default=None)
+            # smaller than the excess that ends sticking: the friction slides at that instant
+            if slipping is None or self._friction_load(dynamics, mode)[0] <= 1.0 + 0.5 * BALANCED:
+                break
+            mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
+        return mode
+
+    def _touching(self, state: Kinematics, time: float, mode: ContactMode, resting: list[int]) -> ContactMode:
+        """Return a mode with those stops in contact that must press, of those with a closed gap at rest."""
+        mode = replace(mode, contacts=[], adhesion=np.zeros(0))
+        if not resting:
+            return mode
+        times, mass = np.array([time]), self.equations.mass(state)
+        apart = self.accelerate(state, times, mode)
+        # friction that holds a mechanism balances its forces to rounding
+        friction = np.abs(apart.holding).max(initial=0.0) / float(np.trace(mass[0]))
+        rounding = BALANCED * float(np.abs(apart.acceleration).max(initial=friction))
+        opening = self.gap_rates(apart.acceleration)[resting, 0]
+        touching = replace(mode, contacts=self._pressed(mass, apart.rows, resting, opening, 0.5 * rounding))
+        forces = self._pressing(self.accelerate(state, times, touching), touching)[:, 0]
+        adhesion = rounding * float(np.trace(mass[0])) + 2.0 * np.maximum(-forces, 0.0)
+        return replace(touching, adhesion=adhesion)
+
+    def _started(self, state: Kinematics, time: float, mode: ContactMode) -> ContactMode:
+        """Return a mode in which those frictions at rest slide whose rates change, without contacts.
+
+        Their forces f minimise f' A f / 2 + f' s within their limits, with the accelerations s of the rates
+        without them and their change A by unit forces. `mode` has them sticking. Source: Glocker, section
+        5.3 (the principle of least constraint with friction of given limits).
+        """
+        equations, times, stuck = self.equations, np.array([time]), mode.stuck
+        free = self.accelerate(state, times, replace(mode, stuck=[]))
+        limits = free.limits[stuck, 0]
+        unit = equations.friction_directions(state)[stuck, 0] * limits[:, None]
+        count, mass = len(stuck), equations.mass(state)
+        repeated, loops = np.repeat(mass, count, 0), np.repeat(free.rows, count, 0)
+        moved, _ = constrained_acceleration(repeated, unit, loops, np.zeros((count, free.rows.shape[1])))
+        changes = limits * equations.friction_accelerations(state, free.acceleration)[stuck, 0]
+        effects = unit @ moved.T
+        changes = changes + effects @ least_in_box(effects, changes)
+        moving = np.abs(changes) > STARTED * np.abs(effects).max()
+        for i, change in zip(np.array(stuck)[moving].tolist(), changes[moving].tolist(), strict=True):
+            mode = self._sliding(mode, i, change)
+        return mode
+
+    def _moving_together(
+        self, state: Kinematics, time: float, mode: ContactMode, fastest: float
+    ) -> ContactMode | None:
+        """Return the mode in which all frictions at rest slide, or all stick; None if neither is certain.
+
+        Just after the instant they slide as the forces without them tend to move the joints. If they then
+        reverse this motion, they hold it, provided that there is only one: of several motions, some may
+        continue. `mode` has them sticking.
+        """
+        equations, times = self.equations, np.array([time])
+        if any(equations.frictions[i].friction.static for i in mode.stuck):
+            # they slide with less friction than they hold
+            return None
+        tendency = self.accelerate(state, times, replace(mode, stuck=[])).acceleration
+        largest = float(np.abs(tendency).max())
+        if not largest > 0.0:
+            return mode
+        seconds = 0.1 * REST * fastest / largest
+        q = equations.loops.displaced(state.q, seconds * state.rates)
+        after = equations.kinematics(q, state.rates + seconds * tendency, state.activation)
+        rates = equations.friction_rates(after)[:, 0]
+        resting = np.isin(np.arange(len(rates)), mode.stuck)
+        moving = resting & (np.abs(rates) > REST * np.abs(rates[resting]).max())
+        sliding = replace(mode, sliding=np.where(moving, np.sign(rates), mode.sliding), stuck=[])
+        try:
+            acceleration = self.accelerate(after, times, sliding).acceleration
+        except FrictionError as error:
+            if error.outcome != "jammed":
+                raise
+            # no friction permits this motion, as in a self-locking drive
+            return None
+        growth = np.sign(rates) * equations.friction_accelerations(after, acceleration)[:, 0]
+        # a friction that balances the forces to rounding holds
+        growth -= 0.5 * BALANCED * np.abs(equations.friction_accelerations(after, tendency)[:, 0])
+        if (growth[moving] <= 0.0).all():
+            return mode if len(equations.free) - equations.rank == 1 else None
+        return sliding if (growth[moving] > 0.0).all() else None
+
+    def _sliding(self, mode: ContactMode, index: int, direction: float) -> ContactMode:
+        """Return a mode in which a sticking friction slides in a direction; that of a ball is positive."""
+        sliding, ball = mode.sliding.copy(), KINDS[self.equations.frictions[index].joint.kind].ball
+        sliding[index] = 1.0 if ball else np.sign(direction)
+        return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])
+
+
+def closing_instant(
+    gap: Callable[[Array], Array], rate: Callable[[Array], Array], times: Array
+) -> float | None:
+    """Return the first instant in [s] at which a gap closes, also between the instants; None if it does not.
+
+    A gap that is closed at the first instant closes again where it falls by `OPEN_GAP`, or once it was open.
+
+    Args:
+        gap: instants (n,) in [s] -> gap, (n,).
+        rate: the same for its rate.
+        times: instants, (n,) in [s], one a fraction of the gap's variations from the next.
+    """
+    values, rates = gap(times), rate(times)
+    # a minimum between two instants
+    turns = (rates[:-1] < 0.0) & (rates[1:] > 0.0) & (values[:-1] > 0.0) & (values[1:] > 0.0)
+    lowest = [_root_of(rate, times[k], times[k + 1]) for k in np.flatnonzero(turns)]
+    times = np.sort(np.append(times, lowest))
+    values = gap(times)
+    opened = np.maximum.accumulate(values) > OPEN_GAP
+    offsets = np.where(opened, 0.0, OPEN_GAP + max(0.0, -float(values[0])))
+    crosses = (values[:-1] + offsets[:-1] > 0.0) & (values[1:] + offsets[:-1] <= 0.0)
+    if not crosses.any():
+        return None
+    k = int(np.argmax(crosses))
+    return _root_of(lambda instants: gap(instants) + offsets[k], times[k], times[k + 1])
+
+
+def _root_of(function: Callable[[Array], Array], low: float, high: float) -> float:
+    return root(lambda time: float(function(np.array([time]))[0]), float(low), float(high))
+
+
+def _least_largest(values: Array, directions: Array) -> float:
+    """Return the least largest magnitude of values (m,) plus a combination of the columns (m, k).
+
+    If that of the least sum of squares is at most 1, it is returned instead.
+    """
+    values = values - directions @ np.linalg.lstsq(directions, values, rcond=None)[0]
+    if not directions.size or np.abs(values).max() <= 1.0:
+        return float(np.abs(values).max())
+    from scipy.optimize import linprog
+
+    bounded = -np.ones((len(values), 1))
+    result = linprog(
+        np.append(np.zeros(directions.shape[1]), 1.0),
+        A_ub=np.block([[directions, bounded], [-directions, bounded]]),
+        b_ub=np.concatenate([-values, values]),
+        bounds=(None, None),
+    )
+    return float(result.fun)
+
+
+def gap_indices(equations: EquationsOfMotion) -> dict[int, str]:
+    """Return the indices in the tree of the gaps of one-sided contacts and ropes, with their names."""
+    return {equations.loops.tree.index_of[name]: name for name in gaps_of(equations.model.mechanism)}
+
+
+def gap_stops(equations: EquationsOfMotion) -> list[Stop]:
+    """Return the stops at which gaps are closed."""
+    tree, units = equations.loops.tree, equations.loops.units
+    own = equations.model.solver.restitution
+    return [
+        Stop(index := tree.index_of[name], limit / units[index], side, own.get(name))
+        for name, limits in gap_limits(equations.model.mechanism).items()
+        for limit, side in zip(limits, (-1.0, 1.0), strict=True)
+        if abs(limit) < np.inf
+    ]
+
+
+def stops_of(equations: EquationsOfMotion) -> tuple[Stop, ...]:
+    """Return the stops of joints with a range, if the tree has their coordinate, and of closed gaps."""
+    solver = equations.model.solver
+    stops = gap_stops(equations)
+    for name, limits in solver.ranges.items():
+        index = equations.loops.tree.index_of.get(name)
+        if index is None or index not in equations.free:
+            continue
+        for limit, side in zip(limits, (-1.0, 1.0), strict=True):
+            if abs(limit) < np.inf:
+                own = solver.restitution.get(name)
+                stops.append(Stop(index, limit / equations.loops.units[index], side, own))
+    return tuple(stops)

@@ -1,0 +1,602 @@
+"""Equations of motion of any mechanism in the coordinates of its spanning tree.
+
+M(q) a + h(q, v) = Q(q, v, t) + J' lambda with the loop constraints J a + gamma = 0. Displacements are in
+characteristic lengths, angles in radians.
+
+Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 8 (closed-loop systems); the mass
+matrix is summed over the links from their spatial inertias at the ground's origin.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.kinematics.loops.constraints import TreeLoops
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
+from mechsim.kinematics.loops.start import CLOSED, assembled, close_nearest
+from mechsim.kinetics.applied_forces import applied, length_and_rate, loads
+from mechsim.kinetics.link_forces import (
+    DryFriction,
+    constrained_acceleration,
+    friction_directions,
+    generalised_forces,
+    inertial_wrenches,
+    kinetic_energy,
+    mass_matrix,
+    spatial_inertias,
+)
+from mechsim.kinetics.load_friction import (
+    ConstrainedMotion,
+    frictions_in_motion,
+    loaded_coordinates,
+)
+from mechsim.kinetics.model import DynamicModel
+from mechsim.kinetics.unit_motion import UnitMotion
+from mechsim.mechanism.actuators import no_control
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.motion_laws import State
+from mechsim.mechanism.nonlinear_springs import Phases
+from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.jets import stepped_sizes
+from mechsim.numerics.rank import significant
+
+# step of the central difference for the rate of a friction direction, in units of the coordinates; the
+# relative error of the rate is about 1e-10
+DIFFERENCE = 1e-5
+# distance from the start at which the rank of the constraints is looked at, too
+NEXT_TO_START = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class MovingLinks:
+    """Links at n states.
+
+    Attributes:
+        q: coordinates of the spanning tree.
+        rates: rates of the coordinates in units, (count, n) per second.
+        poses: poses of the links.
+        twist: twist of each link at the ground's origin, (links, 6, n).
+        bias: acceleration of each link at constant rates, (links, 6, n).
+    """
+
+    q: Coordinates
+    rates: Array
+    poses: LinkPoses
+    twist: Array
+    bias: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics(MovingLinks):
+    """Constraints and links at n states.
+
+    Attributes:
+        residual: residuals of the constraint equations, (rows, n).
+        jacobian: Jacobian of the constraints by the free coordinates in units, (n, rows, free), with the rows
+            of prescribed coordinates last.
+        gamma: velocity-product term of the loops, (n, rows without prescribed ones).
+        activation: states of the actuators that have one, (states, n); None for their steady states.
+    """
+
+    residual: Array
+    jacobian: Array
+    gamma: Array
+    activation: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Dynamics:
+    """Accelerations and energies at n states.
+
+    Attributes:
+        acceleration: accelerations of the coordinates in units, (count, n) per second squared.
+        driving: drive force of each prescribed coordinate, (prescribed, n) in [N m] or [N].
+        holding: force of each sticking friction, (frictions, n) in [N m] or [N].
+        limits: largest sticking force of each friction, and force of a sliding one, (frictions, n).
+        slip: acceleration of the rate that each sticking friction opposes, (frictions, n) in [1/s2]; nonzero
+            if the joint reverses at a dead centre, which no friction prevents.
+        contact: force of each stop in contact along its coordinate, (contacts, n) in [N m] or [N] times the
+            unit of the coordinate.
+        rows: constraint Jacobian of loops, sticking frictions and stops, (n, rows, free).
+        kinetic: kinetic energy, (n,) in [J].
+        potential: potential energy of gravity and springs, (n,) in [J].
+        power_in: power of motor, loads and prescribed motion, (n,) in [W].
+        power_lost: power lost in friction and dampers, (n,) in [W].
+        activation: rates of the actuators' states, (states, n).
+    """
+
+    acceleration: Array
+    driving: Array
+    holding: Array
+    limits: Array
+    slip: Array
+    contact: Array
+    rows: Array
+    kinetic: Array
+    potential: Array
+    power_in: Array
+    power_lost: Array
+    activation: Array
+
+
+@dataclass(frozen=True)
+class EquationsOfMotion:
+    """The equations of motion of a dynamic model; its drivers are free or follow motion laws.
+
+    Attributes:
+        model: the dynamic model.
+        loops: loop equations, in which locked coordinates are prescribed.
+        start: assembled coordinates.
+        prescribed: coordinate -> its motion law; all others are free.
+        added_moments: moments of inertia of passive rotations in the links' frames, (L, 3, 3); see
+            `passive_rotation`.
+    """
+
+    model: DynamicModel
+    loops: TreeLoops
+    start: Coordinates
+    prescribed: Mapping[str, State] = field(default_factory=dict[str, State])
+    added_moments: Array | float = 0.0
+
+    @cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Indices of the coordinates that are not locked."""
+        return self.loops.unknown
+
+    @cached_property
+    def prescribed_indices(self) -> list[int]:
+        """Index in the tree of each prescribed coordinate."""
+        return [self.loops.tree.index_of[name] for name in self.prescribed]
+
+    def prescribed_motion(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return values, rates and accelerations of the prescribed coordinates in units, (prescribed, n)."""
+        units = self.loops.units[self.prescribed_indices][:, None]
+        motion = np.zeros((3, len(self.prescribed), len(times)))
+        for k, law in enumerate(self.prescribed.values()):
+            motion[:, k] = [np.broadcast_to(values, times.shape) for values in law(times)]
+        value, rate, acceleration = motion / units
+        return value, rate, acceleration
+
+    @cached_property
+    def links(self) -> list[int]:
+        """Index in the tree of each link of the mechanism."""
+        return [self.loops.tree.index[link.name] for link in self.model.mechanism.links]
+
+    @cached_property
+    def sprung(self) -> dict[str, int]:
+        """Index in the tree of each coordinate along which nonlinear springs act."""
+        index_of = self.loops.tree.index_of
+        return {name: index_of[name] for name in self.model.forces.sprung if name in index_of}
+
+    @cached_property
+    def crank(self) -> int | None:
+        """Index of the crank's coordinate; None without a crank."""
+        mechanism = self.model.mechanism
+        return self.loops.tree.index_of[mechanism.crank.name] if mechanism.has_crank else None
+
+    @cached_property
+    def frictions(self) -> tuple[DryFriction, ...]:
+        """Every Coulomb friction above zero, or with a load."""
+        frictions: list[DryFriction] = []
+        for friction in self.model.forces.friction:
+            joint = self.model.mechanism.joint(friction.joint)
+            loaded = loaded_coordinates(friction, self.model.mechanism)
+            for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
+                loads = tuple(item.number for item in loaded if item.coordinate == i)
+                if magnitude or loads:
+                    frictions.append(DryFriction(joint, i, magnitude, friction, loads))
+        return tuple(frictions)
+
+    @cached_property
+    def inertias(self) -> tuple[Array, Array, Array]:
+        """Masses (L,), centres (L, 3) and inertia matrices (L, 3, 3) in the links' frames."""
+        inertias = [link.inertia for link in self.model.mechanism.links if link.inertia is not None]
+        return (
+            np.array([inertia.mass for inertia in inertias]),
+            np.array([inertia.centre for inertia in inertias]),
+            np.array([inertia.moments for inertia in inertias]) + self.added_moments,
+        )
+
+    def kinematics(self, q: Coordinates, rates: Array, activation: Array | None = None) -> Kinematics:
+        """Return constraints and links at coordinates and rates in units, (count, n)."""
+        residual, jacobian, poses = self.loops.linearise(q)
+        links = moving_links(self.loops, q, rates, poses)
+        physical = rates * self.loops.units[:, None]
+        gamma = self.loops.velocity_products(q, poses, physical, links.twist, links.bias)
+        free = with_locked_rows(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
+        return Kinematics(q, rates, poses, links.twist, links.bias, residual, free, gamma.T, activation)
+
+    # whoever asks for the accelerations reports forces that are not finite
+    @np.errstate(over="ignore", invalid="ignore")
+    def accelerate(
+        self,
+        state: Kinematics,
+        time: Array,
+        sliding: Array,
+        stuck: Sequence[int] = (),
+        contacts: Sequence[int] = (),
+        phases: Phases | None = None,
+    ) -> Dynamics:
+        """Return the accelerations at states.
+
+        Args:
+            state: n states.
+            time: (n,) in [s].
+            sliding: direction of each Coulomb friction's rate, (frictions,) of -1, 0, 1.
+            stuck: indices of the sticking frictions.
+            contacts: indices of the coordinates with a stop in contact.
+            phases: phase of each nonlinear spring; None for that of the state.
+        """
+        unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
+        inertia = spatial_inertias(unit, *self.inertias)
+        mass = self._mass(jacobians, inertia)
+        acting, loaded = applied(self.model, unit), loads(self.model, unit, time, phases=phases)
+        wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
+        at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
+        directions = self.friction_directions(state)
+        twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
+        inertial = inertial_wrenches(twist, bias, inertia)
+        force = generalised_forces(unit, jacobians, wrenches, inertial) + at_joints
+        _, driven_rates, driven_accelerations = self.prescribed_motion(time)
+        gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
+        rows, gamma = self.constraint_rows(state, gamma, directions, stuck, contacts)
+        motion = ConstrainedMotion(unit, jacobians, bias, mass, force, rows, gamma, wrenches, at_joints)
+        limits = self._friction_limits(state, motion, directions, sliding, stuck, contacts, time)
+        rubbing = _rubbing(limits, sliding, directions, force)
+        free, multipliers = constrained_acceleration(mass, force + rubbing, rows, gamma)
+        acceleration = np.zeros_like(state.rates)
+        acceleration[self.free] = free.T
+        n, first = len(time), state.jacobian.shape[1]
+        sticking = slice(first, first + len(stuck))
+        holding, slip = np.zeros((2, len(self.frictions), n))
+        holding[list(stuck)] = multipliers[:, sticking].T
+        slip[list(stuck)] = ((rows[:, sticking] @ free[..., None])[..., 0] + gamma[:, sticking]).T
+        rates = state.rates[self.free].T
+        driving = multipliers[:, first - len(self.prescribed) : first].T
+        return Dynamics(
+            acceleration=acceleration,
+            driving=driving / self.loops.units[self.prescribed_indices][:, None],
+            holding=holding,
+            limits=limits,
+            slip=slip,
+            contact=multipliers[:, first + len(stuck) :].T,
+            rows=rows,
+            kinetic=kinetic_energy(mass, rates),
+            potential=acting.energy + loaded.energy,
+            power_in=loaded.work + (at_joints * rates).sum(1) + (driving * driven_rates).sum(0),
+            power_lost=loaded.lost - (acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
+            activation=activation,
+        )
+
+    def _friction_limits(
+        self,
+        state: Kinematics,
+        motion: ConstrainedMotion,
+        directions: Array,
+        sliding: Array,
+        stuck: Sequence[int],
+        contacts: Sequence[int],
+        time: Array,
+    ) -> Array:
+        """Return the magnitude of each sliding friction, and the limit of each other, (frictions, n)."""
+        limits = np.outer([friction.magnitude for friction in self.frictions], np.ones(len(time)))
+        if not any(friction.loads for friction in self.frictions):
+            return limits
+        motion = replace(motion, force=motion.force + _rubbing(limits, sliding, directions, motion.force))
+        first = motion.rows.shape[1] - len(stuck) - len(contacts)
+        drives = slice(first - len(self.prescribed), first)
+        driven, stopped = (np.searchsorted(self.free, index) for index in (self.prescribed_indices, contacts))
+        units = self.loops.units[self.free]
+
+        def in_joints(acceleration: Array, multipliers: Array) -> Array:
+            forces = -acceleration @ self.rotors
+            forces[:, driven] += multipliers[:, drives]
+            forces[:, stopped] += multipliers[:, first + len(stuck) :]
+            return forces / units
+
+        columns = {
+            name: int(np.searchsorted(self.free, index))
+            for name, index in self.loops.tree.index_of.items()
+            if index in self.free
+        }
+        # the balance has no equations of drivers, whose forces are those in joints
+        undriven = replace(self.model.mechanism, driver=())
+        motion = replace(motion, unit=replace(motion.unit, mechanism=undriven), steady=motion.steady / units)
+        return limits + frictions_in_motion(
+            motion,
+            in_joints,
+            columns,
+            self.frictions,
+            directions,
+            self._ratios(state, directions, stuck),
+            sliding,
+            slice(first, first + len(stuck)),
+            stuck,
+            [f"{undriven.name} at {value:.6g} s" for value in time],
+        )
+
+    def _ratios(self, state: Kinematics, directions: Array, stuck: Sequence[int]) -> Array:
+        """Return each friction relative to that in fast motion, (frictions, n)."""
+        rates = np.einsum("fnk,kn->fn", directions, state.rates[self.free])
+        rows = zip(self.frictions, rates, strict=True)
+        ratios = np.array([row.friction.ratio(rate) for row, rate in rows])
+        for i in stuck:
+            ratios[i] = self.frictions[i].friction.ratio_at_rest
+        return ratios
+
+    def smooth_forces(self, state: Kinematics) -> tuple[Array, Array]:
+        """Return generalised forces at time zero without Coulomb friction, and sums of their terms' sizes.
+
+        Complex steps of coordinates or rates are propagated, also to the sizes. Both results are (n, free).
+        """
+        unit, jacobians, time = self._unit_motion(state), self._link_jacobians(state), np.zeros(len(state.q))
+        acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
+        wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches
+        at_joints, _ = _actuator_forces(self, state, time, loaded.crank)
+        sizes = stepped_sizes(np.stack(wrenches)).sum(0)
+        arms = stepped_sizes(unit.position).sum(-1, keepdims=True)
+        sizes[..., 3:] += arms * sizes[..., :3].sum(-1, keepdims=True)
+        magnitude = np.einsum("nlij,nli->nj", stepped_sizes(jacobians), sizes) + stepped_sizes(at_joints)
+        return generalised_forces(unit, jacobians, np.sum(wrenches, 0)) + at_joints, magnitude
+
+    def mass(self, state: Kinematics) -> Array:
+        """Return the mass matrix of the free coordinates in units, (n, free, free)."""
+        inertia = spatial_inertias(self._unit_motion(state), *self.inertias)
+        return self._mass(self._link_jacobians(state), inertia)
+
+    def energy(self, state: Kinematics) -> tuple[float, float]:
+        """Return kinetic and potential energy of one state in [J]."""
+        kinetic = kinetic_energy(self.mass(state), state.rates[self.free].T)[0]
+        unit = self._unit_motion(state)
+        potential = applied(self.model, unit).energy + _stored(self.model, unit)
+        return float(kinetic), float(potential[0])
+
+    @property
+    def steady(self) -> bool:
+        """Whether neither loads, controllers, actuators nor prescribed motion depend on time."""
+        forces = self.model.forces
+        varying = [a for a in forces.actuators if a.control is not no_control or a.inflow is not None]
+        return not (self.prescribed or forces.controllers or varying) and not any(
+            course.over == "time" for course in self.model.forces.load_profiles
+        )
+
+    def constraint_rows(
+        self,
+        state: Kinematics,
+        gamma: Array,
+        directions: Array,
+        stuck: Sequence[int],
+        contacts: Sequence[int],
+    ) -> tuple[Array, Array]:
+        """Return Jacobian (n, rows, free) and velocity-product terms: loops, sticking friction, stops."""
+        rows = state.jacobian
+        if len(stuck):
+            rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
+            gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
+        if len(contacts):
+            rows = with_locked_rows(self, rows, contacts)
+            gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
+        return rows, gamma
+
+    def _mass(self, jacobians: Array, inertia: Array) -> Array:
+        """Return the mass matrix from link Jacobians and spatial inertias."""
+        return mass_matrix(jacobians, inertia) + self.rotors
+
+    @cached_property
+    def rotors(self) -> Array:
+        """Inertia of rotors and the flywheel, which depends on no coordinate, (free, free) in units."""
+        forces, units = self.model.forces, self.loops.units[self.free]
+        rows = [({name: 1.0}, inertia) for name, inertia in forces.armature.items()]
+        rows += [(actuator.gear, actuator.inertia) for actuator in forces.actuators]
+        total = np.zeros((len(units), len(units)))
+        for gear, inertia in rows:
+            along = self.loops.tree.coupled(gear)[self.free] * units
+            total += inertia * np.outer(along, along)
+        if self.crank is not None:
+            column = int(np.searchsorted(self.free, self.crank))
+            total[column, column] += forces.flywheel
+        return total
+
+    @cached_property
+    def rank(self) -> int:
+        """Numerical rank of the loop constraints, at the start or next to it: the start may be singular."""
+        (jacobian,) = constraint_jacobians(self, self.start)
+        if not jacobian.size:
+            return 0
+        _, values, basis = np.linalg.svd(jacobian)
+        rank, step = int(significant(values).sum()), np.zeros((self.loops.tree.count, 1))
+        step[self.free, 0] = NEXT_TO_START * basis[rank:].sum(0)
+        moved, gap = close_nearest(self.loops, self.loops.displaced(self.start, step))
+        if not (gap <= CLOSED).all():
+            return rank
+        values = np.linalg.svd(constraint_jacobians(self, moved)[0], compute_uv=False)
+        return max(rank, int(significant(values).sum()))
+
+    def spring_lengths(self, state: Kinematics) -> tuple[Array, Array]:
+        """Return lengths and rates of the nonlinear springs, (springs, n) each."""
+        unit, springs = self._unit_motion(state), self.model.forces.nonlinear_springs
+        lengths, rates = np.empty((2, len(springs), len(unit)))
+        for k, spring in enumerate(springs):
+            lengths[k], rates[k] = length_and_rate(unit, spring)
+        return lengths, rates
+
+    @cached_property
+    def _constant_directions(self) -> tuple[Array, frozenset[int]]:
+        """Generalised force of a unit of each friction along a coordinate of the tree, (frictions, free).
+
+        Also the numbers of the other frictions, whose directions vary.
+        """
+        every, varying = np.diag(self.loops.units)[:, self.free], set[int]()
+        directions = np.zeros((len(self.frictions), len(self.free)))
+        for k, friction in enumerate(self.frictions):
+            names = friction.joint.coordinates[friction.coordinate :]
+            index = None if KINDS[friction.joint.kind].ball else self.loops.tree.index_of.get(names[0])
+            if index is None:
+                varying.add(k)
+            else:
+                directions[k] = every[index]
+        return directions, frozenset(varying)
+
+    def friction_directions(self, state: Kinematics) -> Array:
+        """Return the generalised force of a unit of each friction, (frictions, n, free)."""
+        constant, varying = self._constant_directions
+        directions = np.repeat(constant[:, None], len(state.q), 1)
+        if varying:
+            numbers = sorted(varying)
+            directions[numbers] = friction_directions(
+                [self.frictions[k] for k in numbers], self._unit_motion(state), self._link_jacobians(state)
+            )
+        return directions
+
+    def friction_rates(self, state: Kinematics) -> Array:
+        """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""
+        return np.einsum("fnk,kn->fn", self.friction_directions(state), state.rates[self.free])
+
+    def friction_accelerations(self, state: Kinematics, accelerations: Array) -> Array:
+        """Return the changes of the opposed rates, (frictions, n), at accelerations (count, n)."""
+        by_acceleration = np.einsum("fnk,kn->fn", self.friction_directions(state), accelerations[self.free])
+        return by_acceleration + self._direction_rates(state, range(len(self.frictions))).T
+
+    def _unit_motion(self, state: Kinematics) -> UnitMotion:
+        """Return the links' motion by time in the form that applied forces need."""
+        position = state.poses.position[self.links].transpose(2, 0, 1)
+        rotation = state.poses.rotation[self.links].transpose(3, 0, 1, 2)
+        twist = state.twist[self.links].transpose(2, 0, 1).copy()
+        twist[..., :3] += cross(twist[..., 3:], position)
+        n = len(state.q)
+        angle = np.zeros(n) if self.crank is None else state.q.values[self.crank]
+        none = np.zeros((*twist.shape, 0))
+        unit = UnitMotion(self.model.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
+        continuous = {name: state.q.values[i] for name, i in self.sprung.items()}
+        return replace(unit, coordinates=continuous) if continuous else unit
+
+    def _link_jacobians(self, state: Kinematics) -> Array:
+        """Return each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""
+        moved = self.loops.tree.moved_by[self.links][:, self.free]
+        scaled = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
+        return moved[None, :, None, :] * scaled.transpose(2, 1, 0)[:, None]
+
+    def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
+        """Return the velocity-product terms of the coordinates with sticking friction, (n, stuck)."""
+        if self._constant_directions[1].isdisjoint(stuck):
+            return np.zeros((len(state.q), len(stuck)))
+        displaced: list[Array] = []
+        for seconds in (DIFFERENCE, -DIFFERENCE):
+            moved = self.kinematics(self.loops.displaced(state.q, seconds * state.rates), state.rates)
+            displaced.append(self.friction_directions(moved))
+        change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
+        return np.einsum("fnk,kn->nf", change, state.rates[self.free])
+
+
+def moving_links(loops: TreeLoops, q: Coordinates, rates: Array, poses: LinkPoses) -> MovingLinks:
+    """Return links at coordinates with their poses, and rates in units, (count, n)."""
+    tree, physical = loops.tree, rates * loops.units[:, None]
+    twist = twists(tree, poses, physical)
+    return MovingLinks(q, rates, poses, twist, velocity_products(tree, poses, twist, physical))
+
+
+def _stored(model: DynamicModel, unit: UnitMotion) -> Array:
+    """Return the energy in nonlinear springs, (n,) in [J]."""
+    springs = model.forces.nonlinear_springs
+    return sum(
+        (spring.law.energy(length_and_rate(unit, spring)[0]) for spring in springs), np.zeros(len(unit))
+    )
+
+
+def _actuator_forces(
+    equations: EquationsOfMotion, state: Kinematics, time: Array, torque: Array
+) -> tuple[Array, Array]:
+    """Return the generalised force of motor, controllers, actuators and load torque, (n, free).
+
+    Also return the rates of the actuators' states, (states, n).
+    """
+    forces, tree, units = equations.model.forces, equations.loops.tree, equations.loops.units
+    dtype = np.result_type(state.q.values, state.rates)
+    total = np.zeros((len(units), len(time)), dtype)
+    if equations.crank is not None:
+        total[equations.crank] = torque + forces.motor_torque(state.rates[equations.crank])
+    for controller in forces.controllers:
+        values = {name: state.q.values[tree.index_of[name]] for name in controller.coordinates}
+        rates = {name: state.rates[i] * units[i] for name, i in tree.index_of.items() if name in values}
+        index = tree.index_of[controller.coordinate]
+        total[index] += controller.effort(values, rates, time) * units[index]
+    activations: list[Array] = []
+    for actuator in forces.actuators:
+        arms = tree.coupled(actuator.gear)
+        length, speed = arms @ state.q.values, (arms * units) @ state.rates
+        inputs = actuator.input(time)
+        if state.activation is None or actuator.inflow is None:
+            activation = actuator.steady_state(time, length, speed)
+        else:
+            activation = state.activation[len(activations)]
+        total += np.outer(arms * units, actuator.force(inputs, length, speed, activation))
+        if actuator.inflow is not None:
+            activations.append(actuator.state_rate(inputs, length, speed, activation))
+    return total[equations.free].T, np.reshape(activations, (-1, len(time)))
+
+
+def _rubbing(limits: Array, sliding: Array, directions: Array, force: Array) -> Array:
+    """Return the generalised force of the sliding frictions, (n, free)."""
+    rubbing = np.zeros_like(force)
+    for limit, sign, direction in zip(limits, sliding, directions, strict=True):
+        rubbing -= sign * limit[:, None] * direction
+    return rubbing
+
+
+def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
+    """Return a constraint Jacobian (n, rows, free) with additional rows that lock coordinates of the tree."""
+    rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
+    return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
+
+
+def constraint_jacobians(equations: EquationsOfMotion, q: Coordinates) -> Array:
+    """Return the Jacobians (n, rows, free) of the loops and prescribed coordinates."""
+    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
+    return with_locked_rows(equations, jacobian, equations.prescribed_indices)
+
+
+def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:
+    """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops.
+
+    It is NaN where the loop equations are, as beyond the table of a coupling.
+    """
+    if not equations.rank:
+        return np.ones(len(state.q))
+    result, finite = np.full(len(state.q), np.nan), np.isfinite(state.jacobian).all((1, 2))
+    values: Array = np.linalg.svd(state.jacobian[finite], compute_uv=False).astype(np.float64)
+    result[finite] = values[:, equations.rank - 1]
+    return result
+
+
+def equations_of_motion(
+    model: DynamicModel,
+    coordinates: Iterable[str] | None = None,
+    prescribed: Mapping[str, State] | None = None,
+) -> EquationsOfMotion:
+    """Return the equations of motion of a dynamic model, assembled at its guess.
+
+    Args:
+        model: the dynamic model.
+        coordinates: joint coordinates that the spanning tree must contain, such as those with initial values.
+        prescribed: coordinate -> its motion law.
+
+    Raises:
+        AssemblyError: if the loops do not close.
+    """
+    mechanism, laws = model.mechanism, prescribed or {}
+    controlled = sorted(model.forces.controlled)
+    named = {*(coordinates or {}), *laws, *controlled, *model.forces.sprung} - {*mechanism.drivers}
+    needed = [name for joint in mechanism.joints for name in joint.coordinates if name in named]
+    loops, start = assembled(mechanism, needed)
+    for name in controlled:
+        if name not in loops.tree.index_of or name in mechanism.locked:
+            raise InputError(
+                f"{mechanism.name}: a controller or actuator names {name!r}, which is locked or closes a "
+                "loop among the coordinates of controllers and initial values; name another one"
+            )
+    locked = tuple(loops.tree.index_of[name] for name in mechanism.locked)
+    return EquationsOfMotion(model, replace(loops, driven=locked), start, laws)

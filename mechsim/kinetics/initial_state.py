@@ -1,0 +1,348 @@
+"""States of a mechanism: initial ones from values of joint coordinates, and their packing into vectors."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.kinematics.loops.kinematics import Coordinates
+from mechsim.kinematics.loops.mobility import independent_coordinates
+from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED, close_nearest
+from mechsim.kinematics.vector_method.rotations import from_quaternion, turned_by
+from mechsim.kinetics.equations_of_motion import (
+    Dynamics,
+    EquationsOfMotion,
+    Kinematics,
+    with_locked_rows,
+)
+from mechsim.mechanism.links import GROUND
+from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
+
+# largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model
+# of the loops is valid for several times that
+STEP = 0.05
+# residual of closed loops between such steps
+BETWEEN = 1e-6
+# relative error of rates above which their requested values contradict the loops
+CONSISTENT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class InitialValues:
+    """Requested coordinates in [m] or [rad], and rates per second, by coordinate name.
+
+    Attributes:
+        coordinates: coordinate -> value in [m] or [rad]; (n,) for n runs.
+        rates: coordinate -> rate per second; (n,) for n runs.
+        rotations: spherical or floating joint -> rotation of side b's frame in side a's, (3, 3).
+        spins: the same -> angular velocity of side b relative to side a, in side a's frame, (3,) in [rad/s].
+    """
+
+    coordinates: Mapping[str, float | Array]
+    rates: Mapping[str, float | Array]
+    rotations: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    spins: Mapping[str, Array] = field(default_factory=dict[str, Array])
+
+
+def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[Coordinates, Array]:
+    """Return coordinates and rates in units, (count, n), that satisfy the loops and the requested values.
+
+    The coordinates move to their values in short steps from the assembled configuration, within its assembly
+    mode. Independent coordinates without a value keep theirs; those without a rate are at rest.
+
+    Raises:
+        AssemblyError: where the loops do not close at the values.
+        InputError: for values that contradict one another or the loops.
+    """
+    for name in equations.prescribed:
+        if name in values.coordinates or name in values.rates:
+            raise InputError(
+                f"{equations.model.mechanism.name}: {name!r} follows its motion law; "
+                "leave its initial value out"
+            )
+    value, rate, _ = equations.prescribed_motion(np.zeros(1))
+    units = equations.loops.units[equations.prescribed_indices]
+    first = dict(zip(equations.prescribed, (value[:, 0] * units).tolist(), strict=True))
+    first_rates = dict(zip(equations.prescribed, (rate[:, 0] * units).tolist(), strict=True))
+    q = _moved(equations, {**values.coordinates, **first}, values.rotations)
+    return q, _rates(equations, q, {**values.rates, **first_rates}, values.spins)
+
+
+def projected(
+    equations: EquationsOfMotion, q: Coordinates, rates: Array, times: Array, resting: Sequence[int] = ()
+) -> tuple[Coordinates, Array]:
+    """Return the n closed configurations and consistent rates nearest to given ones, at times (n,) in [s].
+
+    `resting` are indices of coordinates with rate zero.
+
+    Raises:
+        AssemblyError: if Newton's method does not close the loops.
+    """
+    value, rate, _ = equations.prescribed_motion(times)
+    q = _closed(equations, q, equations.prescribed_indices, value)
+    loop_jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
+    jacobian = with_locked_rows(equations, loop_jacobian, [*equations.prescribed_indices, *resting])
+    rates = rates.copy()
+    violation = jacobian @ rates[equations.free].T[..., None]
+    first = loop_jacobian.shape[1]
+    violation[:, first : first + len(rate), 0] -= rate.T
+    rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
+    return q, rates
+
+
+def _moved(
+    equations: EquationsOfMotion, coordinates: Mapping[str, float | Array], rotations: Mapping[str, Array]
+) -> Coordinates:
+    from scipy.spatial.transform import Rotation
+
+    requested = _columns(coordinates)
+    named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(requested.shape[1])
+    balls = {name: _ball_index(equations, name) for name in rotations}
+    constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
+    kept = _independent(equations, q, [*named, *constant])
+    first_rotations = [q.turns[number, ..., 0] for _, number in balls.values()]
+    changes = [
+        Rotation.from_matrix(target @ start.T).as_rotvec()
+        for target, start in zip(rotations.values(), first_rotations, strict=True)
+    ]
+    indices = [*named, *kept.values()]
+    units = equations.loops.units[indices][:, None]
+    begin = q.values[indices] / units
+    target = begin.copy()
+    target[: len(named)] = requested / units[: len(named)]
+    widest = np.abs(np.concatenate([np.ravel(target - begin), np.ravel(changes)])).max(initial=0.0)
+    steps = max(1, int(np.ceil(widest / STEP)))
+    for k in range(1, steps + 1):
+        q = Coordinates(q.values, q.turns.copy())
+        for (_, number), start, change in zip(balls.values(), first_rotations, changes, strict=True):
+            q.turns[number] = turned_by(start[None], change[None] * (k / steps))[0][..., None]
+        values = begin + (target - begin) * (k / steps)
+        q = _closed(equations, q, indices, values, kept, constant, CLOSED if k == steps else BETWEEN)
+    return q
+
+
+def _columns(values: Mapping[str, float | Array]) -> Array:
+    """Return values of names, (names, n)."""
+    rows = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values.values()]
+    return np.stack(np.broadcast_arrays(*rows)) if rows else np.empty((0, 1))
+
+
+def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[int]) -> dict[str, int]:
+    """Return independent coordinates besides named ones, with their indices: drivers first, then near ground.
+
+    Rows of the null space of [G; E] move only these, with G = dPhi/dq of the loops and E the unit rows of
+    named and locked coordinates (Nikravesh, ch. 3).
+    """
+    loops, mechanism = equations.loops, equations.model.mechanism
+    ordered = sorted(mechanism.joints, key=lambda joint: GROUND not in (joint.a.link, joint.b.link))
+    names = dict.fromkeys([*mechanism.drivers, *(name for joint in ordered for name in joint.coordinates)])
+    fixed = np.eye(loops.tree.count)[[*loops.driven, *named]]
+    null_space = null_spaces(np.concatenate([loops.linearise(q)[1][:, :, 0], fixed]))[1]
+    index_of = loops.tree.index_of
+    independent, _ = independent_coordinates(loops, [name for name in names if name in index_of], null_space)
+    return {name: index_of[name] for name in independent}
+
+
+def _closed(
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    indices: Sequence[int] = (),
+    values: Array | float = 0.0,
+    kept: Iterable[str] = (),
+    constant: Sequence[int] = (),
+    residual: float = CLOSED,
+) -> Coordinates:
+    """Return coordinates with closed loops, some at values (k, n) in units; the others change least.
+
+    `kept` names those among them that keep their start, for the message. The rotations of spherical joints
+    with indices `constant` do not change. The loops close to a largest residual.
+    """
+    loops = equations.loops
+    if len(indices):
+        q = Coordinates(q.values.copy(), q.turns)
+        q.values[list(indices)] = values * loops.units[list(indices)][:, None]
+    if len(indices) or len(constant):
+        loops = replace(loops, driven=(*loops.driven, *indices, *constant))
+    settings = ASSEMBLY if residual == CLOSED else replace(ASSEMBLY, tolerance=residual)
+    q, gap = close_nearest(loops, q, settings)
+    if not (gap <= residual).all():
+        start = ", ".join(kept)
+        condition, remedy = (f" with {start} at the start", f", or one of {start} too") if start else ("", "")
+        raise AssemblyError(
+            f"{equations.model.mechanism.name}: the loops do not close at the initial values{condition} (a "
+            f"gap of {gap.max():.3g} of the longest link is left); give values within the range of motion, "
+            f"of independent coordinates only{remedy}"
+        )
+    return q
+
+
+def _rates(
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    rates: Mapping[str, float | Array],
+    spins: Mapping[str, Array],
+) -> Array:
+    loops, free = equations.loops, equations.free
+    indices = [_index(equations, name) for name in rates]
+    for name in spins:
+        first, _ = _ball_index(equations, name)
+        indices += range(first, first + 3)
+    spinning = np.concatenate([np.empty(0), *spins.values()])[:, None]
+    columns = _columns(rates)
+    count = max(columns.shape[1], len(q))
+    requested_rows = [np.broadcast_to(rates_of, (len(rates_of), count)) for rates_of in (columns, spinning)]
+    requested = np.concatenate(requested_rows) / loops.units[indices][:, None]
+    kept = [*_independent(equations, q, indices).values()]
+    if len(q) < count:
+        q = q.repeated(count)
+    jacobian = loops.linearise(q)[1].transpose(2, 0, 1)
+    fixed = np.eye(loops.tree.count)[[*indices, *kept]]
+    rows = np.concatenate([jacobian, np.broadcast_to(fixed, (count, *fixed.shape))], 1)[:, :, free]
+    closed, still = np.zeros((loops.rows, count)), np.zeros((len(kept), count))
+    right = np.concatenate([closed, requested, still]).T[..., None]
+    solution = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
+    result = np.zeros((loops.tree.count, count))
+    result[free] = solution[..., 0].T
+    violation = np.abs(rows @ solution - right).max(initial=0.0)
+    if violation > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
+        raise InputError(
+            f"{equations.model.mechanism.name}: initial rates of {', '.join([*rates, *spins])} contradict "
+            "the loops; give those of independent coordinates only"
+        )
+    return result
+
+
+def _index(equations: EquationsOfMotion, name: str) -> int:
+    index_of = equations.loops.tree.index_of
+    mechanism = equations.model.mechanism
+    if name in index_of and name not in mechanism.locked:
+        return index_of[name]
+    if name in mechanism.locked:
+        raise InputError(f"{mechanism.name}: joint {name!r} is locked; leave its initial value out")
+    names = ", ".join(coordinate for joint in mechanism.joints for coordinate in joint.coordinates)
+    if name in names.split(", "):
+        raise InputError(
+            f"{mechanism.name}: {name!r} and the other coordinates with initial values close a loop among "
+            "themselves; leave one of them out"
+        )
+    raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {names}")
+
+
+def _ball_index(equations: EquationsOfMotion, name: str) -> tuple[int, int]:
+    """Return the index of a spherical joint's first rotation, and the number of the joint in the tree."""
+    for number, ball in enumerate(equations.loops.tree.balls):
+        if ball.joint.name == name:
+            return ball.first_angle, number
+    others = ", ".join(ball.joint.name for ball in equations.loops.tree.balls)
+    raise InputError(
+        f"{equations.model.mechanism.name}: a loop is cut at spherical joint {name!r}, so that it has no "
+        f"initial rotation of its own; give those of other joints{f', such as {others}' if others else ''}"
+    )
+
+
+class StateLayout:
+    """Packing of coordinates, quaternions, rates, actuators' states, work and loss into one vector.
+
+    Args:
+        equations: equations of motion.
+    """
+
+    def __init__(self, equations: EquationsOfMotion) -> None:
+        self.tree = equations.loops.tree
+        self.units = equations.loops.units
+        self.count, self.balls = self.tree.count, len(self.tree.balls)
+        self.positions = self.count + 4 * self.balls
+        self.start = np.array([a.start for a in equations.model.forces.actuators if a.inflow is not None])
+
+    def pack(self, q: Coordinates, rates: Array, work: float, lost: float) -> Array:
+        """Return the vector of one state, with actuators in their initial states."""
+        turns = [rotation_quaternions(rotation)[0] for rotation in q.turns]
+        return np.concatenate([q.values[:, 0] / self.units, *turns, rates[:, 0], self.start, [work, lost]])
+
+    def activation(self, states: Array) -> Array:
+        """Return the states of actuators, (states, n), of n vectors."""
+        first = self.positions + self.count
+        return states[:, first : first + len(self.start)].T
+
+    def unpack(self, state: Array) -> tuple[Coordinates, Array, float, float]:
+        """Return coordinates, rates (count, 1), work done and energy lost of a vector."""
+        q, rates = self.unpack_states(state[None])
+        return q, rates, float(state[-2]), float(state[-1])
+
+    def unpack_states(self, states: Array) -> tuple[Coordinates, Array]:
+        """Return coordinates and rates (count, n) of n vectors."""
+        n, positions = self.count, self.positions
+        rotations = np.zeros((self.balls, 3, 3, len(states)))
+        for i, rotation in enumerate(rotations):
+            rotation[:] = rotation_matrices(states[:, n + 4 * i : n + 4 * i + 4])
+        q = Coordinates(states[:, :n].T * self.units[:, None], rotations)
+        return q, states[:, positions : positions + n].T.copy()
+
+    def replaced(self, states: Array, q: Coordinates, rates: Array) -> Array:
+        """Return n vectors with other coordinates and rates (count, n), and unchanged work and loss."""
+        n, positions, result = self.count, self.positions, states.copy()
+        result[:, :n] = (q.values / self.units[:, None]).T
+        result[:, positions : positions + n] = rates.T
+        for i, rotation in enumerate(q.turns):
+            columns = slice(n + 4 * i, n + 4 * i + 4)
+            new = rotation_quaternions(rotation)
+            # a quaternion and its negative are the same rotation
+            result[:, columns] = np.where((new * states[:, columns]).sum(1)[:, None] < 0.0, -new, new)
+        return result
+
+    def derivatives(self, states: Array, kinematics: Kinematics, dynamics: Dynamics) -> Array:
+        """Return the derivatives of n vectors by time, (n, size)."""
+        values = kinematics.rates.copy()
+        values[self.tree.ball_indices] = 0.0
+        turning: list[Array] = []
+        for i, ball in enumerate(self.tree.balls):
+            rate = kinematics.rates[ball.first_angle : ball.first_angle + 3]
+            first = self.count + 4 * i
+            turning.append(quaternion_rates(states[:, first : first + 4], rate.T).T)
+        powers = dynamics.power_in[None], dynamics.power_lost[None]
+        return np.concatenate([values, *turning, dynamics.acceleration, dynamics.activation, *powers]).T
+
+    def accelerations(self, derivatives: Array) -> Array:
+        """Return the accelerations in the derivatives of n vectors, (n, count) in units."""
+        return derivatives[:, self.positions : self.positions + self.count]
+
+    def origin(self, state: Array) -> Array:
+        """Return the vector from which displacements count: the coordinates of a start, and zeros."""
+        return np.concatenate([state[: self.positions], np.zeros(len(state) - self.positions)])
+
+    def fastest(self, rate: float, acceleration: float, duration: float, displacement: float) -> float:
+        """Return the largest rate, so far or by the acceleration or duration of a displacement."""
+        return max(rate, float(np.sqrt(acceleration * displacement)), displacement / duration)
+
+    def scale(self, rate: float, displacement: float = 1.0) -> Array:
+        """Return characteristic magnitudes of the vector at a rate, of displacements from its origin."""
+        return np.concatenate(
+            [
+                np.full(self.positions, displacement),
+                np.full(self.count, rate),
+                np.ones(len(self.start)),
+                np.full(2, 1e300),
+            ]
+        )
+
+
+def rotation_quaternions(rotations: Array) -> Array:
+    """Return the unit quaternions (w, x, y, z), (n, 4), of rotation matrices (3, 3, n)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.roll(Rotation.from_matrix(rotations.transpose(2, 0, 1)).as_quat(), 1, axis=1)
+
+
+def rotation_matrices(quaternions: Array) -> Array:
+    """Return the rotation matrices (3, 3, n) of quaternions (w, x, y, z), (n, 4), of any length."""
+    w, x, y, z = (quaternions / np.sqrt((quaternions**2).sum(1))[:, None]).T
+    return from_quaternion(w, x, y, z)
+
+
+def quaternion_rates(quaternions: Array, angular_velocities: Array) -> Array:
+    """Return the rates of quaternions (n, 4) at angular velocities (n, 3) in the fixed frame, (n, 4)."""
+    w, vector = quaternions[:, :1], quaternions[:, 1:]
+    scalar = -(angular_velocities * vector).sum(1)[:, None]
+    return 0.5 * np.concatenate([scalar, w * angular_velocities + cross(angular_velocities, vector)], 1)

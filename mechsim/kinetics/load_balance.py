@@ -1,0 +1,186 @@
+"""Load-displacement curves of one degree of freedom, past limit points.
+
+Along the curve of assemblies with parameter u, a load f on a displacement d is in balance with the
+generalised force Q of all other loads where f d'(u) + Q = 0. The parameter keeps its meaning where f or d
+turns back. The balance is stable under a constant load where f'(u) d'(u) > 0, since this is the second
+derivative of the total potential; f'(u) = 0 is a limit point, where a constant load snaps through.
+
+Source: Z. P. Bazant, L. Cedolin, Stability of Structures (2010), section 4.4 (snap-through).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import InputError
+from mechsim.kinematics.loops.kinematics import Coordinates
+from mechsim.kinetics.curve_equilibria import (
+    EquilibriumCurve,
+    curve_through,
+    tangents_next_to,
+)
+from mechsim.kinetics.dynamic_run import Initial
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.kinetics.linearization import independent_rates, reduced_forces
+from mechsim.kinetics.state_quantities import load_displacement, values_at
+from mechsim.kinetics.statics import prepared_equations
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.quantity import Quantity
+from mechsim.numerics.angles import wrapped
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
+
+# points in each interval of the curve of assemblies
+POINTS = 8
+# fewest points of a curve
+MIN_POINTS = 3
+# step of central differences of fourth order along the curve: truncation and rounding are both about 1e-13
+STEP = 1e-3
+# derivative of the displacement, per radian or characteristic length, below which a load has no effect
+NO_EFFECT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class LoadCurve:
+    """A load-displacement curve of n points.
+
+    Attributes:
+        load: in [N] or [N m], (n,).
+        displacement: in [m] or [rad], (n,).
+        q: joint coordinate -> its values, (n,) in [m] or [rad].
+        stable: whether the balance is stable under a constant load, (n,).
+        limit_points: load and displacement of each limit point, (k, 2), in the order of the curve.
+    """
+
+    load: Array
+    displacement: Array
+    q: Mapping[str, Array]
+    stable: NDArray[np.bool_]
+    limit_points: Array
+
+
+def load_curve(
+    source: Any,
+    load: str,
+    forces: Forces | None = None,
+    *,
+    between: tuple[float, float] = (-np.inf, np.inf),
+    initial: Mapping[str, Initial] | None = None,
+) -> LoadCurve:
+    """Return the load on a displacement that holds each configuration of one degree of freedom at rest.
+
+    Args:
+        source: a mechanism, or an object that has one.
+        load: displacement on which the load does work: a joint coordinate "J", a component "P.x" of a point,
+            or "distance:P,Q".
+        forces: other applied forces; the default is those of the source.
+        between: interval of the displacement in SI that the curve must not leave.
+        initial: coordinates `J.q` of a configuration of the curve.
+
+    Raises:
+        InputError: for an unknown load, another number of degrees of freedom, or a start outside `between`.
+    """
+    equations, q = prepared_equations(source, forces, initial or {})
+    quantity = load_displacement(load, equations.model.mechanism)
+    name, dofs = equations.model.mechanism.name, independent_rates(equations, q).shape[1]
+    if dofs != 1:
+        raise InputError(f"{name} has {dofs} degrees of freedom, and a load curve needs one; lock joints")
+    curve, start = _dense(curve_through(equations, q))
+    displacement = _displacements(curve, quantity, start)
+    within = (displacement >= between[0]) & (displacement <= between[1])
+    if not within[start]:
+        raise InputError(
+            f"{name}: {load} is {displacement[start]:.6g} at the start of the load curve, outside "
+            f"{between[0]:.6g} to {between[1]:.6g}; start within it (--initial)"
+        )
+    outside = np.flatnonzero(~within)
+    first = int(outside[outside < start].max(initial=-1)) + 1
+    last = int(outside[outside > start].min(initial=len(within)))
+    values, derivatives = _loads(curve, quantity)
+    effect = NO_EFFECT * (1.0 if quantity.unit == "rad" else equations.loops.tree.length)
+    rows = first + np.flatnonzero(np.abs(derivatives[first:last]) > effect)
+    if len(rows) < MIN_POINTS:
+        raise InputError(
+            f"{name}: the load curve has {len(rows)} points from {between[0]:.6g} to {between[1]:.6g}; give "
+            "a wider interval"
+        )
+    q, values = curve.q.select(rows), values[rows]
+    rising = np.gradient(values) * np.gradient(displacement[rows]) > 0.0
+    turns = 1 + np.flatnonzero((np.diff(values)[1:] > 0.0) != (np.diff(values)[:-1] > 0.0))
+    limits = [(*_limit_point(curve, quantity, int(rows[k])),) for k in turns]
+    nearest = displacement[rows][turns]
+    limit_points = np.reshape(limits, (-1, 2))
+    if quantity.angle:
+        # the same revolution as that of the curve
+        limit_points[:, 1] = nearest + wrapped(limit_points[:, 1] - nearest)
+    coordinates = {joint: q.values[i] for joint, i in equations.loops.tree.index_of.items()}
+    return LoadCurve(values, displacement[rows], coordinates, rising, limit_points)
+
+
+def _dense(curve: EquilibriumCurve) -> tuple[EquilibriumCurve, int]:
+    """Return points in the order of a curve, with their tangents, and the number of the start."""
+    interval = np.repeat(np.arange(len(curve.lengths)), POINTS)
+    u = (curve.lengths[:, None] * np.arange(POINTS) / POINTS).ravel()
+    positions = curve.positions(interval, u)
+    if curve.forward is None:
+        # a closed curve extends to both sides of its start
+        whole = curve.lengths.sum()
+        positions = np.where(positions > 0.5 * whole, positions - whole, positions)
+    # both directions begin at the start
+    positions, order = np.unique(positions, return_index=True)
+    q = curve.configurations(interval[order], u[order])
+    tangents, _ = tangents_next_to(curve.equations, q, curve.tangents[interval[order]])
+    backward = interval[order] >= (len(curve.lengths) if curve.forward is None else curve.forward)
+    tangents = np.where(backward[:, None], -tangents, tangents)
+    lengths = np.append(np.diff(positions), positions[-1] - positions[-2])
+    return EquilibriumCurve(curve.equations, q, tangents, lengths), int(np.argmin(np.abs(positions)))
+
+
+def _displacements(curve: EquilibriumCurve, quantity: Quantity, start: int) -> Array:
+    """Return the displacement at the points of a curve, (n,); angles without jumps from the start on."""
+    values = values_at(curve.equations, quantity, _at_rest(curve.equations, curve.q))
+    return np.unwrap(values) + values[start] - np.unwrap(values)[start] if quantity.angle else values
+
+
+def _at_rest(equations: EquationsOfMotion, q: Coordinates) -> Kinematics:
+    return equations.kinematics(q, np.zeros_like(q.values))
+
+
+def _loads(curve: EquilibriumCurve, quantity: Quantity) -> tuple[Array, Array]:
+    """Return the loads in balance at the points of a curve, and the derivatives d', (n,) each."""
+    equations, every = curve.equations, np.arange(len(curve.q))
+    force = reduced_forces(equations, curve.q, curve.tangents[..., None]).force[:, 0]
+    displaced = (
+        curve.configurations(every, np.full(len(every), step))
+        for step in STEP * np.array([-2.0, -1.0, 1.0, 2.0])
+    )
+    moved = [values_at(equations, quantity, _at_rest(equations, q)) for q in displaced]
+    if quantity.angle:
+        moved = list(np.unwrap(moved, axis=0))
+    derivative = (moved[0] - 8.0 * moved[1] + 8.0 * moved[2] - moved[3]) / (12.0 * STEP)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return -force / derivative, derivative
+
+
+def _limit_point(curve: EquilibriumCurve, quantity: Quantity, k: int) -> tuple[float, float]:
+    """Return load and displacement of the limit point next to a point of the curve."""
+
+    def around(u: Array) -> EquilibriumCurve:
+        """Return the curve at displacements (n,) along the tangent of the point."""
+        which = np.full(len(u), k)
+        q, tangents = curve.configurations(which, u), curve.tangents[which]
+        return EquilibriumCurve(
+            curve.equations, q, tangents_next_to(curve.equations, q, tangents)[0], np.ones(len(u))
+        )
+
+    def rise(position: float) -> float:
+        ends = np.array([-2.0, -1.0, 1.0, 2.0]) * STEP + position
+        values, _ = _loads(around(ends), quantity)
+        return float(values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3])
+
+    low, high = -float(curve.lengths[k - 1]), float(curve.lengths[k])
+    limit = around(np.array([root(rise, low, high) if rise(low) * rise(high) < 0.0 else 0.0]))
+    return float(_loads(limit, quantity)[0][0]), float(_displacements(limit, quantity, 0)[0])

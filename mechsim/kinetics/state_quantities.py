@@ -1,0 +1,168 @@
+"""Quantities of a state by name, such as P.x, J.v or distance:P,Q: events and outputs of responses."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+
+from mechsim import units
+from mechsim.errors import InputError
+from mechsim.kinematics.loops.kinematics import Coordinates, twists
+from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, MovingLinks
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion, Motion, leading_joint
+from mechsim.mechanism.quantities import numeric_quantity
+from mechsim.mechanism.quantity import Quantity, record_columns
+from mechsim.numerics.angles import wrapped
+from mechsim.numerics.arrays import Array, cross
+
+
+def motion_of(equations: EquationsOfMotion, state: MovingLinks, accelerations: Array, times: Array) -> Motion:
+    """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
+    tree, mechanism = equations.loops.tree, equations.model.mechanism
+    scale = equations.loops.units[:, None]
+    spatial = state.bias + twists(tree, state.poses, accelerations * scale)
+    links: dict[str, LinkMotion] = {}
+    for name, i in tree.links.items():
+        origin, (linear, angular) = state.poses.position[i].T, np.split(state.twist[i].T, 2, 1)
+        linear_second, angular_second = np.split(spatial[i].T, 2, 1)
+        velocity = linear + cross(angular, origin)
+        acceleration = linear_second + cross(angular_second, origin) + cross(angular, velocity)
+        rotation = state.poses.rotation[i].transpose(2, 0, 1)
+        links[name] = LinkMotion(origin, rotation, velocity, angular, acceleration, angular_second)
+    values = state.q.values, state.rates * scale, accelerations * scale
+    joints = tree_joint_motions(tree, mechanism.joints, links, values)
+    first = leading_joint(joints, mechanism.drivers, len(times))
+    return Motion(
+        source="loop equations",
+        angle=first.value,
+        speed=first.rate,
+        acceleration=first.acceleration,
+        points=tracked_points(mechanism, links),
+        links=links,
+        joints=joints,
+        time=times,
+        drivers=mechanism.drivers,
+    )
+
+
+def joined_configurations(configurations: Sequence[Coordinates]) -> Coordinates:
+    """Return several configurations together."""
+    return Coordinates(
+        np.concatenate([q.values for q in configurations], 1),
+        np.concatenate([q.turns for q in configurations], -1),
+    )
+
+
+def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
+    """Return the quantity with a name, a scalar function of configuration and velocities.
+
+    Raises:
+        InputError: for an unknown name, or a quantity that needs accelerations or forces.
+    """
+    result = numeric_quantity(name, mechanism)
+    if result.order > 1 or result.uses("force", "formula"):
+        raise InputError(
+            f"{name} of {mechanism.name} needs accelerations or forces; give a quantity of positions and "
+            "velocities, such as J.q, P.vx or distance:P,Q"
+        )
+    return result
+
+
+def values_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> Array:
+    """Return a quantity at n states, (n,)."""
+    motion = motion_of(equations, state, np.zeros_like(state.rates), np.zeros(len(state.q)))
+    return quantity.number(record_columns(motion, [quantity]))
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event: a quantity reaches a value in SI."""
+
+    quantity: Quantity
+    value: float
+
+    def function(self, equations: EquationsOfMotion, state: Kinematics) -> Array:
+        """Return the quantity less its value at n states; not a number where an angle is opposite to it."""
+        difference = values_at(equations, self.quantity, state) - self.value
+        if self.quantity.kind != "angle":
+            return difference
+        # the jump of an angle between links by a whole revolution is no crossing
+        difference = wrapped(difference)
+        return np.where(np.abs(difference) < 0.5 * np.pi, difference, np.nan)
+
+
+def parse_event(mechanism: Mechanism, text: str, written: units.WrittenUnits = units.SI_UNITS) -> Event:
+    """Return the event in a text such as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm".
+
+    Args:
+        mechanism: the mechanism.
+        text: quantity and value.
+        written: units that its file declares.
+
+    Raises:
+        InputError: for other text, an unknown name, or an ambiguous value without a unit.
+    """
+    name, sign, value = text.rpartition("=")
+    if not sign:
+        raise InputError(f"event {text!r} is not QUANTITY=VALUE; write it as P.y=0 or J.q=90deg")
+    quantity = state_quantity(name.strip(), mechanism)
+    unit, length = quantity.unit, mechanism.characteristic_length
+    if unit in ("m", "rad"):
+        units.require_written(value, unit, written.declared(unit), f"event {name}", length=length)
+    return Event(quantity, _event_value(value.strip(), quantity))
+
+
+def _event_value(text: str, quantity: Quantity) -> float:
+    """Return a value in SI; units of expressions, such as m2, are not read."""
+    unit: Any = quantity.unit
+    if unit in get_args(units.Unit):
+        return units.parse(text, unit, f"value of {quantity.name}")
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"value of {quantity.name} is {text!r}; give a number in {quantity.unit}") from None
+
+
+def load_displacement(name: str, mechanism: Mechanism) -> Quantity:
+    """Return the displacement on which a unit load in [N] or [N m] does work.
+
+    Raises:
+        InputError: for a name that is no displacement.
+    """
+    result = state_quantity(name, mechanism)
+    if result.order or result.unit not in ("m", "rad"):
+        raise InputError(f"{name} is no displacement on which a load does work; give J, P.x or distance:P,Q")
+    return result
+
+
+def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
+    """Return the quantity of positions of which a name is a time derivative, and the order of the derivative.
+
+    Raises:
+        InputError: for a name of forces, or of velocities without such a quantity.
+    """
+    result = numeric_quantity(name, mechanism)
+    if not result.order:
+        return state_quantity(name, mechanism), 0
+    if result.function is not None or len(result.columns) != 1:
+        raise InputError(f"{name} has no linear response; give a component such as P.vx or J.v")
+    (column,) = result.columns
+    if column.source == "point":
+        return numeric_quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
+    return numeric_quantity(column.subject, mechanism), result.order
+
+
+def change_from(
+    equations: EquationsOfMotion, state: Kinematics, quantity: Quantity
+) -> Callable[[Kinematics], Array]:
+    """Return the change of a quantity from one state to n others, (n,); of angles without revolutions."""
+    start = values_at(equations, quantity, state)
+
+    def change(other: Kinematics) -> Array:
+        difference = values_at(equations, quantity, other) - start
+        return np.asarray(wrapped(difference) if quantity.angle else difference)
+
+    return change

@@ -1,0 +1,461 @@
+"""Statics of any mechanism: equilibria under its loads, and drive forces that hold a configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import AssemblyError, FrictionError
+from mechsim.kinematics.loops.kinematics import Coordinates
+from mechsim.kinetics.contacts import CLOSED_GAP
+from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
+from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regular
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
+from mechsim.kinetics.equilibrium_search import (
+    RestingState,
+    all_at_rest,
+    distinct,
+    newton_equilibria,
+    same,
+)
+from mechsim.kinetics.initial_state import initial_state, projected
+from mechsim.kinetics.linearization import LinearModel, Mode, independent_rates, linear_model
+from mechsim.kinetics.model import DynamicModel, dynamic_model
+from mechsim.kinetics.passive_rotation import with_determined_motion
+from mechsim.kinetics.state_quantities import (
+    change_from,
+    displacement_of,
+    joined_configurations,
+    load_displacement,
+)
+from mechsim.mechanism.actuators import Actuator
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.limits import Ranges, require_count
+from mechsim.numerics.angles import REVOLUTION, wrapped
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
+from mechsim.numerics.rounding import EPS
+
+# default number of starts, reached by random steps along the motion of the mechanism
+STARTS = 20
+# largest number of starts: a four-bar takes some 5 ms for each
+MAX_STARTS = 100_000
+# number of additional random configurations for mechanisms without loops
+RANDOM_CONFIGURATIONS = 10
+# length of one of these random steps, in [rad] or characteristic lengths
+RANDOM_STEP = 0.7
+# rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
+IMPENDING = 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """A configuration at rest under the loads.
+
+    Attributes:
+        q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi].
+        stable: whether small motions about it do not grow; None if rounding does not let it be decided.
+        potential: potential energy of gravity and springs, in [J].
+        modes: modes of small motions about it; none at a singular configuration.
+        linear: the linear model about it.
+        reached: whether the search along the motion from the initial configuration reaches it; otherwise it
+            may be in another assembly mode.
+        dimension: 0 for an isolated equilibrium; of a family, such as those of a table that turns freely, the
+            number of independent directions along which it continues.
+        everywhere: whether every configuration of the search is an equilibrium, as without loads.
+        singular: whether the mechanism has more degrees of freedom there than next to it: small motions about
+            it are not linear, and it is neither stable nor unstable by its linear model.
+        stops: coordinate at a limit -> force of its stop on it, in [N m] or [N], which is part of the linear
+            model; empty for an equilibrium without a stop.
+    """
+
+    q: Mapping[str, float]
+    stable: bool | None
+    potential: float
+    modes: tuple[Mode, ...]
+    linear: LinearModel
+    reached: bool = True
+    dimension: int = 0
+    everywhere: bool = False
+    singular: bool = False
+    stops: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+def equilibria(
+    source: Any,
+    forces: Forces | None = None,
+    *,
+    initial: Mapping[str, Initial] | None = None,
+    starts: int = STARTS,
+    assemblies: int = 0,
+    seed: int = 0,
+) -> tuple[Equilibrium, ...]:
+    """Return the equilibria of a mechanism, one of each family, by increasing potential.
+
+    With one degree of freedom, all equilibria on the curve of assemblies through the initial configuration
+    are found, as roots of the generalised force. Otherwise Newton's method starts at the initial
+    configuration, and at `starts` others, each a random step along the motion from the one before; without
+    loops also at ten random configurations. Both also start at `assemblies` random configurations that close
+    the loops in any assembly mode. Coulomb friction is ignored; loads over time have their value at time
+    zero. If every configuration of the search is an equilibrium, the initial one is returned. Equilibria
+    beyond limits of joints are left out; with one degree of freedom, those at a stop that presses are added.
+
+    Args:
+        source: a mechanism, or an object that has one.
+        forces: applied forces; the default is those of the source.
+        initial: coordinates `J.q` of the initial configuration.
+        starts: number of random steps; 0, with `assemblies` 0, leaves only the initial configuration.
+        assemblies: number of random configurations in any assembly mode.
+        seed: seed of the random numbers.
+
+    Raises:
+        InputError: for invalid values, and for a singular initial configuration without loads.
+        AssemblyError: where the loops do not close at the initial values.
+
+    Accuracy: coordinates to about 1e-11 at a regular equilibrium.
+    """
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    equations, initial_q = prepared_equations(model, None, initial or {})
+    for name, count in (("starts", starts), ("assemblies", assemblies)):
+        require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
+    solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
+    if solutions is None:
+        require_regular(equations, initial_q, np.zeros_like(initial_q.values))
+        dof = independent_rates(equations, initial_q).shape[1]
+        return (_described(equations, RestingState(initial_q, True, dof, False), everywhere=True),)
+    ranges = getattr(model.solver, "ranges", {})
+    described = [_described(equations, each) for each in distinct(equations, solutions)]
+    described = [each for each in described if _within(model, each.q, ranges)]
+    if ranges and independent_rates(equations, initial_q).shape[1] == 1:
+        described += _at_stops(model, equations, initial_q, ranges)
+    return tuple(sorted(described, key=lambda equilibrium: equilibrium.potential))
+
+
+def _within(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> bool:
+    """Whether coordinates, angles up to whole revolutions, are within the ranges that they have."""
+    for name, (low, high) in ranges.items():
+        if name in q:
+            slides = model.mechanism.unit(name) == "m"
+            slack = CLOSED_GAP * (model.mechanism.characteristic_length if slides else 1.0)
+            value = q[name] if slides else low - slack + (q[name] - low + slack) % REVOLUTION
+            if not low - slack <= value <= high + slack and np.isfinite(value):
+                return False
+    return True
+
+
+def _at_stops(
+    model: DynamicModel, equations: EquationsOfMotion, start: Coordinates, ranges: Ranges
+) -> Iterator[Equilibrium]:
+    """Yield the equilibria on the curve of assemblies through a start at limits whose stop presses."""
+    curve, tree = curve_through(equations, start), equations.loops.tree
+    intervals = np.arange(len(curve.lengths))
+    ends = curve.configurations(intervals, curve.lengths)
+    sides = [(name, *end) for name, limits in ranges.items() for end in zip(limits, (-1.0, 1.0), strict=True)]
+    for name, limit, side in sides:
+        index = tree.index_of.get(name)
+        if index is None or not abs(limit) < np.inf:
+            continue
+
+        def beyond(q: Coordinates, index: int = index, limit: float = limit) -> Array:
+            away = q.values[index] - limit
+            return away if tree.slides[index] else wrapped(away)
+
+        first, last = beyond(curve.q), beyond(ends)
+        # an angle jumps by a revolution opposite the limit
+        for k in np.flatnonzero(((first > 0.0) != (last > 0.0)) & (np.abs(first - last) < np.pi)):
+            interval = intervals[k : k + 1]
+            length = root(
+                lambda u, interval=interval: float(beyond(curve.configurations(interval, np.array([u])))[0]),
+                0.0,
+                float(curve.lengths[k]),
+            )
+            q = curve.configurations(interval, np.array([length]))
+            state = equations.kinematics(q, np.zeros((tree.count, 1)))
+            none = np.zeros(len(equations.frictions))
+            force = float(equations.accelerate(state, np.zeros(1), none, (), [index]).contact[0, 0])
+            force /= float(equations.loops.units[index])
+            if force * side < 0.0 and _within(model, _coordinates(equations, q), ranges):
+                stops = {name: force}
+                balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
+                at_stop = _described(balanced, RestingState(q, True, 0, False))
+                yield replace(at_stop, stable=True, modes=(), stops=stops)
+
+
+def with_stops(forces: Forces, stops: Mapping[str, float]) -> Forces:
+    """Return forces with those of stops, coordinate -> force in [N m] or [N]."""
+    pressing = [
+        Actuator(f"stop of {name}", {name: 1.0}, bias=(force, 0.0, 0.0)) for name, force in stops.items()
+    ]
+    return replace(forces, actuators=(*forces.actuators, *pressing))
+
+
+def _searched(
+    equations: EquationsOfMotion, q: Coordinates, starts: int, assemblies: int, random: np.random.Generator
+) -> list[tuple[Coordinates, bool]] | None:
+    """Return equilibria, and whether they are reached along the motion; None if everything is at rest."""
+    starting = [*_starts(equations, q, starts, assemblies, random)]
+    if all_at_rest(equations, joined_configurations([each for each, _ in starting])):
+        return None
+    if starts and independent_rates(equations, q).shape[1] == 1:
+        starting = _on_curves(equations, [starting[0], *starting[starts + 1 :]])
+    if not starting:
+        return []
+    downhill = np.repeat([False, True], len(starting))
+    configurations = joined_configurations([each for each, _ in starting]).repeated(2)
+    ends = newton_equilibria(equations, configurations, downhill)
+    # those along the motion first
+    order = np.arange(len(ends)).reshape(2, -1).T.ravel().tolist()
+    return [(end, starting[k % len(starting)][1]) for k in order if (end := ends[k]) is not None]
+
+
+def _on_curves(
+    equations: EquationsOfMotion, starting: Sequence[tuple[Coordinates, bool]]
+) -> list[tuple[Coordinates, bool]]:
+    """Return the equilibria on the curves of assemblies through configurations."""
+    curves: list[EquilibriumCurve] = []
+    solutions: list[tuple[Coordinates, bool]] = []
+    for q, reached in starting:
+        if any(curve.contains(q) for curve in curves) or independent_rates(equations, q).shape[1] != 1:
+            continue
+        curves.append(curve_through(equations, q))
+        on_curve = equilibria_on(curves[-1])
+        count = 0 if on_curve is None else len(on_curve)
+        solutions += [(on_curve.select(np.array([k])), reached) for k in range(count) if on_curve is not None]
+    return solutions
+
+
+def _starts(
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    starts: int,
+    assemblies: int,
+    random: np.random.Generator,
+) -> Iterator[tuple[Coordinates, bool]]:
+    """Yield configurations, and whether they are reached along the motion from the first."""
+    yield q, True
+    for _ in range(starts):
+        q = _random_step(equations, q, random)
+        yield q, True
+    for _ in range(assemblies if equations.loops.rows else RANDOM_CONFIGURATIONS if starts else 0):
+        closed = _random_configuration(equations, q, random)
+        if closed is not None:
+            # without loops there is only one assembly mode
+            yield closed, not equations.loops.rows
+
+
+def modes(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
+) -> tuple[Mode, ...]:
+    """Return the modes of small vibrations about an equilibrium; see `nearest_equilibrium`.
+
+    Raises:
+        AssemblyError: if there is no equilibrium.
+
+    Accuracy: frequencies to about 1e-11 of their value at a regular equilibrium.
+    """
+    return nearest_equilibrium(source, forces, initial=initial).modes
+
+
+def nearest_equilibrium(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
+) -> Equilibrium:
+    """Return the equilibrium that Newton's method reaches from the initial configuration.
+
+    If it reaches none, or another one that is unstable, and `initial` is empty, return the stable equilibrium
+    of least potential energy that `equilibria` finds.
+
+    Raises:
+        AssemblyError: if there is no such equilibrium.
+    """
+    equations, q = prepared_equations(source, forces, initial or {})
+    (solution,) = newton_equilibria(equations, q, np.zeros(1, dtype=np.bool_))
+    if solution is not None:
+        nearest = _described(equations, distinct(equations, [(solution, True)])[0])
+        if initial or nearest.stable is not False or same(equations, q, solution):
+            return nearest
+    stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
+    if not stable:
+        raise AssemblyError(
+            f"{equations.model.mechanism.name}: no equilibrium is found from the initial configuration; "
+            "give another one (--initial J.q=VALUE), or list all with mechsim dynamics statics"
+        )
+    return stable[0]
+
+
+def response(
+    source: Any,
+    load: str,
+    output: str,
+    frequencies: ArrayLike,
+    forces: Forces | None = None,
+    *,
+    initial: Mapping[str, Initial] | None = None,
+) -> NDArray[np.complex128]:
+    """Return the frequency response from a unit load to a quantity about the nearest equilibrium, (n,).
+
+    Args:
+        source: a mechanism, or an object that has one.
+        load: displacement on which the load does work: a joint coordinate "J" (torque or force in the
+            joint), a component "P.x" of a point (force on it in that direction), or "distance:P,Q" (forces
+            that push both points apart).
+        output: quantity of the response: a displacement, its velocity or its acceleration, such as P.x or
+            J.v.
+        frequencies: (n,) in [Hz].
+        forces: other applied forces; the default is those of the source.
+        initial: coordinates `J.q` near the equilibrium.
+
+    Returns:
+        Output in SI per [N] or [N m].
+
+    Raises:
+        InputError: for an unknown name.
+        AssemblyError: if there is no equilibrium.
+    """
+    linear = nearest_equilibrium(source, forces, initial=initial).linear
+    equations = linear.equations
+    mechanism = equations.model.mechanism
+    displacement = load_displacement(load, mechanism)
+    quantity, order = displacement_of(output, mechanism)
+    at_rest = equations.kinematics(linear.q, np.zeros((equations.loops.tree.count, 1)))
+    entry, reading = (change_from(equations, at_rest, each) for each in (displacement, quantity))
+    frequencies = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
+    derivative = np.asarray((2j * np.pi * frequencies) ** order, dtype=np.complex128)
+    return derivative * linear.response(entry, reading, frequencies)
+
+
+def holding(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
+) -> dict[str, float]:
+    """Return the drive force of each driver that holds the initial configuration at rest, in [N m] or [N].
+
+    For redundant drivers it is the minimum-norm solution.
+    """
+    equations, q = prepared_equations(source, forces, initial or {})
+    tree = equations.loops.tree
+    indices = [tree.index_of[name] for name in equations.model.mechanism.drivers]
+    state = equations.kinematics(q, np.zeros((tree.count, 1)))
+    none = np.zeros(len(equations.frictions))
+    drive_forces = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
+    scaled = drive_forces / equations.loops.units[indices]
+    return dict(zip(equations.model.mechanism.drivers, scaled.tolist(), strict=True))
+
+
+def holding_range(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, Initial] | None = None
+) -> dict[str, tuple[float, float]]:
+    """Return the least and largest drive force under which friction holds the configuration at rest.
+
+    They are the forces by which motion is impending in both directions, with friction at rest: the driver
+    moves forwards under more than the largest, and backwards under less than the least. If zero is between
+    them, the mechanism is self-locking. A limit is infinite if friction jams the mechanism in its direction.
+
+    Args:
+        source: as for `holding`; it has one driver, and one degree of freedom.
+        forces: as for `holding`.
+        initial: initial coordinates of the configuration.
+
+    Returns:
+        Driver -> both forces, in [N m] or [N]; empty without Coulomb friction, or with several drivers.
+
+    Raises:
+        FrictionError: if friction at rest is undetermined.
+    """
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    drivers, frictions = model.mechanism.drivers, model.forces.friction
+    if len(drivers) != 1 or not any(friction.dry for friction in frictions):
+        return {}
+    (driver,) = drivers
+    at_rest = tuple(friction.at_rest for friction in frictions)
+    model = model.with_forces(replace(model.forces, friction=at_rest))
+    limits: list[float] = []
+    for sign in (-1.0, 1.0):
+        values = initial_values(model, {**(initial or {}), f"{driver}.v": sign * IMPENDING})
+        equations = equations_of_motion(model, {**values.coordinates, driver: 0.0})
+        q, rates = initial_state(equations, values)
+        equations, rates = with_determined_motion(equations, q, rates)
+        index = equations.loops.tree.index_of[driver]
+        state = equations.kinematics(q, rates)
+        sliding = np.sign(equations.friction_rates(state)[:, 0])
+        try:
+            force = float(equations.accelerate(state, np.zeros(1), sliding, (), [index]).contact[0, 0])
+        except FrictionError as error:
+            if error.outcome != "jammed":
+                raise
+            force = sign * np.inf * equations.loops.units[index]
+        limits.append(float(force / equations.loops.units[index]))
+    return {driver: (limits[0], limits[1])}
+
+
+def prepared_equations(
+    source: Any, forces: Forces | None, initial: Mapping[str, Initial]
+) -> tuple[EquationsOfMotion, Coordinates]:
+    """Return the equations of motion of a mechanism and its initial configuration."""
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
+    values = initial_values(model, initial)
+    limited = dict.fromkeys(getattr(model.solver, "ranges", {}), 0.0)
+    equations = equations_of_motion(model, {**limited, **values.coordinates})
+    q, rates = initial_state(equations, values)
+    return with_determined_motion(equations, q, rates)[0], q
+
+
+def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bool = False) -> Equilibrium:
+    linear = linear_model(equations, state.q, isolated=not state.dimension)
+    at_rest = np.zeros((equations.loops.tree.count, 1))
+    _, potential = equations.energy(equations.kinematics(state.q, at_rest))
+    # of the energy that stiffness stores over a radian or the size of the mechanism
+    rounding = EPS * float(np.abs(linear.stiffness).max(initial=0.0))
+    return Equilibrium(
+        q=_coordinates(equations, state.q),
+        stable=None if state.singular else linear.stable(in_family=state.dimension > 0),
+        potential=potential if abs(potential) > rounding else 0.0,
+        modes=() if state.singular else linear.modes,
+        linear=linear,
+        reached=state.reached,
+        dimension=state.dimension,
+        everywhere=everywhere,
+        singular=state.singular,
+    )
+
+
+def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, float]:
+    """Return joint coordinates in [m] and [rad], angles within (-pi, pi]."""
+    tree = equations.loops.tree
+    return {
+        name: float(q.values[i, 0] if tree.slides[i] else wrapped(q.values[i, 0]))
+        for name, i in tree.index_of.items()
+    }
+
+
+def _random_configuration(
+    equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator
+) -> Coordinates | None:
+    """Return a configuration in any assembly mode: random coordinates closed by Newton's method; or None."""
+    from scipy.spatial.transform import Rotation
+
+    tree = equations.loops.tree
+    values = (np.where(tree.slides, tree.length, np.pi) * random.uniform(-1.0, 1.0, tree.count))[:, None]
+    turns = q.turns.copy()
+    for k in range(len(turns)):
+        turns[k, ..., 0] = Rotation.random(rng=random).as_matrix()
+    try:
+        return projected(equations, Coordinates(values, turns), 0.0 * values, np.zeros(1))[0]
+    except (AssemblyError, np.linalg.LinAlgError):
+        return None
+
+
+def _random_step(equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator) -> Coordinates:
+    """Return a configuration after a random step along the motion; shorter if the loops do not close."""
+    basis = independent_rates(equations, q)
+    direction = random.normal(size=basis.shape[1])
+    step = np.zeros((equations.loops.tree.count, 1))
+    step[equations.free, 0] = basis @ (RANDOM_STEP * direction / max(float(np.linalg.norm(direction)), 1e-12))
+    try:
+        for _ in range(4):
+            q, _ = projected(equations, equations.loops.displaced(q, 0.25 * step), 0.0 * step, np.zeros(1))
+    except AssemblyError:
+        return q
+    return q

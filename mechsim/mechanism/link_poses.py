@@ -1,0 +1,370 @@
+"""Initial poses for assembly: the guess of a mechanism, completed link by link along its joints."""
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.mechanism.joint_kinds import COLUMN, FIXED, KINDS, KindName, displaced
+from mechsim.mechanism.joints import End, Joint, joint_coordinate
+from mechsim.mechanism.links import (
+    EX,
+    EY,
+    EZ,
+    GROUND,
+    IDENTITY,
+    ORIGIN,
+    VIRTUAL_PREFIX,
+    Inertia,
+    Link,
+    Pose,
+    Vector,
+    rows,
+    vector,
+)
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import Motion
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+
+# of a joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in the frames of their links
+Sides = tuple[Array, Array, Array, Array]
+
+
+def guessed_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
+    """Return a pose of each moving link: its guess, or the pose that its joints to placed links give.
+
+    Coordinates of these joints have the values that the description states (such as those of drivers), else
+    0.
+
+    Args:
+        mechanism: the mechanism.
+        stiff_first: whether joints with fewer rotations, such as prismatic joints, are used first; else
+            joints are used in their order.
+
+    Raises:
+        AssemblyError: if no chain of joints connects a link with the frame.
+    """
+    sides = {
+        joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
+        for joint in mechanism.joints
+    }
+    if stiff_first:
+        joints = sorted(mechanism.joints, key=lambda joint: len(KINDS[joint.kind].turns))
+        mechanism = replace(mechanism, joints=tuple(joints))
+    return complete_guess(mechanism, sides, mechanism.guess, initial_coordinates(mechanism))
+
+
+def complete_guess(
+    mechanism: Mechanism,
+    sides: Mapping[str, Sides],
+    guess: Mapping[str, Pose],
+    coordinates: Mapping[str, float] | Mapping[str, Array],
+) -> dict[str, Pose]:
+    """Return poses of all moving links, of one mechanism or of d designs of the same structure.
+
+    Args:
+        mechanism: one of the designs.
+        sides: joint -> its sides; of d designs (d, 3) and (d, 3, 3).
+        guess: poses of some links.
+        coordinates: coordinate -> its value, or (d,).
+
+    Raises:
+        AssemblyError: if no chain of joints connects a link with the frame.
+    """
+    placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
+    waiting = list(mechanism.joints)
+    while waiting:
+        attached = [j for j in waiting if j.a.link in placed or j.b.link in placed]
+        # the displacement of a screw is seldom stated: another joint places its links better
+        joint = min(attached, key=lambda j: KINDS[j.kind].helical, default=None)
+        if joint is None:
+            lost = [link.name for link in mechanism.links if link.name not in placed]
+            raise AssemblyError(
+                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
+            )
+        waiting.remove(joint)
+        forward = joint.a.link in placed
+        placed_link, next_link = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
+        if next_link not in placed:
+            point_a, frame_a, point_b, frame_b = sides[joint.name]
+            ends = (point_a, frame_a, point_b, frame_b) if forward else (point_b, frame_b, point_a, frame_a)
+            placed[next_link] = _attached(placed[placed_link], ends, _displaced(joint, coordinates, forward))
+    lost = [link.name for link in mechanism.links if link.name not in placed]
+    if lost:
+        raise AssemblyError(
+            f"{mechanism.name}: link {', '.join(lost)} has no joint; add one or leave the link out"
+        )
+    del placed[GROUND]
+    return placed
+
+
+def _attached(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:
+    """Return the pose of a link that a joint connects to a placed link, whose side is first in `ends`."""
+    (near_point, near_frame, far_point, far_frame), (shift, relative) = ends, displacement
+    frame = pose.rotation @ near_frame
+    rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
+    joint_position = pose.position + rotated(pose.rotation, near_point)
+    return Pose(joint_position + rotated(frame, shift) - rotated(rotation, far_point), rotation)
+
+
+def rotated(rotation: Array, vector: Array) -> Array:
+    """Return vectors (..., 3) rotated by matrices (..., 3, 3)."""
+    return (rotation @ vector[..., None])[..., 0]
+
+
+def initial_coordinates(mechanism: Mechanism, poses: Mapping[str, Pose] | None = None) -> dict[str, float]:
+    """Return the coordinates at the guess that the description states, in [m] and [rad].
+
+    The angle of a screw between placed links follows from its displacement, and a coordinate that is a
+    function of others from these.
+
+    Args:
+        mechanism: the mechanism.
+        poses: link -> its pose; default those of the guess.
+    """
+    angles = _screw_angles(mechanism, mechanism.guess if poses is None else poses)
+    coordinates = {**angles, **mechanism.guess_coordinates, **mechanism.locked}
+    if mechanism.has_crank:
+        coordinates[mechanism.crank.name] = mechanism.start
+    for law in mechanism.laws:
+        if law.function is not None and isinstance(law.left, str) and law.left not in coordinates:
+            low, high = law.function.interval
+            for name in law.right_terms:
+                # a table need not contain 0
+                coordinates.setdefault(name, 0.0 if low < 0.0 < high else 0.5 * (low + high))
+            right = sum(weight * coordinates[name] for name, weight in law.right_terms.items())
+            coordinates[law.left] = law.zeros[0] + float(law.polynomial(np.array([right]))[0][0])
+    return coordinates
+
+
+def _screw_angles(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
+    """Return the angles of screws between placed links from their displacements, in [rad]."""
+    placed = {GROUND: IDENTITY, **poses}
+    angles: dict[str, float] = {}
+    for joint in mechanism.joints:
+        if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:
+            displacement = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
+            angles[joint.coordinates[1]] = REVOLUTION * displacement / joint.lead
+    return angles
+
+
+def _displaced(
+    joint: Joint, coordinates: Mapping[str, float] | Mapping[str, Array], forward: bool
+) -> tuple[Array, Array]:
+    """Return the joint frame of the far side in that of the near side: (..., 3) in [m] and (..., 3, 3)."""
+    pairs = zip(joint.coordinates, joint.unguessed, strict=True)
+    values = [coordinates.get(name, unguessed) for name, unguessed in pairs]
+    if not (KINDS[joint.kind].crossed or any(np.any(value) for value in values)):
+        return np.zeros(3), np.eye(3)
+    shift, rotation = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
+    if forward:
+        return shift, rotation
+    rotation = np.swapaxes(rotation, -1, -2)
+    return -rotated(rotation, shift), rotation
+
+
+def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
+    """Return the poses of all links except ground, and of rods, at the n instants of a motion.
+
+    Raises:
+        InputError: if the motion lacks a link that is a body.
+    """
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    # links without a body are placed about the others
+    for link in sorted(mechanism.links, key=lambda link: not link.is_body):
+        if link.name in motion.links:
+            moved = motion.links[link.name]
+            poses[link.name] = Pose(moved.position, moved.rotation)
+        elif link.is_body:
+            raise InputError(
+                f"the motion has no pose of link {link.name!r}, so the link cannot be drawn; "
+                "solve it with links"
+            )
+        else:
+            poses[link.name] = _hidden_link_pose(mechanism, link.name, poses, motion)
+    return with_rods(mechanism, {link.name: poses[link.name] for link in mechanism.links})[1]
+
+
+def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
+    """Return the pose of a link without body that a joint without ball connects to another link."""
+    joint = next(candidate for candidate in mechanism.joints if candidate.b.link == name)
+    carrier, values = poses[joint.a.link], [motion.joints[name].value for name in joint.coordinates]
+    shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
+    frame = carrier.rotation @ joint.a.frame
+    rotation = np.broadcast_to(frame @ relative @ joint.b.frame.T, (len(values[0]), 3, 3))
+    position = carrier.point(joint.a.point) + (frame @ shift[..., None])[..., 0]
+    return Pose(position - rotation @ joint.b.point, rotation)
+
+
+# separates the names of a joint and of its link in the name of a virtual body
+VIRTUAL_BODY_SEPARATOR = "@"
+
+
+def virtual_body(joint: Joint) -> str:
+    """Return the name of the virtual body of a split joint."""
+    return f"{joint.name}{VIRTUAL_BODY_SEPARATOR}{_replaced_end(joint).link}"
+
+
+def with_virtual_bodies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+    """Return poses of links and of the virtual bodies of split joints."""
+    all_poses = {GROUND: IDENTITY, **poses}
+    virtual_poses = {
+        joint.a.link: all_poses[joint.b.link]
+        for joint in mechanism.joints
+        if joint.kind == FIXED and joint.name == joint.a.link and joint.b.link in all_poses
+    }
+    return {**virtual_poses, **poses}
+
+
+def split_joints(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
+    """Return a mechanism in which some joints end on virtual bodies, fixed to the links of these joints.
+
+    A virtual body has the frame of its link and a share of its inertia. The fixed joint, which has the name
+    of the body, can be cut.
+    """
+    shares = Counter(_replaced_end(joint).link for joint in mechanism.joints if joint.name in names)
+    links = [
+        replace(link, inertia=_shared(link.inertia, 1 + shares[link.name])) if link.inertia else link
+        for link in mechanism.links
+    ]
+    inertias, joints = {link.name: link.inertia for link in links}, list[Joint]()
+    for joint in mechanism.joints:
+        if joint.name not in names:
+            joints.append(joint)
+            continue
+        name, end = virtual_body(joint), _replaced_end(joint)
+        links.append(Link(name, inertia=inertias[end.link]))
+        own: End = replace(end, link=name)
+        moved_joint = replace(joint, a=own) if end is joint.a else replace(joint, b=own)
+        joints += [moved_joint, Joint(name, FIXED, own, end)]
+    return replace(mechanism, links=tuple(links), joints=tuple(joints))
+
+
+def with_rods(
+    mechanism: Mechanism, poses: Mapping[str, Pose], at_origin: KindName = "spherical"
+) -> tuple[Mechanism, dict[str, Pose]]:
+    """Return a mechanism with a link for each distance joint, and poses with its own.
+
+    Its length is along its x axis. It has a pose if both links that it connects have one.
+
+    Args:
+        mechanism: the mechanism.
+        poses: link -> its pose or poses.
+        at_origin: kind of the joint at its origin; the other joint is spherical.
+    """
+    placed, links, joints = {GROUND: IDENTITY, **poses}, [*mechanism.links], list[Joint]()
+    for joint in mechanism.joints:
+        if not KINDS[joint.kind].rod:
+            joints.append(joint)
+            continue
+        name, tip = f"{VIRTUAL_PREFIX}{joint.name}", (joint.length, 0.0, 0.0)
+        links.append(Link(name, (ORIGIN, tip)))
+        joints.append(Joint(joint.name, at_origin, joint.a, End(name, axis=EY)))
+        joints.append(Joint(name, "spherical", End(name, tip), joint.b))
+        if joint.a.link in placed and joint.b.link in placed:
+            first, second = (placed[end.link].point(end.point) for end in (joint.a, joint.b))
+            placed[name] = Pose(np.broadcast_to(first, (second - first).shape), _along_x(second - first))
+    del placed[GROUND]
+    return replace(mechanism, links=tuple(links), joints=tuple(joints)), placed
+
+
+def spin_rod(ball: Joint, spin: Vector, poses: Mapping[str, Pose]) -> Joint:
+    """Return a massless rod next to a ball, which locks one of its three rotations.
+
+    It joins a point of link b, at right angles to the axis of the rotation, to one of link a at right angles
+    to both, so that only a rotation about the axis changes their distance.
+
+    Args:
+        ball: the ball.
+        spin: axis of the rotation in the frame of link b; its length is that of both arms, in [m].
+        poses: poses of both links, the ground included.
+    """
+    a, b, arm = poses[ball.a.link], poses[ball.b.link], float(np.linalg.norm(spin))
+    across, above, _ = arm * End(ball.b.link, axis=spin).frame.T
+    ends = (
+        End(ball.a.link, vector(np.array(ball.a.point) + a.rotation.T @ b.rotation @ above)),
+        End(ball.b.link, vector(np.array(ball.b.point) + across)),
+    )
+    return Joint(f"{VIRTUAL_PREFIX}{ball.name}", "distance", *ends, length=float(np.sqrt(2.0) * arm))
+
+
+def _along_x(gap: Array) -> Array:
+    """Return rotations whose x axes lie along gaps, (..., 3, 3)."""
+    x = gap / np.linalg.norm(gap, axis=-1, keepdims=True)
+    y = np.cross(np.where(np.abs(x[..., 2:]) < 0.9, EZ, EX), x)
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], -1)
+
+
+def _replaced_end(joint: Joint) -> End:
+    """Return the end of a joint that its virtual body replaces: side b, or side a if b is the frame."""
+    return joint.a if joint.b.link == GROUND else joint.b
+
+
+def _shared(inertia: Inertia, count: int) -> Inertia:
+    """Return the inertia of one of `count` equal parts that are rigidly joined."""
+    if count == 1:
+        return inertia
+    return Inertia(inertia.mass / count, inertia.centre, rows(inertia.matrix / count))
+
+
+# directions count as parallel below this: frames are accurate to 1e-16, real tilts are far larger
+PARALLEL_TOLERANCE = 1e-9
+
+
+def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return the normal of the plane of motion in each link's frame, or None for a spatial mechanism.
+
+    A mechanism is planar if all joints rotate about one direction and slide perpendicular to it at any
+    coordinates. This follows from the description, without solving. Points of a link need not lie in one
+    plane.
+
+    Args:
+        mechanism: the mechanism.
+
+    Returns:
+        Link ("ground" included) -> unit vector, (3,): along the crank's axis, transferred along the joints.
+    """
+    joint = (mechanism.driven_joints or mechanism.joints)[0]
+    return _normals(joint.a, mechanism, mechanism.joints)
+
+
+def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return normals as `plane_normals`, also with sliding drivers or spherical joints that close loops.
+
+    Spherical and universal joints cannot move links out of a plane in which hinges and slides keep them.
+    """
+    aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
+    hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
+    normals = (_normals(hinges[0], mechanism, aligned) if hinges else None) or {}
+    return normals if all(link.name in normals for link in mechanism.links) else None
+
+
+def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:
+    normals = {hinge.link: np.asarray(hinge.axis)}
+    for _ in mechanism.links:
+        for joint in joints:
+            for start, other in ((joint.a, joint.b), (joint.b, joint.a)):
+                if start.link in normals and other.link not in normals:
+                    # a joint that rotates about the normal has it in the same direction of both joint frames
+                    normals[other.link] = other.frame @ start.frame.T @ normals[start.link]
+    for joint in joints:
+        for end in (joint.a, joint.b):
+            if end.link not in normals or not _stays_in_plane(joint, end, normals[end.link]):
+                return None
+    return normals
+
+
+def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
+    """Whether a joint rotates about a normal of one of its links and slides perpendicular to it."""
+    kind = KINDS[joint.kind]
+    if not kind.aligned:
+        return False
+    components = end.frame.T @ normal
+    across = [abs(components[COLUMN[axis]]) for axis in kind.slides]
+    if kind.turns:
+        across += [abs(components[0]), abs(components[1])]
+    return max(across, default=0.0) <= PARALLEL_TOLERANCE

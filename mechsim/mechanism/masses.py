@@ -1,0 +1,230 @@
+"""Masses of the links of a mechanism and their sources."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.mechanism.links import Inertia, Rods, Vector, combine, rows, vector
+from mechsim.mechanism.mechanism import Mechanism, described
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE, number
+
+Source = Literal["given", "rod", "zero"]
+# largest number of link names in a line of text; of more links it states the number
+MAX_NAMES = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkMass:
+    """The mass of a link and its source.
+
+    Attributes:
+        link: name of the link.
+        mass: in [kg].
+        source: "given" in the file or object; "rod", computed from round rods between its joints, because
+            no inertia is given; "zero" if a file gives this link a mass of zero but others more (in MuJoCo a
+            negligible mass replaces the zero).
+        length: total length of the rods in [m]; None unless the source is "rod".
+        diameter: diameter of the rods in [m]; None unless the source is "rod".
+        density: density of the rods in [kg/m3]; None unless the source is "rod".
+    """
+
+    link: str
+    mass: float
+    source: Source
+    length: float | None = None
+    diameter: float | None = None
+    density: float | None = None
+
+    @property
+    def text(self) -> str:
+        """The source in words."""
+        if self.source != "rod":
+            return "given" if self.source == "given" else "zero in the file"
+        return (
+            f"computed: {_material(self.density)} rods, length {self.length:.6g} m, "
+            f"diameter {self.diameter:.6g} m"
+        )
+
+
+def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:
+    """Return the masses of links that have an inertia, without virtual bodies."""
+    return tuple(_mass(link.name, link.inertia) for link in mechanism.links if link.inertia and link.is_body)
+
+
+def summary(masses: Sequence[LinkMass]) -> str:
+    """Return in one line the masses in use and their sources; empty without links."""
+    phrases: list[str] = []
+    for source in ("given", "rod", "zero"):
+        group = [mass for mass in masses if mass.source == source]
+        if group:
+            phrases.append(f"{_names(group, len(masses))} {_source_text(source, group)}")
+    return f"masses: {'; '.join(phrases)}" if phrases else ""
+
+
+def _source_text(source: Source, group: Sequence[LinkMass]) -> str:
+    total = f"{sum(mass.mass for mass in group):.4g} kg"
+    if source == "given":
+        return f"given, {total}"
+    if source == "zero":
+        return "zero in the file"
+    rod = group[0]
+    return (
+        f"computed as round {_material(rod.density)} rods of diameter {rod.diameter:.4g} m, {total}, "
+        "because no inertia is given"
+    )
+
+
+def _names(group: Sequence[LinkMass], count: int) -> str:
+    if len(group) == count > MAX_NAMES:
+        return f"all {count} links"
+    return (
+        ", ".join(mass.link for mass in group)
+        if len(group) <= MAX_NAMES
+        else f"{len(group)} of {count} links"
+    )
+
+
+def _material(density: float | None) -> str:
+    return "steel" if density == STEEL else f"{density:.6g} kg/m3"
+
+
+def _mass(link: str, inertia: Inertia) -> LinkMass:
+    rods = inertia.rods
+    if rods is not None:
+        return LinkMass(
+            link=link,
+            mass=inertia.mass,
+            source="rod",
+            length=rods.length,
+            diameter=rods.diameter,
+            density=rods.density,
+        )
+    massless = inertia.negligible or inertia.mass == 0.0
+    return LinkMass(link=link, mass=inertia.mass, source="zero" if massless else "given")
+
+
+# density of steel in [kg/m3]
+STEEL = 7850.0
+# default diameter of the rods, relative to the characteristic length
+RELATIVE_DIAMETER = 0.05
+# length of the pin that replaces a link whose points coincide, such as a slider, in diameters
+PIN_LENGTH = 2.0
+# diameter of a slender rod relative to its length: a moment about its own axis of zero is not allowed
+SLENDERNESS = 1e-3
+
+
+def round_rod(start: Vector, end: Vector, density: float = STEEL, diameter: float = 0.01) -> Inertia:
+    """Return the inertia of a uniform round rod between two points of a link's frame.
+
+    m = rho pi d2/4 l; along the rod m d2/8, across it m (l2/12 + d2/16).
+
+    Args:
+        start: centre of one end, in [m].
+        end: centre of the other end, in [m].
+        density: density in [kg/m3].
+        diameter: diameter in [m].
+    """
+    _positive("density of a rod", density, "kg/m3")
+    _positive("diameter of a rod", diameter, "m")
+    mass = density * np.pi * diameter**2 / 4.0 * _length(start, end)
+    length2 = _length(start, end) ** 2
+    return _rod(start, end, mass, mass * diameter**2 / 8.0, mass * (length2 / 12.0 + diameter**2 / 16.0))
+
+
+def slender_rod(start: Vector, end: Vector, mass: float) -> Inertia:
+    """Return the inertia of a uniform thin rod between two points of a link's frame, with a mass in [kg].
+
+    The moment across the rod is exactly m l2/12; that along it is that of a rod with a diameter of l/1000.
+    """
+    _positive("mass of a slender rod", mass, "kg")
+    length2 = _length(start, end) ** 2
+    return _rod(start, end, mass, mass * length2 * SLENDERNESS**2 / 8.0, mass * length2 / 12.0)
+
+
+def with_inertia(
+    mechanism: Mechanism,
+    density: float = STEEL,
+    diameter: float | None = None,
+) -> Mechanism:
+    """Return the mechanism with an inertia on every link.
+
+    A link consists of the straight rods of least total length that connect its joint points and outline;
+    overlaps at their ends count twice. A link with a single point is a pin along its first joint's axis.
+
+    Args:
+        mechanism: the mechanism.
+        density: density of the rods in [kg/m3].
+        diameter: diameter of the rods in [m]; the default is 0.05 of the characteristic length.
+    """
+    mechanism = described(mechanism)
+    _positive("density of the rods", density, "kg/m3")
+    rod_diameter = RELATIVE_DIAMETER * mechanism.characteristic_length if diameter is None else diameter
+    if any(link.inertia is None for link in mechanism.links):
+        _positive("diameter of the rods", rod_diameter, "m")
+    links = tuple(
+        link
+        if link.inertia is not None
+        else replace(link, inertia=_link_inertia(mechanism, link.name, link.outline, density, rod_diameter))
+        for link in mechanism.links
+    )
+    return replace(mechanism, links=links)
+
+
+def _link_inertia(
+    mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float
+) -> Inertia:
+    ends = mechanism.ends(name)
+    points = _distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
+    if len(points) == 1:
+        axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
+        arm = 0.5 * PIN_LENGTH * diameter * axis
+        pin = round_rod(vector(points[0] - arm), vector(points[0] + arm), density, diameter)
+        return replace(pin, rods=Rods(PIN_LENGTH * diameter, diameter, density))
+    rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
+    whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
+    return replace(whole, rods=Rods(sum(_length(a, b) for a, b in rods), diameter, density))
+
+
+def _rod(start: Vector, end: Vector, mass: float, along: float, across: float) -> Inertia:
+    a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    line = (b - a) / _length(start, end)
+    moments = across * np.eye(3) + (along - across) * np.outer(line, line)
+    return Inertia(mass, vector((a + b) / 2.0), rows(moments))
+
+
+def _spanning_tree(points: Array) -> list[tuple[int, int]]:
+    """Return pairs of points that connect all points with the least total length (Prim)."""
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    joined, pairs = [0], []
+    while len(joined) < len(points):
+        rest = [i for i in range(len(points)) if i not in joined]
+        pair = min(((i, j) for i in joined for j in rest), key=lambda pair: (gaps[pair], pair))
+        pairs.append(pair)
+        joined.append(pair[1])
+    return pairs
+
+
+def _distinct(points: list[Vector], gap: float) -> list[Array]:
+    kept: list[Array] = []
+    for point in np.array(points):
+        if all(np.linalg.norm(point - other) > gap for other in kept):
+            kept.append(point)
+    return kept
+
+
+def _length(start: Vector, end: Vector) -> float:
+    length = float(np.linalg.norm(np.asarray(end) - np.asarray(start)))
+    if not 0.0 < length < np.inf:
+        raise InputError(
+            f"a rod from {start} to {end} m has length {length}; give two finite, distinct points"
+        )
+    return length
+
+
+def _positive(what: str, value: float, unit: str) -> None:
+    if not 0.0 < number(value) < HUGE:
+        raise InputError(f"{what} is {value} {unit}; give a finite number above 0, below {HUGE:g}")

@@ -1,0 +1,112 @@
+"""Tolerances widen with poor conditioning near a dead centre, and errors are still detected."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from catalog_faults import SWINGING
+from grids import grid
+
+from mechsim import catalog, loops
+from mechsim.compare.checks import check_of
+from mechsim.compare.crosscheck import crosscheck
+from mechsim.compare.tolerances import WELL_CONDITIONED, Tolerance
+from mechsim.kinematics.loops.motion import conditioning_of
+from mechsim.mechanism.motion_laws import swing
+from mechsim.simulation import Settings, simulate
+from mechsim.studies import validate
+from mechsim.studies.validate import case_of
+
+
+def near_a_dead_centre(name, fraction):
+    """Return a mechanism that swings over a fraction of its range, and that swing."""
+    linkage = catalog.make(name, **SWINGING[name])
+    low, high = linkage.crank_range().arcs[0]
+    return linkage, swing(0.5 * (low + high), 0.5 * fraction * (high - low), 20.0)
+
+
+@pytest.mark.long
+def test_validation_reduces_steps_until_the_run_converges(monkeypatch):
+    # a random warp knitter near a dead centre fails with 1000 steps per revolution, this one with four
+    monkeypatch.setattr(validate, "STEPS", 4)
+    linkage = catalog.make("warp_knitter")
+    assert simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=4)).outcome == "diverged"
+    case = case_of(linkage)
+    assert case.passed, case.verdict.reason
+    assert case.run.steps > 4
+
+
+@cache
+def close_to_a_dead_centre(name):
+    """Return a mechanism, and its solved configurations over 0.9999 of its range."""
+    linkage, profile = near_a_dead_centre(name, 0.9999)
+    return linkage, simulate(linkage.mechanism, profile=profile, method="pose", samples=72)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
+def test_configurations_near_a_dead_centre_pass(name):
+    linkage, run = close_to_a_dead_centre(name)
+    verdict = crosscheck(run, linkage)
+    assert run.outcome == verdict.outcome == "passed", str(verdict)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        (name, method)
+        if (name, method) in (("four_bar", "pose"), ("four_bar", "step"))
+        else pytest.param(name, method, marks=pytest.mark.slow)
+        for name in SWINGING
+        for method in ("pose", "step")
+    ],
+)
+def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre(name, method):
+    # at 0.98 of its range a slider-crank has a conditioning of 0.17
+    linkage, profile = near_a_dead_centre(name, 0.995 if name == "slider_crank" else 0.98)
+    longer = next(item for item in ("coupler", "rod", "link", "rod3") if hasattr(linkage, item))
+    wrong = linkage.with_parameters(**{longer: 1.001 * getattr(linkage, longer)})
+    settings = Settings() if method == "step" else None
+    run = simulate(wrong.mechanism, profile=profile, method=method, settings=settings, samples=72)
+    verdict = crosscheck(run.motion, linkage)
+    assert not verdict.passed
+    # the run includes poorly conditioned instants
+    conditioning = conditioning_of(linkage.mechanism, linkage.solve(run.motion.angle))
+    assert conditioning.min() < WELL_CONDITIONED
+
+
+def test_each_instant_has_its_own_tolerance():
+    tolerance = Tolerance(1.0, "m", "here", power=2)
+    conditioning = WELL_CONDITIONED * np.array([2.0, 1.0, 0.1, 0.5])
+    error, angle = np.array([0.9, 0.9, 90.0, 3.9]), np.arange(4.0)
+    check = check_of("position", "A", error, angle, tolerance, conditioning)
+    assert check.passed
+    assert (check.worst, check.instant, check.tolerance) == (3.9, 3.0, pytest.approx(4.0))
+    assert check.reason == "here; x 4 at a loop conditioning of 0.05"
+    # an error allowed at poor conditioning is rejected at good conditioning
+    assert not check_of("position", "A", error[[2, 0, 1, 3]], angle, tolerance, conditioning).passed
+    flat = check_of("position", "A", error, angle, Tolerance(1.0, "m", "here"), conditioning)
+    assert (flat.worst, flat.tolerance, flat.reason) == (90.0, 1.0, "here")
+
+
+def test_a_tolerance_of_zero_allows_no_error():
+    nothing = Tolerance(0.0, "m", "none")
+    assert check_of("position", "A", np.zeros(2), np.zeros(2), nothing).passed
+    assert not check_of("position", "A", np.array([0.0, 1e-300]), np.zeros(2), nothing).passed
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", grid(["four_bar", "rssr", "slider_crank", "rrsrr"], ("four_bar",)))
+def test_both_methods_report_the_conditioning_of_the_loops(name):
+    """The methods use different coordinates: conditionings are similar, and fall at a dead centre."""
+    linkage, run = close_to_a_dead_centre(name)
+    simulated, exact = (
+        run.motion.conditioning,
+        conditioning_of(linkage.mechanism, linkage.solve(run.motion.angle)),
+    )
+    own = loops.solve(linkage.mechanism, run.motion.angle).conditioning
+    for item in (simulated, own):
+        assert 0.05 < (item / exact).min() <= (item / exact).max() < 20.0
+    for item in (simulated, own, exact):
+        assert item[0] < 0.1 * item.max()

@@ -1,0 +1,124 @@
+"""Joint ranges apply in every method: a start outside its range is rejected with the same message."""
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+from mechsim import dynamics, simulate
+from mechsim.errors import AssemblyError
+from mechsim.io.driver_positions import poses_of_table
+from mechsim.io.readers import load
+from mechsim.report.facts import facts
+
+ARM = model_text("joint_ranges_arm.xml")
+
+
+@pytest.fixture
+def arm(tmp_path):
+    def made(value, text=ARM):
+        path = tmp_path / "arm.xml"
+        path.write_text(text)
+        return load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": value})
+
+    return made
+
+
+def prescribed(solver):
+    model = dynamics.dynamic_model(solver, solver.forces)
+    return dynamics.prescribed(model, t=np.linspace(0.0, 1.0, 5))
+
+
+ROUTES = {
+    "solved": lambda solver: solver.solve(t=np.linspace(0.0, 1.0, 5)),
+    "row by row": lambda solver: poses_of_table(solver, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
+    "posed": lambda solver: simulate(solver, method="pose"),
+    "stepped": lambda solver: simulate(solver, method="step"),
+    "inverse dynamics": prescribed,
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("route", ROUTES)
+def test_a_start_outside_a_range_is_rejected_by_every_method(arm, route):
+    with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
+        ROUTES[route](arm("0.1rad"))
+    ROUTES[route](arm("0.3rad"))
+    disabled = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
+    ROUTES[route](arm("0.1rad", disabled))
+
+
+def test_poses_report_floating_bodies(tmp_path):
+    path = tmp_path / "load.xml"
+    load_text = '<body name="load" pos="1 0 0"><freejoint/><geom size="0.01"/></body></worldbody>'
+    path.write_text(ARM.replace("</worldbody>", load_text))
+    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
+    assert "load floats independently of the drivers, so poses do not determine it: it stays" in run.note
+    assert "--fix-base" in run.note
+    path.write_text(ARM)
+    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
+    assert run.note == ""
+
+
+FOUR_BAR = model_text("joint_ranges_four_bar.xml")
+
+
+def parallelogram(tmp_path, joint, low, high, **options):
+    """Return a parallelogram whose rocker turns as its crank does, one joint of it with a range."""
+    path = tmp_path / "bar.xml"
+    limited = f'name="{joint}" axis="0 0 1" limited="true" range="{low} {high}"'
+    path.write_text(FOUR_BAR.replace(f'name="{joint}" axis="0 0 1"', limited))
+    return load(str(path), key="up", **options)
+
+
+@pytest.mark.parametrize("joint", ["crank", "rocker"])
+def test_the_crank_range_ends_at_the_limit_of_any_joint(tmp_path, joint):
+    solver = parallelogram(tmp_path, joint, 0.1, 0.85)
+    arcs = solver.crank_range()
+    assert not arcs.full
+    # beyond 0 and pi lie change points of the parallelogram
+    np.testing.assert_allclose(arcs.arcs, [(0.1, 0.85)], atol=1e-9)
+    assert solver.dead_centres() == ()
+    assert solver.change_points() == ()
+    reported = facts(solver)
+    np.testing.assert_allclose(reported["crank_range"], [0.1, 0.85], atol=1e-9)
+    assert reported["change_points"] == []
+
+
+def test_a_range_that_is_never_reached_allows_a_full_revolution(tmp_path):
+    solver = parallelogram(tmp_path, "rocker", -10.0, 10.0)
+    assert solver.crank_range().full
+    assert len(solver.change_points()) == 2
+
+
+def test_a_range_that_contains_a_change_point_keeps_it(tmp_path):
+    solver = parallelogram(tmp_path, "crank", -0.3, 0.85)
+    np.testing.assert_allclose(solver.crank_range().arcs, [(-0.3, 0.85)], atol=1e-9)
+    np.testing.assert_allclose(solver.change_points(), [0.0], atol=1e-9)
+
+
+SAMPLED_ROUTES = {
+    "solved": lambda solver, samples: solver.solve(t=np.linspace(0.0, 0.9, samples)),
+    "posed": lambda solver, samples: simulate(solver, method="pose", samples=samples - 1),
+    "stepped": lambda solver, samples: simulate(solver, method="step", samples=samples - 1),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("route", SAMPLED_ROUTES)
+@pytest.mark.parametrize("samples", [3])
+@pytest.mark.parametrize("joint", ["crank", "rocker"])
+def test_ranges_are_checked_between_samples_by_every_method(tmp_path, route, samples, joint):
+    # largest at 0.5 s, which is no sample of three
+    law, limit = "0.4 + 0.2*(1-cos(2*pi*t))", 0.8
+    beyond = parallelogram(tmp_path, joint, 0.1, limit - 1e-6, drive={"crank": law}, duration="0.9s")
+    with pytest.raises(AssemblyError, match=rf"joint '{joint}' would be at 0\.8 rad, .* at 0\.5 s"):
+        SAMPLED_ROUTES[route](beyond, samples)
+    within = parallelogram(tmp_path, joint, 0.1, limit + 1e-9, drive={"crank": law}, duration="0.9s")
+    SAMPLED_ROUTES[route](within, samples)
+
+
+def test_rows_of_driver_coordinates_are_independent_poses(tmp_path):
+    solver = parallelogram(tmp_path, "rocker", 0.1, 0.85)
+    assert len(poses_of_table(solver, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
+    with pytest.raises(AssemblyError, match=r"joint 'rocker' would be at 0\.9 rad"):
+        poses_of_table(solver, {"crank": np.array([0.2, 0.9])}, "rows.csv")

@@ -1,0 +1,126 @@
+"""`--lock others` locks undetermined joints and no others."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from model_files import model_text
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import mechsim as ms
+from mechsim import simulate
+from mechsim.errors import MobilityError
+from mechsim.io.readers import load
+from mechsim.kinematics.loops.mobility import driver_determinacy
+
+# an arm of two hinges on a floating base, a head on a ball, and a four-bar of which only one hinge is driven
+ROBOT = model_text("lock_others_robot.xml")
+
+
+@pytest.fixture
+def robot(file):
+    return file(ROBOT)
+
+
+@pytest.mark.long
+def test_undriven_joints_outside_the_driven_loop_are_locked(robot):
+    laws = {"motor": "0.2*t"}
+    with pytest.raises(MobilityError, match="underdetermined"):
+        load(robot, drive=laws).solve(t=np.linspace(0.0, 1.0, 3))
+    solver = load(robot, drive=laws, lock_others=True)
+    assert set(solver.mechanism.locked) == {"shoulder", "elbow"}
+    assert driver_determinacy(solver.mechanism).outcome == "determined"
+    by_hand = load(robot, drive=laws, lock=("float", "shoulder", "elbow", "neck"))
+    times = np.linspace(0.0, 1.0, 3)
+    item, other = solver.solve(t=times), by_hand.solve(t=times)
+    path, same = item.points["B1"].position, other.points["B1"].position
+    np.testing.assert_allclose(path, same, atol=1e-12)
+    assert np.linalg.norm(path[-1] - path[0]) > 1e-3
+    assert simulate(solver, method="pose", samples=5).outcome == "passed"
+
+
+def test_explicit_locks_keep_their_values(robot):
+    solver = load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
+    assert solver.mechanism.locked["elbow"] == 0.5
+
+
+@pytest.mark.long
+def test_in_a_loop_only_the_necessary_joints_are_locked(robot):
+    solver = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
+    assert "elbow" in solver.mechanism.locked
+    assert len({"motor", "A", "C"} & set(solver.mechanism.locked)) == 1
+
+
+def test_nothing_is_locked_if_the_drivers_determine_the_motion():
+    assert not load("five_bar", lock_others=True).mechanism.locked
+
+
+def test_undriven_joints_of_a_toml_file_are_locked(file):
+    links = ["ground", "L0", "L1", "L2", "L3"]
+    joints = "\n".join(
+        f'[joints.J{i}]\nkind = "revolute"\na = {{ link = "{a}", at = [0.1, 0, 0] }}\nb = {{ link = "{b}" }}'
+        for i, (a, b) in enumerate(pairwise(links))
+    )
+    path = file(model_text("lock_others_chain.toml", joints=joints + "\n[links.L3]"))
+    assert set(load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
+
+
+TWO_RODS = model_text("lock_others_two_rods.xml")
+
+
+def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path, mechsim):
+    """The second rod then swings about a fixed pivot; points at rest are compared to rounding."""
+    path = tmp_path / "two_rods.xml"
+    path.write_text(TWO_RODS)
+    solver = ms.load(str(path), lock={"j1": "30deg"}, still=True)
+    run = ms.dynamics.run(solver, initial={"j2.q": 0.1}, duration=0.2)
+    np.testing.assert_allclose(run.motion.joints["j1"].value, np.pi / 6, atol=1e-12)
+    # a uniform capsule: mass of cylinder and half spheres, about its end
+    length, radius = 0.3, 0.01
+    cylinder, balls = np.pi * radius**2 * length, 4.0 / 3.0 * np.pi * radius**3
+    axial = cylinder * (length**2 / 12.0 + radius**2 / 4.0)
+    axial += balls * (0.4 * radius**2 + length**2 / 4.0 + 0.375 * length * radius)
+    inertia, mass = axial + (cylinder + balls) * (length / 2.0) ** 2, cylinder + balls
+
+    def rate(_, state):
+        # the angle of the second rod to the horizontal, positive downwards
+        return [state[1], mass * 9.81 * length / 2.0 * np.cos(state[0] + np.pi / 6) / inertia]
+
+    exact = solve_ivp(rate, (0.0, 0.2), [0.1, 0.0], rtol=1e-11, atol=1e-12).y[0, -1]
+    assert run.motion.joints["j2"].value[-1] == pytest.approx(exact, abs=1e-7)
+    words = f"forward {path} --lock j1=30deg --initial j2.q=0.1 --duration 0.2s --json".split()
+    answer = mechsim("dynamics", *words)
+    assert answer.code == 0, answer.out
+
+
+# a rod between two balls, of which a point off its axis is tracked: its spin alone is undetermined
+ROD = """<mujoco><worldbody>
+<body name="crank"><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
+<body name="rod" pos=".1 0 0"><joint name="A" type="ball"/>
+<geom size=".01" pos=".1 0 .1"/><site name="P" pos=".1 0 .1"/></body></body>
+<body name="rocker" pos=".4 .2 -.2"><joint name="C" axis="1 0 0"/><geom size=".01" pos="0 0 .3"/></body>
+</worldbody><equality><connect body1="rod" body2="rocker" anchor=".3 .2 .1"/></equality></mujoco>"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["rod.xml", "rod.toml"])
+def test_of_a_rod_between_balls_only_the_spin_is_locked(tmp_path, name):
+    path = tmp_path / "rod.xml"
+    path.write_text(ROD)
+    if name != path.name:
+        ms.export(str(path), tmp_path / name, format="toml")
+        path = tmp_path / name
+    solver = ms.load(str(path), drive={"crank": "0.6*sin(2*pi*t)"}, lock_others=True)
+    assert solver.facts[-1].endswith(": A (one rotation)")
+    motion = solver.solve(t=np.linspace(0.0, 1.0, 21))
+
+    def stretch(rocker, crank):
+        ends = np.array([0.1 * np.cos(crank), 0.1 * np.sin(crank), 0.0])
+        ends -= [0.4, 0.2 - 0.3 * np.sin(rocker), -0.2 + 0.3 * np.cos(rocker)]
+        return np.linalg.norm(ends) - np.sqrt(0.14)
+
+    angles = 0.6 * np.sin(2.0 * np.pi * motion.time)
+    exact = [brentq(stretch, -0.8, 0.8, args=(angle,), xtol=1e-15) for angle in angles]
+    np.testing.assert_allclose(motion.joints["C"].value, exact, atol=1e-13)
+    assert simulate(solver, method="pose", samples=5).outcome == "passed"

@@ -1,0 +1,269 @@
+"""Planar linkages in JSON of other programs agree with the catalogue, and invalid files are rejected."""
+
+import copy
+import json
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+import mechsim as ms
+from mechsim.io.model_source import Prescription
+from mechsim.io.readers import open_model
+
+GROUND, CRANK, COUPLER, ROCKER = 0.1, 0.04, 0.11, 0.08
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
+FOUR_BAR = ms.catalog.make("four_bar", ground=GROUND, crank=CRANK, coupler=COUPLER, rocker=ROCKER)
+EXPECTED = FOUR_BAR.solve(ANGLES, speed=1.0)
+# dimensions of the slider-crank; the slider starts on the line through it
+ROD, OFFSET = 0.2, 0.01
+SLIDER = CRANK + float(np.sqrt(ROD**2 - OFFSET**2))
+SLIDES = ms.catalog.make("slider_crank", crank=CRANK, rod=ROD, offset=OFFSET).solve(ANGLES, speed=1.0)
+PYLINKAGE, PYLINKAGE_SLIDER, PMKS, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER = (
+    json.loads(model_text(f"planar_{name}.json"))
+    for name in ("pylinkage", "pylinkage_slider", "pmks", "pmks_slider", "linkage_sim", "linkage_sim_slider")
+)
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(content, name="linkage.json"):
+        path = tmp_path / name
+        path.write_text(content if isinstance(content, str) else json.dumps(content))
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "pin", "middle"),
+    [
+        (PYLINKAGE, "a.json", "B", "half"),
+        (PMKS, "a.pmks", "P3", "P5"),
+        (LINKAGE_SIM, "a.json", "coupler.B", "half"),
+    ],
+    ids=["pylinkage", "PMKS", "linkage_sim"],
+)
+def test_a_four_bar_file_has_the_motion_of_the_catalogue(written, content, name, pin, middle):
+    motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
+    # a file of linkage_sim states no configuration, and so no assembly
+    branch = 1 if motion.points[pin].position[0, 1] > 0.0 else -1
+    assert branch == 1 or content is LINKAGE_SIM
+    solution = FOUR_BAR.with_parameters(branch=branch).solve(ANGLES, speed=1.0)
+    expected = solution.points["B"]
+    for quantity in ("position", "velocity", "acceleration"):
+        computed = getattr(motion.points[pin], quantity)
+        np.testing.assert_allclose(computed, getattr(expected, quantity), rtol=0, atol=1e-13)
+    half = 0.5 * (solution.points["A"].position + expected.position)
+    np.testing.assert_allclose(motion.points[middle].position, half, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "pin"),
+    [
+        (PYLINKAGE_SLIDER, "a.json", "B"),
+        (PMKS_SLIDER, "a.pmks", "P3"),
+        (LINKAGE_SIM_SLIDER, "a.json", "pin"),
+    ],
+    ids=["pylinkage", "PMKS", "linkage_sim"],
+)
+def test_a_slider_crank_file_has_the_motion_of_the_catalogue(written, content, name, pin):
+    motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
+    expected = SLIDES.points["B"].position
+    np.testing.assert_allclose(motion.points[pin].position, expected, rtol=0, atol=1e-13)
+
+
+def test_a_pmks_block_slides_without_rotation(written):
+    content = copy.deepcopy(PMKS_SLIDER)
+    content["Joints"][2]["Links"] = ["block", "rod"]
+    content["Joints"][2]["TypeOfJoint"] = "R"
+    content["Joints"].append(
+        {"X": SLIDER, "Y": OFFSET, "Angle": np.pi, "TypeOfJoint": "P", "Links": ["ground", "block"]}
+    )
+    motion = ms.load(written(content, "a.pmks")).solve(ANGLES, speed=1.0)
+    expected = SLIDES.points["B"].position
+    np.testing.assert_allclose(motion.points["P3"].position, expected, rtol=0, atol=1e-13)
+
+
+def test_masses_of_linkage_sim_are_read(written):
+    links = {link.name: link for link in ms.load(written(LINKAGE_SIM)).mechanism.links}
+    inertia = links["crank"].inertia
+    assert inertia.mass == 0.05
+    assert inertia.moments[2][2] == 2e-5
+    assert links["coupler"].inertia is None
+
+
+def with_masses(keys, block):
+    """Return the slider-crank file with masses and moments under the keys of the Python or GUI version."""
+    moment, centre = keys
+    content = copy.deepcopy(LINKAGE_SIM_SLIDER)
+    content["bodies"]["crank"] |= {"mass": 0.5, moment: 0.01, centre: [CRANK / 2, 0]}
+    content["bodies"]["rod"] |= {"mass": 1.0, moment: 0.08, centre: [ROD / 2, 0]}
+    content["bodies"]["slider"] |= block
+    for body in ("ground", "slider"):
+        content["bodies"][body]["attachment_points"] |= {
+            name: [x, 0] for name, (x, _) in content["bodies"][body]["attachment_points"].items()
+        }
+    return content
+
+
+@pytest.mark.parametrize("keys", [("Izz_cg", "cg_local"), ("izz_cg", "ch_local")])
+@pytest.mark.parametrize(
+    ("block", "mass"),
+    [
+        ({"mass": 2.0}, 2.0),
+        ({"mass": 2.0, "Izz_cg": 0.0}, 2.0),
+        ({"mass": 0.0, "point_masses": [{"mass": 1.5, "local_pos": [0.3, 0.1]}]}, 1.5),
+        ({"mass": 0.0, "izz_cg": 0.0}, 0.0),
+    ],
+)
+def test_masses_of_both_versions_of_linkage_sim_are_read(written, keys, block, mass):
+    links = ms.load(written(with_masses(keys, block))).mechanism.links
+    crank, rod, slider = (link.inertia for link in links)
+    assert (crank.mass, crank.centre, crank.moments[2][2]) == (0.5, (CRANK / 2, 0.0, 0.0), 0.01)
+    assert (rod.mass, rod.centre, rod.moments[2][2]) == (1.0, (ROD / 2, 0.0, 0.0), 0.08)
+    # a point has no moment about itself
+    assert slider.mass == mass
+    assert slider.moments[2][2] == pytest.approx(0.0, abs=1e-30)
+
+
+def test_point_masses_of_linkage_sim_move_the_centre(written):
+    added = [{"mass": 1.0, "local_pos": [0.3, 0]}, {"mass": 2.0, "local_pos": [0, 0.3]}]
+    content = changed(LINKAGE_SIM, "bodies", "crank", to={**LINKAGE_SIM["bodies"]["crank"]})
+    content["bodies"]["crank"] |= {"mass": 3.0, "cg_local": [0, 0], "Izz_cg": 0.1, "point_masses": added}
+    inertia = ms.load(written(content)).mechanism.links[0].inertia
+    assert inertia.mass == pytest.approx(6.0)
+    assert inertia.centre == pytest.approx((0.05, 0.1, 0.0))
+    # 0.1 + sum of m r2 about the frame, less the whole mass about it
+    assert inertia.moments[2][2] == pytest.approx(0.1 + 3 * 0.09 - 6 * (0.05**2 + 0.1**2))
+
+
+def changed(content, *path, to):
+    result = copy.deepcopy(content)
+    position = result
+    for key in path[:-1]:
+        position = position[key]
+    position[path[-1]] = to
+    return result
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "line 1 is no JSON"),
+        ("[" * 100_000, "is no JSON"),
+        ("[1, 2]", "holds no linkage that is known"),
+        ({"a": 1}, "first level needs bodies, joints .linkage_sim."),
+        (changed(PYLINKAGE, "joints", 1, "position", to=[None, None]), "position of joint 'A' is"),
+        (changed(PYLINKAGE, "joints", 1, "position", to=[1, "nan"]), "give two finite numbers"),
+        (changed(PYLINKAGE, "joints", to=3), "joints is no list of objects"),
+        (changed(PYLINKAGE, "links", 2, "joints", to=["A", "C"]), "names joint 'C', which is not listed"),
+        (changed(PYLINKAGE, "links", 2, "joints", to=[]), "has no joints"),
+        (changed(PYLINKAGE, "links", 2, "id", to="crank"), "two links are called 'crank'"),
+        (changed(PYLINKAGE, "links", 2, "type", to="cam"), "is of type 'cam'"),
+        (changed(PYLINKAGE, "joints", 0, "id", to=""), "a joint has no id"),
+        (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="O4"), "no link has both joints of tracker"),
+        (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="X"), "tracker 'half' refers to"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "line_point", to=[0, 0]), "from its line"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "axis", to=[0, 0]), "has length 0"),
+        (changed(PMKS, "Joints", 1, "X", to="NaN"), "the position of joint 2"),
+        (changed(PMKS, "Joints", 1, "TypeOfJoint", to="G"), "is of type 'G'"),
+        (changed(PMKS, "Joints", 1, "TypeOfJoint", to="RP"), "slides along the ground is read"),
+        (changed(PMKS, "Joints", 1, "Links", to=[]), "names no links"),
+        (changed(PMKS, "Joints", 1, "Links", to=["crank", "crank"]), "names a link twice"),
+        (changed(PMKS, "DrivingIndex", to=4), "DrivingIndex is 4"),
+        (changed(PMKS, "DrivingIndex", to=[1]), "DrivingIndex is"),
+        (changed(LINKAGE_SIM, "schema_version", to="2.0"), "files of schema 1 are read"),
+        (changed(LINKAGE_SIM, "bodies", to=[1]), "bodies is no object"),
+        (changed(LINKAGE_SIM, "joints", "J2", "point_i", to="C"), "at point 'C' of body 'crank'"),
+        (changed(LINKAGE_SIM, "joints", "J2", "type", to="cam"), "is of type 'cam'"),
+        (changed(LINKAGE_SIM, "joints", "J2", "body_j", to="crank"), "not listed|itself"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "attachment_points", to=[1]), "attachment_points of body"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "mass", to="heavy"), "body 'crank': mass and Izz_cg is"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "mass", to=-1.0), "body 'crank': mass of a link is -1"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "Izz_cg", to=-1.0), "body 'crank': principal moments"),
+    ],
+)
+def test_an_invalid_file_is_rejected(written, content, message, mechsim):
+    path = written(content)
+    with pytest.raises(ms.InputError, match=message) as caught:
+        ms.load(path)
+    assert "\n" not in str(caught.value)
+    answer = mechsim("show", path)
+    assert answer.code == 2
+
+
+def entry_paths(content, path=()):
+    """Yield the paths of all entries of nested lists and objects."""
+    items = (
+        content.items()
+        if isinstance(content, dict)
+        else enumerate(content)
+        if isinstance(content, list)
+        else ()
+    )
+    for key, value in items:
+        yield (*path, key)
+        yield from entry_paths(value, (*path, key))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "content", [PYLINKAGE, PYLINKAGE_SLIDER, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER]
+)
+def test_entries_of_a_wrong_type_are_accepted_or_rejected(written, content):
+    for position in entry_paths(content):
+        for value in (None, [], {}, [[1]], "x", -1, 1e400, True):
+            with suppress(ms.MechsimError):
+                open_model(written(changed(content, *position, to=value))).describe({}, Prescription())
+
+
+def test_a_driver_of_linkage_sim_is_found_between_its_bodies(written):
+    content = copy.deepcopy(LINKAGE_SIM)
+    del content["joints"]["D1"]
+    content["drivers"] = {"D": {"type": "constant_speed", "body_i": "crank", "body_j": "ground", "omega": 10}}
+    content["bodies"]["crank"]["mount_points"] = {
+        "M": content["bodies"]["crank"]["attachment_points"].pop("A")
+    }
+    content["joints"]["J2"]["point_i"] = "M"
+    solver = ms.load(written(content))
+    assert solver.mechanism.drivers == ("J1",)
+    expected = EXPECTED.points["A"].position
+    np.testing.assert_allclose(
+        solver.solve(ANGLES, speed=1.0).points["M"].position, expected, rtol=0, atol=1e-13
+    )
+    assert solver.facts == ("drivers.omega is not read",)
+
+
+@pytest.mark.parametrize("driver", [{"body_i": "crank"}, {"body_i": "crank", "body_j": "rocker"}])
+def test_a_driver_without_a_joint_is_rejected(written, driver):
+    with pytest.raises(ms.InputError, match="which no revolute joint joins"):
+        ms.load(written({**LINKAGE_SIM, "drivers": {"D": driver}}))
+
+
+def test_a_mechanism_without_a_driver_names_the_remedy(written, mechsim):
+    content = copy.deepcopy(LINKAGE_SIM)
+    del content["joints"]["D1"]
+    path = written(content)
+    for command in ("solve", "dynamics inverse", "validate", "simulate"):
+        answer = mechsim(*command.split(), path)
+        assert answer.code == 2, command
+        assert "internal error" not in answer.err
+    assert ms.load(path, drive={"J1": "1rad/s"}).mechanism.drivers == ("J1",)
+
+
+def test_keys_that_are_not_read_are_listed_once(written):
+    content = changed(LINKAGE_SIM, "forces", to=[{"type": "Gravity"}, {"type": "Spring"}])
+    for body in ("crank", "rocker"):
+        content["bodies"][body]["geometry"] = {"width": 1}
+    assert ms.load(written(content)).facts == ("bodies.geometry is not read", "forces is not read")
+    assert ms.load(written(LINKAGE_SIM)).facts == ()
+
+
+@pytest.mark.parametrize("digits", [400, 5000])
+def test_an_integer_of_many_digits_is_rejected(written, digits):
+    text = json.dumps(changed(LINKAGE_SIM, "bodies", "crank", "mass", to=777)).replace("777", "7" * digits)
+    with pytest.raises(ms.InputError, match=r"finite numbers|over 4300 digits") as rejected:
+        ms.load(written(text))
+    assert len(str(rejected.value)) < 300

@@ -1,0 +1,221 @@
+"""SDF and USD files: what mechsim writes has the same loops when read; those of others are read."""
+
+import re
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+from mechsim import dynamics
+from mechsim.errors import InputError
+from mechsim.io import catalog, gallery
+from mechsim.io.readers import load
+from mechsim.kinematics.loops.mobility import dof_count
+from mechsim.kinematics.loops.start import start_poses
+from mechsim.mechanism.links import Pose
+from mechsim.studies.export import export
+
+# couplings by a function, and a rope
+FORMATS = ("sdf", "usda")
+NOT_LINEAR = {"cam_follower", "geneva_drive", "hoist"}
+NAMES = [name for name in (*catalog.MECHANISMS, *gallery.files()) if name not in NOT_LINEAR]
+
+# a pendulum of two links, hinged at 0.5 m and 0.3 m: frames, angles in degrees and a rotated axis
+ARM = model_text("sdf_and_usd_arm.sdf")
+
+
+@pytest.fixture
+def arm(tmp_path):
+    path = tmp_path / "arm.sdf"
+    path.write_text(ARM)
+    return path
+
+
+def mobility(solver):
+    poses = start_poses(solver.mechanism)[0]
+    sample = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
+    return dof_count(solver.mechanism, sample).mobility
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_written_mechanism_has_the_same_mobility_and_points(name, format, tmp_path):
+    exact = load(name)
+    export(exact, tmp_path / f"m.{format}", format=format)
+    read = load(tmp_path / f"m.{format}", still=True)
+    assert mobility(read) == mobility(exact)
+    assert read.mechanism.drivers == exact.mechanism.drivers
+    assert read.mechanism.points.keys() == exact.mechanism.points.keys()
+    starts, poses = (start_poses(solver.mechanism)[0] for solver in (exact, read))
+    for link, pose in starts.items():
+        assert np.abs(pose.position - poses[link].position).max() <= 1e-12
+        assert np.abs(pose.rotation - poses[link].rotation).max() <= 1e-12
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize(
+    "name",
+    ["four_bar", "rssr", "looper", "warp_knitter", "planetary_gear", "rack_steering", "rsur", "quick_return"],
+)
+def test_a_written_mechanism_moves_alike_over_a_revolution(name, format, tmp_path):
+    exact = load(name)
+    export(exact, tmp_path / f"m.{format}", format=format)
+    read = load(tmp_path / f"m.{format}")
+    angles = exact.mechanism.start + np.linspace(0.0, 2.0 * np.pi if exact.crank_range().full else 0.4, 37)
+    before, after = exact.solve(angles, 3.0), read.solve(angles, 3.0)
+    for point, motion in before.points.items():
+        assert np.abs(motion.position - after.points[point].position).max() <= 1e-12
+        scale = np.abs(motion.acceleration).max() + 1e-3
+        assert np.abs(motion.acceleration - after.points[point].acceleration).max() <= 1e-9 * scale
+
+
+def test_without_its_own_elements_a_file_has_the_same_loops_and_joints_at_zero(tmp_path):
+    exact = load("slider_crank")
+    text = export(exact, format="sdf").text
+    plain = re.sub(r"<mechsim:.*?</mechsim:\w+>|mechsim:name=\".*?\"", "", text)
+    (tmp_path / "m.sdf").write_text(plain)
+    read = load(tmp_path / "m.sdf", drive={"crank_joint": "1*t"}, duration=1.0)
+    start = exact.mechanism.start
+    times = np.linspace(0.0, 1.0, 9)
+    before, after = exact.solve(start + times, 1.0), read.solve(t=times)
+    assert after.joints["crank_joint"].value[0] == 0.0
+    for point, motion in before.points.items():
+        gap = (
+            motion.position
+            - after.points[f"{point}_frame" if f"{point}_frame" in after.points else point].position
+        )
+        assert np.abs(gap).max() <= 1e-12
+
+
+@pytest.mark.parametrize(("format", "coulomb"), [("sdf", 0.5), ("usda", 0.0)])
+def test_friction_springs_limits_and_gravity_return(format, coulomb, tmp_path):
+    path = tmp_path / "slider.toml"
+    friction = f"{{ viscous = 2.0, coulomb = {coulomb} }}"
+    forces = f"\n[forces]\ngravity = [0, 0, -9.81]\nfriction.slide = {friction}\n"
+    forces += "[forces.joint_springs.crank]\nstiffness = 3.0\nrest = 0.4\n"
+    path.write_text(export("slider_crank", format="toml").text + forces)
+    exact = load(path)
+    export(exact, tmp_path / f"m.{format}", format=format)
+    read = load(tmp_path / f"m.{format}")
+    assert read.ranges == exact.ranges
+    torques = [
+        dynamics.prescribed(dynamics.dynamic_model(solver), np.linspace(0.2, 6.0, 50), 5.0).forces.torque
+        for solver in (exact, read)
+    ]
+    assert torques[1] == pytest.approx(torques[0], abs=1e-12)
+
+
+def test_frames_degrees_axes_limits_and_mimics_of_others_are_read(arm):
+    arm.write_text(re.sub("<mimic.*?</mimic>", "", ARM))
+    solver = load(arm, still=True)
+    mechanism = solver.mechanism
+    # the model stands at x = 1; the forearm is rotated by 90 deg about x
+    assert mechanism.guess["fore"].position == pytest.approx([1.3, 0.0, 0.5], abs=1e-15)
+    assert mechanism.guess["fore"].rotation @ [0, 1, 0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-15)
+    assert mechanism.points["hinge"] == ("upper", pytest.approx((0.3, 0.0, 0.0)))
+    inertia = mechanism.links[0].inertia
+    # the inertial frame is rotated by 90 deg about z
+    assert np.diag(inertia.matrix) == pytest.approx([0.02, 0.01, 0.025], abs=1e-15)
+    assert (inertia.mass, inertia.centre) == (2.0, (0.1, 0.0, 0.0))
+    assert solver.ranges["shoulder"] == (-1.0, 2.0)
+    (friction,) = solver.forces.friction
+    (spring,) = solver.forces.joint_springs
+    assert (friction.viscous, friction.coulomb, spring.stiffness, spring.rest) == (0.3, 0.1, 5.0, 0.2)
+    assert solver.forces.gravity == (0.0, 0.0, -9.8)
+    assert solver.facts == ("not read: visual",)
+    arm.write_text(ARM)
+    moved = load(arm, drive={"shoulder": "0.4+0.5*t"}, duration=1.0).solve(t=[0.0, 1.0])
+    assert moved.joints["elbow"].value == pytest.approx([0.1, -0.9], abs=1e-12)
+    # the axis y carries the hinge down for a positive angle
+    assert moved.points["hinge"].position[1] == pytest.approx(
+        [1.0 + 0.3 * np.cos(0.9), 0.0, 0.5 - 0.3 * np.sin(0.9)]
+    )
+
+
+def test_a_model_without_a_joint_to_the_world_floats(arm):
+    arm.write_text(
+        ARM.replace("<parent>world</parent><child>upper</child>", "<parent>upper</parent><child>fore</child>")
+    )
+    kinds = {joint.name: joint.kind for joint in load(arm, still=True).mechanism.joints}
+    assert kinds["upper_floating"] == "floating"
+
+
+def test_what_sdf_does_not_have_is_stated(tmp_path):
+    text = export("rack_steering", format="toml").text
+    joint = next(joint.name for joint in load("rack_steering").mechanism.joints if joint.name != "pinion")
+    text = text.replace('driver = "pinion"', f"driver = {{ pinion = 1.0, {joint} = 0.0 }}")
+    (tmp_path / "sum.toml").write_text(text.replace("pressure_angle = 0.0", ""))
+    with pytest.raises(InputError, match="is not linear between two joints"):
+        export(tmp_path / "sum.toml", format="sdf")
+    with pytest.raises(InputError, match=r"coupling contact\.law is not linear between two joints"):
+        export("cam_follower", format="sdf")
+    assert "motion laws" in export("delta_robot", format="sdf").left_out
+    with pytest.raises(InputError, match="--scene, --speed and settings are for MuJoCo models"):
+        export("four_bar", format="sdf", speed="600rpm")
+    friction = export("slider_crank", format="toml").text + "\n[forces]\nfriction.slide = { coulomb = 2.0 }\n"
+    (tmp_path / "rough.toml").write_text(friction)
+    assert "constant friction" in export(tmp_path / "rough.toml", format="usda").left_out
+
+
+# a crank about x at the height 0.5 m, in cm and g, y up; its group is rotated and scaled
+CRANK = model_text("sdf_and_usd_crank.usda")
+
+
+@pytest.fixture
+def crank(tmp_path):
+    path = tmp_path / "crank.usda"
+    path.write_text(CRANK)
+    return path
+
+
+def test_units_groups_scales_drives_and_locked_coordinates_of_usd_are_read(crank):
+    solver = load(crank, still=True)
+    mechanism, inertia = solver.mechanism, solver.mechanism.links[0].inertia
+    assert {joint.name: joint.kind for joint in mechanism.joints} == {
+        "shaft": "revolute",
+        "wrist": "revolute",
+    }
+    # the group is twice as large, and its z is the x of the world
+    assert mechanism.guess["rod"].position == pytest.approx([0.0, 0.6, 0.0], abs=1e-15)
+    assert mechanism.guess["crank"].rotation @ [0, 0, 1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
+    shaft, wrist = mechanism.joints
+    assert mechanism.guess["crank"].rotation @ shaft.b.axis == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
+    assert wrist.a.point == pytest.approx((0.0, 0.1, 0.0), abs=1e-15)
+    assert (inertia.mass, inertia.centre) == (2.0, pytest.approx((0.01, 0.02, 0.03)))
+    # 1 g cm2 = 1e-7 kg m2, and the principal axes are rotated by 90 deg about z
+    assert np.diag(inertia.matrix) == pytest.approx([2e-5, 1e-5, 2.5e-5], rel=1e-14)
+    assert solver.ranges["shaft"] == pytest.approx((-np.pi / 3, np.pi / 2))
+    (spring,), (damper,) = solver.forces.joint_springs, solver.forces.friction
+    # 3,000 g cm2/s2 per degree
+    assert (spring.stiffness, spring.rest) == pytest.approx((3e-4 * 180 / np.pi, np.pi / 6))
+    assert damper.viscous == pytest.approx(1e-4 * 180 / np.pi)
+    assert solver.forces.gravity == pytest.approx((0.0, -9.81, 0.0))
+    assert solver.facts == ("not read: PhysicsCollisionAPI, masses by density",)
+
+
+def test_mimics_and_binary_files_of_usd_are_read(crank):
+    from pxr import Usd
+
+    mimic = (
+        "rel newton:mimicJoint = </rig/shaft>\nfloat newton:mimicCoef0 = 90\nfloat newton:mimicCoef1 = -2\n"
+    )
+    pin = "rel physics:body0 = </rig/group/crank/pin>"
+    follower = CRANK.replace(pin, mimic + pin).replace('"PhysicsLimitAPI:rotY"]', '"NewtonMimicAPI"]')
+    crank.write_text(follower)
+    binary = crank.with_suffix(".usdc")
+    stage = Usd.Stage.Open(str(crank))
+    stage.GetRootLayer().Export(str(binary))
+    moved = load(binary, drive={"shaft": "0.1*t"}, duration=1.0).solve(t=[0.0, 1.0])
+    assert moved.joints["wrist"].value == pytest.approx([np.pi / 2, np.pi / 2 - 0.2], abs=1e-12)
+
+
+def test_a_body_without_joints_floats_and_a_link_may_be_called_physics(tmp_path):
+    text = 'name = "top"\n[links.physics]\n'
+    text += "inertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n"
+    text += '[joints.free]\nkind = "floating"\na = { link = "ground" }\nb = { link = "physics" }\n'
+    (tmp_path / "top.toml").write_text(text)
+    export(tmp_path / "top.toml", tmp_path / "top.usda", format="usda")
+    (joint,) = load(tmp_path / "top.usda", still=True).mechanism.joints
+    assert (joint.kind, joint.links) == ("floating", ("ground", "physics"))

@@ -1,0 +1,123 @@
+"""Motions with motion laws are requested by time, and crank angles are rejected."""
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.kinematics.solvers import KinematicSolver
+
+LAW = {"crank": "0.3*sin(2*pi*t)"}
+TIMES = np.linspace(0.0, 2.0, 9)
+ANGLES = 0.3 * np.sin(2.0 * np.pi * TIMES)
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    """A four-bar whose crank swings by a motion law for 2 s, the fastest rate of which is 1.9 rad/s."""
+    return ms.load("four_bar", drive=LAW, duration=2.0)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The points of the four-bar at the crank angles of the motion law, by its closed form."""
+    rate = 0.6 * np.pi * np.cos(2.0 * np.pi * TIMES)
+    return ms.catalog.make("four_bar").solve(ANGLES, rate, -((2.0 * np.pi) ** 2) * ANGLES)
+
+
+def test_solve_accepts_times_in_seconds(swinging, exact):
+    motion = swinging.solve(t=TIMES)
+    np.testing.assert_array_equal(motion.time, TIMES)
+    np.testing.assert_allclose(motion.joints["crank"].value, ANGLES, atol=1e-14)
+    for rate in ("position", "velocity", "acceleration"):
+        np.testing.assert_allclose(
+            getattr(motion.points["B"], rate), getattr(exact.points["B"], rate), atol=1e-11
+        )
+    np.testing.assert_allclose(swinging.positions(t=TIMES)["B"], exact.points["B"].position, atol=1e-14)
+
+
+ANGLES_GIVEN = {
+    "solve": lambda solver: solver.solve(TIMES),
+    "solve with the rates of a run": lambda solver: solver.solve(TIMES, 1.0, 0.0),
+    "positions": lambda solver: solver.positions(TIMES),
+    "inverse dynamics": lambda solver: ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), TIMES, 1.0),
+    "sensitivity": lambda solver: ms.sensitivity(solver, "B.x", "rocker.at.x", angles=TIMES),
+    "a moved family": lambda solver: ms.moved(solver, angles=TIMES),
+}
+
+
+@pytest.mark.parametrize("call", ANGLES_GIVEN)
+def test_crank_angles_are_rejected_with_motion_laws(swinging, call):
+    with pytest.raises(InputError, match=r"four_bar: motion laws drive crank, .*give times in s, as t=\["):
+        ANGLES_GIVEN[call](swinging)
+
+
+def test_invalid_instants_are_rejected_with_the_remedy(swinging, tmp_path):
+    with pytest.raises(InputError, match=r"no times are given; give times in s, as t="):
+        swinging.solve()
+    with pytest.raises(InputError, match="determine every rate; leave speed out"):
+        swinging.solve(t=TIMES, speed=2.0)
+    with pytest.raises(InputError, match="times t must be a list of finite numbers"):
+        swinging.solve(t=[0.0, np.nan])
+    path = tmp_path / "crank.csv"
+    path.write_text("t,crank\n" + "".join(f"{0.1 * i},{0.01 * i}\n" for i in range(8)))
+    table = ms.load("four_bar", drive={"crank": str(path)})
+    with pytest.raises(InputError, match=r"t = 0\.8 s is outside the table of crank, 0 to 0\.7 s"):
+        table.solve(t=[0.0, 0.7, 0.8])
+    assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
+
+
+@pytest.mark.parametrize("looped", [False, True])
+def test_a_crank_of_constant_speed_accepts_times(looped):
+    solver = ms.catalog.make("four_bar")
+    solver = KinematicSolver(solver.mechanism) if looped else solver
+    start = solver.mechanism.start
+    motion = solver.solve(t=TIMES, speed=3.0)
+    by_angle = solver.solve(start + 3.0 * TIMES, 3.0)
+    np.testing.assert_array_equal(motion.time, TIMES)
+    np.testing.assert_allclose(motion.points["B"].acceleration, by_angle.points["B"].acceleration, atol=1e-11)
+    np.testing.assert_allclose(
+        solver.positions(t=TIMES, speed=3.0)["B"], by_angle.points["B"].position, atol=1e-14
+    )
+    run = ms.simulate(solver, speed=3.0, samples=4)
+    assert ms.crosscheck(run, solver.solve(t=run.motion.time, speed=3.0)).passed
+    with pytest.raises(InputError, match="times t of a crank need its constant speed"):
+        solver.solve(t=TIMES)
+    with pytest.raises(InputError, match="both crank angles and times t are given"):
+        solver.solve(TIMES, 3.0, t=TIMES)
+    with pytest.raises(InputError, match="no instants are given"):
+        solver.solve()
+
+
+def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):
+    run = ms.simulate(swinging, samples=40)
+    crank = ms.catalog.make("four_bar")
+    assert ms.crosscheck(run, swinging).passed
+    assert ms.crosscheck(run, crank).passed
+    wrong = ms.catalog.make("four_bar", coupler=1.001 * crank.coupler)
+    assert not ms.crosscheck(run, wrong).passed
+
+
+# a boom lifted by a ram; its size, by which motion laws of slides are normalised, goes with `arm`
+BOOM = model_text("times_of_motion_laws_boom.toml")
+
+
+def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
+    path = tmp_path / "boom.toml"
+    path.write_text(BOOM)
+    function = f"{tmp_path / 'fastest.py'}:fastest"
+    (tmp_path / "fastest.py").write_text(
+        "def fastest(motion):\n    return motion.points['tip'].velocity[:, 0].max()\n"
+    )
+    arms = [0.4, 0.6]
+    table = ms.sweep(str(path), {"arm": arms}, ["at:0.5:tip.x", "at:500ms:tip.y"], samples=20)
+    alone = ms.sweep(str(path), {"arm": arms}, ["max:tip.vx", function], samples=20)
+    for i, arm in enumerate(arms):
+        solver = ms.load(path, {"arm": arm})
+        position = solver.positions(t=[0.5])["tip"][0]
+        assert table["at:0.5:tip.x"].values[i] == pytest.approx(position[0], abs=1e-13)
+        assert table["at:500ms:tip.y"].values[i] == pytest.approx(position[1], abs=1e-13)
+        fastest = solver.solve(t=np.linspace(0.0, 2.0, 20)).points["tip"].velocity[:, 0].max()
+        assert alone["max:tip.vx"].values[i] == pytest.approx(fastest, rel=1e-12)
+        assert alone["fastest.py:fastest"].values[i] == pytest.approx(fastest, rel=1e-12)

@@ -1,0 +1,112 @@
+"""Motors on joints of a TOML file against an integration of the arm's equation by scipy."""
+
+import numpy as np
+import pytest
+from model_files import model_text
+from scipy.integrate import solve_ivp
+
+import mechsim as ms
+from mechsim.io.toml_writer import to_toml
+from mechsim.kinetics.dynamic_run import initial_values
+from mechsim.studies.dynamics_check import crosscheck_forward
+
+# moment of inertia about the hip in [kg m2], and moment of the weight at q = 0 in [N m]
+INERTIA, WEIGHT = 1e-2 + 1.0 * 0.2**2, 9.81 * 0.2
+DC = 'kind = "dc"\nresistance = "0.8 ohm"\nconstant = "0.05 N m/A"\ngear = 20\nrotor = "1e-5 kg m2"\n'
+ROTOR = 20**2 * 1e-5
+
+
+def volts(t):
+    return 12.0 * np.sin(6.0 * t)
+
+
+# motor in TOML; torque (t, q, v, w), rate of the state w, and added inertia
+CASES = {
+    "constant": ('kind = "constant"\ntorque = "1 N m"', lambda t, q, v, w: 1.0, None, 0.0),
+    "line": (
+        'kind = "line"\nstall = "1.5 N m"\nno_load = "60 rpm"',
+        lambda t, q, v, w: 1.5 * (1.0 - v / (2.0 * np.pi)),
+        None,
+        0.0,
+    ),
+    "dc": (
+        DC + 'voltage = "12 V*sin(6*t)"',
+        lambda t, q, v, w: 20.0 * 0.05 * (volts(t) - 0.05 * 20.0 * v) / 0.8,
+        None,
+        ROTOR,
+    ),
+    "dc with inductance": (
+        DC + 'voltage = "12*sin(6*t)"\ninductance = "20 mH"',
+        lambda t, q, v, w: 20.0 * 0.05 * w,
+        lambda t, q, v, w: (volts(t) - 0.8 * w - 0.05 * 20.0 * v) / 0.02,
+        ROTOR,
+    ),
+    "pd": (
+        'kind = "pd"\ntarget = "30 deg*sin(3*t)"\nproportional = 20\nderivative = 1',
+        lambda t, q, v, w: 20.0 * (np.pi / 6 * np.sin(3 * t) - q) + np.pi / 2 * np.cos(3 * t) - v,
+        None,
+        0.0,
+    ),
+    "pid": (
+        'kind = "pid"\ntarget = "0.5 rad"\nproportional = 20\nintegral = 30\nderivative = 1',
+        lambda t, q, v, w: 20.0 * (0.5 - q) - v + 30.0 * w,
+        lambda t, q, v, w: 0.5 - q,
+        0.0,
+    ),
+    "expression": (
+        'kind = "expression"\ntorque = "2 - 3*hip.q"',
+        lambda t, q, v, w: 2.0 - 3.0 * q,
+        None,
+        0.0,
+    ),
+}
+
+
+def model_of(tmp_path, motor):
+    path = tmp_path / "arm.toml"
+    path.write_text(model_text("toml_motors_arm.toml", motor=motor))
+    return ms.dynamics.dynamic_model(ms.load(str(path), still=True))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", CASES)
+def test_a_motor_against_scipy(case, tmp_path):
+    motor, torque, state_rate, added = CASES[case]
+    model = model_of(tmp_path, motor)
+    run = ms.dynamics.run(model, duration=0.5, samples=10)
+
+    def equation(t, y):
+        q, v, w = y
+        acceleration = (torque(t, q, v, w) - WEIGHT * np.cos(q)) / (INERTIA + added)
+        return v, acceleration, 0.0 if state_rate is None else state_rate(t, q, v, w)
+
+    exact = solve_ivp(equation, (0.0, 0.5), [0.0, 0.0, 0.0], "DOP853", run.time, rtol=1e-13, atol=1e-14)
+    assert np.abs(run.motion.joints["hip"].value - exact.y[0]).max() < 1e-10
+    assert run.energy_error < 1e-10
+    verdict = crosscheck_forward(run, model, initial_values(model, {}))
+    assert verdict.passed, str(verdict)
+
+
+def test_a_saturated_motor(tmp_path):
+    """A servo at its limit from the start is a constant torque until the error has become small."""
+    motor = 'kind = "pd"\ntarget = "100 rad"\nproportional = 20\nlimit = "3 N m"'
+    run = ms.dynamics.run(model_of(tmp_path, motor), duration=0.2, samples=4)
+
+    def equation(t, y):
+        return y[1], (3.0 - WEIGHT * np.cos(y[0])) / INERTIA
+
+    exact = solve_ivp(equation, (0.0, 0.2), [0.0, 0.0], "DOP853", run.time, rtol=1e-13, atol=1e-14)
+    assert np.abs(run.motion.joints["hip"].value - exact.y[0]).max() < 1e-10
+
+
+@pytest.mark.parametrize("case", ["dc with inductance", "pid"])
+def test_a_motor_is_written_and_read_back(case, tmp_path):
+    model = model_of(tmp_path, CASES[case][0])
+    if case == "pid":
+        text = to_toml(model.solver)
+        again = tmp_path / "again.toml"
+        again.write_text(text)
+        assert ms.load(str(again), still=True).forces.actuators[0].inflow == (1.0, 0.0, -1.0, 0.0)
+    holding = ms.dynamics.holding(model, initial={"hip.q": 0.0})["hip"]
+    # at rest the motor has its steady current of zero volts, and the integral of the servo is its start
+    assert holding == pytest.approx(WEIGHT - (0.0 if case != "pid" else 10.0), abs=1e-12)

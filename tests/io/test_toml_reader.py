@@ -1,0 +1,74 @@
+"""Mechanisms in TOML files: contents are read in their units, and invalid ones are rejected."""
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+from mechsim import catalog
+from mechsim.errors import InputError
+from mechsim.io.readers import load
+
+FOUR_BAR = model_text("toml_reader_four_bar.toml")
+
+
+def test_a_four_bar_file_agrees_with_the_closed_form(file):
+    read = load(file(FOUR_BAR))
+    exact = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
+    angles = np.linspace(-3.0, 7.0, 41)
+    result, expected = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
+    for name in ("A", "B"):
+        np.testing.assert_allclose(result.points[name].position, expected.points[name].position, atol=1e-14)
+        np.testing.assert_allclose(
+            result.points[name].acceleration, expected.points[name].acceleration, atol=1e-11
+        )
+    assert read.crank_range().full
+    coupler = next(link for link in read.mechanism.links if link.name == "coupler")
+    assert coupler.outline[1] == (0.06, 0.03, 0.0)
+    assert coupler.inertia is not None
+    assert (coupler.inertia.mass, coupler.inertia.centre) == (0.4, (0.06, 0.0, 0.0))
+    assert np.diag(coupler.inertia.matrix).tolist() == [1e-6, 3e-6, 3e-6]
+
+
+@pytest.mark.parametrize(
+    ("text", "crank"), [("35mm", 0.035), ("0.035m", 0.035), ("35*1", 0.035), ("ground/4", 0.025)]
+)
+def test_a_changed_parameter_replaces_that_of_the_file(file, text, crank):
+    read = load(file(FOUR_BAR), {"crank": text})
+    np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"ground + crank/2"', f'"{"1+" * 400}1"', ("line 8", "801 characters")),
+        ("start = 10", f"start = 1{'0' * 400}", ("line 4", "start is 1")),
+        ("start = 10", f"start = {'[' * 5000}{']' * 5000}", ("nests too deep",)),
+        ('["crank"]', "[]", ("no joint is driven", "--drive")),
+    ],
+)
+def test_contents_too_long_to_list_are_rejected_in_one_line(file, old, new, words):
+    path = file(FOUR_BAR.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        load(path)
+    output = str(error.value)
+    assert "\n" not in output
+    assert [word for word in ("model.toml", *words) if word not in output] == []
+
+
+def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, monkeypatch):
+    (tmp_path / "rssr").write_text(FOUR_BAR)
+    monkeypatch.chdir(tmp_path)
+    assert load("rssr") == catalog.make("rssr")
+
+
+def test_joints_of_an_open_chain_are_the_default_drivers(file):
+    arm = model_text("toml_reader_arm.toml")
+    assert load(file(arm)).mechanism.drivers == ("shoulder", "elbow")
+    pendulum = arm[: arm.index("[joints.elbow]")].replace("[links.lower]", "")
+    assert load(file(pendulum)).mechanism.driver == "shoulder"
+    # coordinates of a loop, or coupled ones, are not independent
+    loop = FOUR_BAR.replace('drivers = ["crank"]\n', "").replace("start = 10\n", "")
+    coupled = arm + '[couplings.gear]\ndriver = "shoulder"\ndriven = "elbow"\nratio = 2\n'
+    for text in (loop.replace("[joints.crank]", "[joints.handle]"), coupled):
+        with pytest.raises(InputError, match="no joint is driven"):
+            load(file(text))

@@ -1,0 +1,161 @@
+"""Mechanisms written as TOML are read back exactly."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from model_files import model_text
+
+from mechsim import catalog
+from mechsim.io import gallery
+from mechsim.io.readers import load
+from mechsim.io.toml_writer import to_toml
+from mechsim.mechanism.masses import with_inertia
+from mechsim.mechanism.mechanism import Mechanism
+
+VARIANTS = {
+    f"{name}, {variant or 'itself'}": item
+    for name in catalog.MECHANISMS
+    for variant, item in {"": catalog.make(name), **catalog.make(name).variants()}.items()
+}
+
+
+def read_back(mechanism: Mechanism, folder: Path) -> Mechanism:
+    path = folder / "written.toml"
+    path.write_text(to_toml(mechanism), "utf-8")
+    return load(str(path)).mechanism
+
+
+def identical(item: Mechanism, other: Mechanism) -> bool:
+    """Whether two mechanisms are equal to the last bit."""
+    poses = item.guess.keys() == other.guess.keys() and all(
+        np.array_equal(item.guess[name].position, other.guess[name].position)
+        and np.array_equal(item.guess[name].rotation, other.guess[name].rotation)
+        for name in item.guess
+    )
+    bare = [replace(mechanism, guess={}, points=dict(mechanism.points)) for mechanism in (item, other)]
+    return poses and bare[0] == bare[1]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", VARIANTS)
+def test_catalogue_mechanisms_are_read_back_exactly(name, tmp_path):
+    mechanism = VARIANTS[name].mechanism
+    assert identical(read_back(mechanism, tmp_path), mechanism)
+    heavy = with_inertia(mechanism)
+    assert identical(read_back(heavy, tmp_path), heavy)
+    assert not identical(read_back(heavy, tmp_path), mechanism)
+
+
+def test_the_comparison_detects_one_bit(tmp_path):
+    mechanism = catalog.make("rssr").mechanism
+    moved = replace(mechanism, start=float(np.nextafter(mechanism.start, 1.0)))
+    assert not identical(read_back(moved, tmp_path), mechanism)
+
+
+def test_mechanisms_are_compared_with_their_guess(tmp_path):
+    mechanism = catalog.make("rssr").mechanism
+    assert read_back(mechanism, tmp_path) == mechanism
+    link, pose = next(iter(mechanism.guess.items()))
+    moved = replace(pose, position=np.nextafter(pose.position, 1.0))
+    assert replace(mechanism, guess={**mechanism.guess, link: moved}) != mechanism
+
+
+def test_names_with_quotes_are_read_back(tmp_path):
+    mechanism = catalog.make("four_bar").mechanism
+    points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"], "🙂": mechanism.points["C"]}
+    assert identical(
+        read_back(replace(mechanism, points=points), tmp_path), replace(mechanism, points=points)
+    )
+
+
+def test_the_printed_schema_describes_the_gallery_and_rejects_what_the_reader_rejects(mechsim):
+    schema = json.loads(mechsim("schema").out)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    valid = jsonschema.Draft202012Validator(schema).is_valid
+    for path in gallery.files().values():
+        assert valid(tomllib.loads(path.read_text()))
+    document = tomllib.loads(gallery.files()["klann"].read_text())
+    first = next(iter(document["joints"]))
+    for wrong in ({"kind": "revolut"}, {"a": {}}, {"lever": 1}, {"a": {"link": "ground", "at": [0, 0]}}):
+        joints = document["joints"] | {first: document["joints"][first] | wrong}
+        assert not valid(document | {"joints": joints})
+
+
+PRESS = model_text("toml_writer_press.toml")
+
+
+@pytest.fixture
+def press(tmp_path):
+    path = tmp_path / "press.toml"
+    path.write_text(PRESS)
+    return load(str(path))
+
+
+def test_couplings_are_read_in_si(press):
+    mechanism = press.mechanism
+    (mesh,) = mechanism.gears
+    assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
+    assert mesh.pressure_angle == np.deg2rad(20)
+    rack_law, nut_law, sum_law, sleeve_law = mechanism.couplings
+    assert [item.pressure_angle for item in mechanism.couplings] == [0.4, None, None, None]
+    assert (rack_law.left, rack_law.right) == ("rack", "crank")
+    np.testing.assert_allclose(rack_law.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
+    # an angle in degrees over a length in millimetres
+    x = 0.0173
+    expected = np.deg2rad(15 + 2 * 7.3 + 0.1 * 7.3**2 + 1e-4 * 7.3**4)
+    np.testing.assert_allclose(nut_law.polynomial(np.array([x]))[0], [expected], rtol=1e-12)
+    np.testing.assert_allclose(nut_law.zeros, [np.deg2rad(3), 0.01])
+    assert (sum_law.left, sum_law.right) == ("table.x", {"rack": 1.0, "sleeve.way": -0.5})
+    assert (sleeve_law.coefficients, sleeve_law.turns) == ((0.0, 3.0), True)
+    assert mechanism.joint("nut").lead == 0.004
+
+
+def test_starts_and_locked_values_are_in_the_units_of_the_file(press):
+    mechanism = press.mechanism
+    assert mechanism.guess_coordinates == {"crank": np.deg2rad(20), "sleeve.way": 0.005, "rack": 0.003}
+    assert mechanism.locked == {"table.y": 0.007, "table.turn": pytest.approx(np.deg2rad(10))}
+
+
+def test_motion_laws_of_a_file_use_its_units_and_parameters(press):
+    time = np.linspace(0.0, 0.5, 7)
+    crank, sleeve = press.motion_laws.state(time)[0]
+    np.testing.assert_allclose(crank, np.deg2rad(20 + 12 * np.sin(2 * np.pi * time)), rtol=1e-14)
+    np.testing.assert_allclose(sleeve, (5 + 12 * time**2) / 1000, rtol=1e-14)
+    assert press.motion_laws.duration == 0.5
+
+
+def test_all_contents_are_read_back_exactly(press, tmp_path):
+    path = tmp_path / "again.toml"
+    path.write_text(to_toml(press))
+    again = load(str(path))
+    assert identical(again.mechanism, press.mechanism)
+    assert again.motion_laws.duration == press.motion_laws.duration
+    time = np.linspace(0.0, 0.5, 11)
+    np.testing.assert_allclose(again.motion_laws.state(time), press.motion_laws.state(time), rtol=1e-14)
+    assert Path(again.formula).name == Path(press.formula).name
+    # loads contain functions, which are compared at one instant
+    for result, expected in zip(again.forces.load_profiles, press.forces.load_profiles, strict=True):
+        assert np.array_equal(result.evaluate([0.0]), expected.evaluate([0.0]))
+    bare = [replace(item.forces, loads=(), couples=(), crank_torque=None) for item in (again, press)]
+    assert bare[0] == bare[1]
+    assert to_toml(again) == to_toml(press)
+
+
+def test_forces_of_a_file_are_in_si(press):
+    forces = press.forces
+    assert forces.gravity == (0.0, 0.0, -9.81)
+    assert forces.flywheel == pytest.approx(2e-5)
+    assert forces.motor.ratio == -3
+    assert forces.motor.motor.stall == pytest.approx(0.3)
+    assert forces.motor.motor.no_load == pytest.approx(20 * np.pi)
+    spring, oil = forces.springs
+    assert (spring.stiffness, spring.rest) == (pytest.approx(5000), pytest.approx(0.04))
+    assert (spring.a, spring.b[0]) == ("end", "ground")
+    assert (oil.stiffness, oil.damping) == (0.0, 3.0)
+    assert [item.rest for item in forces.joint_springs] == pytest.approx([0.004, np.deg2rad(30)])
+    assert forces.friction[1].viscous_turn == 1e-4

@@ -1,0 +1,95 @@
+"""The vertical of pictures: opposite to gravity, or as the file states."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from model_files import model_text
+
+from mechsim.cli import main
+from mechsim.io.readers import load
+from mechsim.io.toml_writer import to_toml
+from mechsim.mechanism.mechanism import against
+from mechsim.pictures.view.offline_page import page
+from mechsim.report.views import mechanism_view
+from mechsim.shapes import camera
+
+# a crank about the vertical z axis with an arm that stays outside the plane of its tip
+ARM = model_text("vertical_arm.toml")
+SCENE = model_text("vertical_scene.xml")
+
+
+def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return load(str(path))
+
+
+def exit_code(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        ("[forces]\ngravity = [0, 0, -9.81]", "z"),
+        ("[forces]\ngravity = [0, 9.81, 0]", "-y"),
+        ("[forces]\ngravity = [-9.7, 1, 0]", "x"),
+        ("[forces]\ngravity = [0, 0, 0]", None),
+        ("[forces]\nflywheel = 1e-3", "y"),
+        ('[display]\nup = "z"', "z"),
+        ('[forces]\ngravity = [0, 0, -9.81]\n[display]\nup = "y"', "y"),
+        ("", None),
+    ],
+)
+def test_the_vertical_is_explicit_or_opposite_to_gravity(tmp_path, more, expected):
+    assert loaded(tmp_path, ARM + more).mechanism.up == expected
+
+
+@pytest.mark.parametrize(
+    ("gravity", "expected"), [("0 0 -9.81", "z"), ("0 -9.81 0", "y"), ("0 0 0", "z"), ("9.81 0 0", "-x")]
+)
+def test_the_vertical_of_a_scene_is_opposite_to_gravity(tmp_path, gravity, expected):
+    assert loaded(tmp_path, SCENE.format(gravity), "arm.xml").mechanism.up == expected
+
+
+def test_a_scene_exported_as_toml_keeps_its_vertical(tmp_path):
+    solver = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
+    for source in (solver, solver.mechanism):
+        written = to_toml(source)
+        assert 'up = "z"' in written
+        again = loaded(tmp_path, written).mechanism
+        assert again.up == "z"
+
+
+def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
+    mechanism = loaded(tmp_path, ARM + "[forces]\ngravity = [0, 0, -9.81]").mechanism
+    for preset in ("iso", "side"):
+        _, up = camera.directions(mechanism, preset)
+        assert up[2] > 0.7, preset
+
+
+@pytest.mark.slow
+def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatch):
+    solver = loaded(tmp_path, ARM)
+    view = mechanism_view(solver, 1.0)
+    assert page(view) != page(replace(view, up="z"))
+    paths = [tmp_path / "y.png", tmp_path / "z.png"]
+    for path in paths:
+        words = ["render", str(tmp_path / "arm.toml"), "-o", str(path), "--up", path.stem, "--size", "64x48"]
+        assert exit_code(monkeypatch, *words) == 0
+    assert paths[0].read_bytes() != paths[1].read_bytes()
+    for command, target in (("render", tmp_path / "no.png"), ("view", tmp_path / "no.html")):
+        assert exit_code(monkeypatch, command, "rssr", "-o", str(target), "--up", "w") == 2
+        message = capsys.readouterr().err
+        assert "--up" in message
+        assert "-z" in message
+        assert not target.exists()
+
+
+def test_zero_gravity_defines_no_vertical():
+    assert against((0.0, 0.0, 0.0)) is None

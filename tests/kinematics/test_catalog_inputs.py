@@ -1,0 +1,49 @@
+"""Invalid parameters and angles of the catalogue are rejected; no result contains NaN."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.errors import AssemblyError
+from mechsim.kinematics.formulas.closed_form import CHUNK
+
+
+@pytest.mark.parametrize("pivot", [[0.043, -0.01, -0.024], np.array([0.043, -0.01, -0.024])])
+def test_lists_and_arrays_are_valid_vectors(pivot):
+    linkage = catalog.make("rssr", pivot=pivot)
+    assert linkage == catalog.make("rssr")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
+def test_every_coupler_length_gives_finite_numbers_or_an_error(name):
+    link = {"slider_crank": "rod"}.get(name, "coupler")
+    angles = np.linspace(-np.pi, np.pi, 41)
+    outcomes = set()
+    for length in np.geomspace(1e-9, 10.0, 40):
+        linkage = catalog.make(name, **{link: float(length)})
+        try:
+            motion = linkage.solve(angles)
+        except AssemblyError as error:
+            outcomes.add("rejected")
+            assert "crank angle" in str(error)
+            assert "nan" not in str(error)
+        else:
+            outcomes.add("solved")
+            for point in motion.points.values():
+                assert np.isfinite(point.position).all()
+                assert np.isfinite(point.acceleration).all()
+    assert outcomes == {"rejected", "solved"}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
+def test_many_angles_give_the_same_motion_as_single_angles(name):
+    linkage = catalog.make(name)
+    count = 2 * CHUNK + 1000
+    angles = np.linspace(0.0, 40.0, count)
+    whole = linkage.solve(angles, speed=np.linspace(1.0, 2.0, count))
+    assert len(whole) == count
+    for i in (0, CHUNK - 1, CHUNK, count - 1):
+        alone = linkage.solve(angles[i : i + 1], speed=float(whole.speed[i]))
+        for point, motion in alone.points.items():
+            assert np.abs(whole.points[point].acceleration[i] - motion.acceleration[0]).max() <= 1e-13

@@ -1,0 +1,185 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import CLOSED, random_knitter
+
+from mechsim import catalog
+from mechsim.errors import AssemblyError
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinematics.vector_method import triad
+
+REVOLUTION = 2 * np.pi
+# a longer crank 1 cannot turn fully
+SWINGING = catalog.make("warp_knitter", crank1=0.022)
+# seed of a triad that reaches another assembly mode before a dead centre
+LONG_PATH_SEED = 10
+seeds = st.integers(0, 10**6)
+
+
+def angles_of(linkage: KinematicSolver, count: int = 12) -> np.ndarray:
+    low, high = linkage.crank_range().arcs[0]
+    return low + (high - low) * (np.arange(count) + 0.37) / count
+
+
+def longest(linkage: KinematicSolver) -> float:
+    positions = [(0.0, 0.0), linkage.pivot2, linkage.pivot_rocker]
+    differences = [np.hypot(*np.subtract(p, q)) for p in positions for q in positions]
+    base = [
+        np.hypot(*p) for p in (linkage.base_c, linkage.base_k, np.subtract(linkage.base_c, linkage.base_k))
+    ]
+    return float(max(linkage.rod3, linkage.rod5, linkage.rocker, *differences, *base))
+
+
+def length_error(linkage: KinematicSolver, points: dict[str, np.ndarray]) -> float:
+    """Return the largest error of a link length relative to the longest link."""
+    fixed = {"O1": (0, 0), "O2": linkage.pivot2, "E": linkage.pivot_rocker}
+    pins = {**points, **{name: np.array([x, y, 0.0]) for name, (x, y) in fixed.items()}}
+    lengths = {
+        ("O1", "A"): linkage.crank1,
+        ("O2", "D"): linkage.crank2,
+        ("A", "B"): linkage.rod3,
+        ("D", "C"): linkage.rod5,
+        ("E", "K"): linkage.rocker,
+        ("B", "C"): np.hypot(*linkage.base_c),
+        ("B", "K"): np.hypot(*linkage.base_k),
+        ("C", "K"): np.hypot(*np.subtract(linkage.base_c, linkage.base_k)),
+    }
+    errors = [np.linalg.norm(pins[p] - pins[q], axis=-1) - length for (p, q), length in lengths.items()]
+    return float(max(np.abs(difference).max() for difference in errors)) / longest(linkage)
+
+
+def test_the_default_assembly_mode_matches_the_paper():
+    linkage = catalog.make("warp_knitter")
+    motion = linkage.solve([0.0])
+    base = motion.links["base"]
+    # printed with two and three decimals
+    assert base.position[0, :2] == pytest.approx([0.00710, 0.07398], abs=0.6e-5)
+    assert np.arctan2(base.rotation[0, 1, 0], base.rotation[0, 0, 0]) == pytest.approx(-1.558, abs=6e-4)
+    swing = np.ptp(linkage.solve(np.linspace(0, REVOLUTION, 1001)).joints["rocker"].value)
+    assert np.rad2deg(swing) == pytest.approx(37.6, abs=0.06)
+
+
+@pytest.mark.parametrize("assembly", [1, 2])
+def test_the_motion_is_continuous_and_periodic(assembly):
+    linkage = catalog.make("warp_knitter", assembly=assembly)
+    angles = np.linspace(0.0, 2 * REVOLUTION, 4001)
+    points = linkage.positions(angles)
+    rest = linkage.positions(angles - 2 * REVOLUTION)
+    for name, position in points.items():
+        assert np.abs(position - rest[name]).max() <= 1e-13
+        assert np.abs(position[2000:] - position[:2001]).max() <= 1e-13
+        # pins move by up to 4e-5 m between poses; the other assembly mode is a hundred times farther
+        assert np.linalg.norm(np.diff(position, axis=0), axis=1).max() <= 1.5e-4
+    assert (linkage.assembly_sign(points) > 0.3).all()
+
+
+def test_a_gear_ratio_of_three_to_two_has_a_period_of_two_revolutions():
+    linkage = catalog.make("warp_knitter", gear_ratio=-1.5)
+    angles = np.linspace(0.0, REVOLUTION, 40)
+    first, once, twice = (linkage.positions(angles + n * REVOLUTION) for n in range(3))
+    assert max(np.abs(first[name] - twice[name]).max() for name in first) <= 1e-15
+    assert max(np.abs(first[name] - once[name]).max() for name in first) > 1e-3
+
+
+@settings(max_examples=6)
+@given(seeds)
+def test_assembly_modes_are_numbered_by_increasing_base_angle(seed):
+    drives = random_knitter(seed).assemblies(0.0)
+    bases = [linkage.solve([0.0]).links["base"].rotation[0] for linkage in drives]
+    angles = [float(np.arctan2(base[1, 0], base[0, 0])) % REVOLUTION for base in bases]
+    assert [linkage.assembly for linkage in drives] == list(range(1, len(drives) + 1))
+    assert angles == sorted(angles)
+
+
+@pytest.mark.long
+@settings(max_examples=6)
+@given(seeds)
+def test_every_assembly_mode_at_a_crank_angle_is_listed(seed):
+    linkage = random_knitter(seed)
+    f = 0.8
+    listed = [(chosen["assembly"], points) for chosen, points in linkage.assembly_points(f)]
+    pivots = [(z.real, z.imag) for z in linkage.closed_form.pivots.positions(f)]
+    poses = triad.triad_modes(pivots, [(0, 0), linkage.base_c, linkage.base_k], linkage.closed_form.sides)
+    assert len(listed) == np.isfinite(poses[:, 0]).sum()
+    numbers = [number for number, _ in listed if number is not None]
+    assert sorted(numbers) == [other.assembly for other in linkage.assemblies(f)]
+    for number, points in listed:
+        assert length_error(linkage, {name: position[None] for name, position in points.items()}) <= CLOSED
+        if number is not None:
+            expected = linkage.with_parameters(assembly=number).positions([f])
+            assert max(np.abs(expected[name][0] - points[name]).max() for name in points) <= 1e-12
+
+
+def test_an_assembly_mode_without_a_path_from_zero_has_no_number():
+    linkage = random_knitter(7)
+    listed = [linkage.assembly_points(f) for f in np.linspace(0, REVOLUTION, 40)]
+    assert any(chosen["assembly"] is None for modes in listed for chosen, _ in modes)
+
+
+@pytest.mark.parametrize("assembly", [1, 2])
+def test_roots_of_the_sextic_coincide_at_the_ends_of_the_crank_range(assembly):
+    linkage = SWINGING.with_parameters(assembly=assembly)
+    arcs = linkage.crank_range()
+    assert not arcs.full
+    ((low, high),) = arcs.arcs
+    for end, inward in ((low, 1.0), (high, -1.0)):
+        # two poses inside, none outside, and the end known to 1e-12
+        for direction, count in ((1e-12, 2), (-1e-12, 0)):
+            assert len(linkage.assembly_points(end + inward * direction)) == count
+    assert linkage.dead_centres() == (low, high)
+
+
+def test_poses_exist_only_up_to_the_dead_centres():
+    ((low, high),) = SWINGING.crank_range().arcs
+    offsets = np.logspace(-15, -6, 19)
+    angles = np.concatenate([low + offsets, high - offsets])
+    # Newton's method stalls at the square root of rounding where the assembly modes meet
+    assert length_error(SWINGING, SWINGING.positions(angles)) <= 1e-11
+    for beyond in (low - 1e-6, high + 1e-6):
+        with pytest.raises(AssemblyError, match=r"its range is from 1\.89557 to 7\.17315 rad"):
+            SWINGING.positions([beyond])
+
+
+def test_a_crank_range_above_one_revolution_stays_on_its_branch():
+    # this triad reaches another assembly mode before a dead centre
+    long = random_knitter(LONG_PATH_SEED)
+    assert not long.crank_range().full
+    ((low, high),) = long.crank_range().arcs
+    assert low < 0.0 < high
+    f = low + 0.3 * (high - low - REVOLUTION)
+    first, second = long.positions([f]), long.positions([f + REVOLUTION])
+    assert max(np.abs(first[name] - second[name]).max() for name in first) > 1e-3
+    with pytest.raises(AssemblyError):
+        long.positions([low + 0.05, high + 0.1])
+    # a single angle is counted on the previous revolution
+    alone, before = long.positions([high + 0.1]), long.positions([high + 0.1 - REVOLUTION])
+    assert max(np.abs(alone[name] - before[name]).max() for name in alone) <= 1e-15
+
+
+def test_the_transmission_angle_vanishes_only_at_dead_centres():
+    ((low, high),) = SWINGING.crank_range().arcs
+    assert SWINGING.transmission_angle([low + 1e-9, high - 1e-9]).max() < 1e-3
+    angles = catalog.make("warp_knitter").transmission_angle(np.linspace(0, REVOLUTION, 361))
+    assert np.rad2deg(angles.min()) == pytest.approx(47.66, abs=0.01)
+    assert angles.max() <= np.pi / 2
+
+
+def test_the_transmission_angle_follows_from_the_instant_centre():
+    linkage = catalog.make("warp_knitter")
+    angles = np.linspace(0.2, 6.0, 9)
+    points = linkage.positions(angles)
+    for i, value in enumerate(linkage.transmission_angle(angles)):
+        a, b, c, d, k = (points[name][i, :2] for name in "ABCDK")
+        s, _ = np.linalg.solve(np.column_stack([b - a, d - c]), d - a)
+        force, arm = a + s * (b - a) - k, k - linkage.pivot_rocker
+        cosine = abs(force @ arm) / np.linalg.norm(force) / np.linalg.norm(arm)
+        assert value == pytest.approx(np.arccos(cosine), rel=1e-12)
+
+
+def test_dimensions_without_assembly_mode_are_rejected_when_solved():
+    linkage = catalog.make("warp_knitter", rod3=0.2)
+    assert linkage.crank_range().arcs == ()
+    assert linkage.assembly_points(0.3) == []
+    with pytest.raises(AssemblyError, match="does not close"):
+        linkage.positions([0.0])

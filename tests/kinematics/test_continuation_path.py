@@ -1,0 +1,393 @@
+"""Continuation of the loop equations: segments, step control, change points and dead centres."""
+
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from change_point_linkages import named, smooth_b, worst
+from mechanisms import three_cranks
+
+import mechsim as ms
+from mechsim import catalog, loops
+from mechsim.errors import AssemblyError, InputError
+from mechsim.kinematics.loops.motion import driven_path
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.numerics import continuation
+from mechsim.numerics.loop_solver import Linearised, LoopSolver, loop_solver
+from mechsim.numerics.path_segments import CONTROL
+
+GALLERY = Path(__file__).parents[2] / "models" / "gallery"
+ANGLES = np.unique(
+    np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
+)
+
+
+def segments_tried(path, stops):
+    """Trace a path to successive parameters; return the numbers of tried and accepted segments."""
+    tried, close = [], path.closed
+    path.closed = lambda *arguments: tried.append(arguments) or close(*arguments)
+    for stop in stops:
+        path.extend(stop)
+    return len(tried), sum(map(len, path.segments.values()))
+
+
+@pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
+def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
+    path = driven_path(catalog.make(name).mechanism)
+    tried, accepted = segments_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
+    # measured 24, 37 and 21: the smoothness of a segment limits the length of the next
+    assert tried == accepted <= most
+    # a tangent predicts the first segment, which predicts a longer one in the other direction
+    first, other = (np.ptp(path.segments[direction][0].nodes) for direction in (1, -1))
+    assert 2.0 * first < other
+
+
+def test_a_path_is_traced_backwards_only_near_a_change_point():
+    path = driven_path(catalog.make("four_bar").mechanism)
+    path.extend(path.initial)
+    assert not path.segments[-1]
+    ((solver, which, rows),) = path.chunks(np.array([path.initial, path.initial]))
+    assert solver is path.first
+    assert which.tolist() == [0, 1]
+    assert np.array_equal(rows, path.loops.flat(path.start).repeat(2, 0))
+    close = driven_path(three_cranks((0.04, 0.0), start=0.02))
+    close.extend(close.initial)
+    assert close.change_points == pytest.approx([0.0], abs=1e-9)
+
+
+def test_the_tangent_predictor_has_second_order():
+    mechanism = catalog.make("rssr").mechanism
+    path = driven_path(mechanism)
+    start = path.initial
+    solver = loop_solver(path.loops, path.start)
+    for direction in (1, -1):
+        s = start + direction * np.array([1e-3, 2e-3])
+        reported = path.predicted(start, direction, solver, s)
+        errors = np.abs(reported - path.closed(solver, s, reported).states).max(1)
+        assert 3.9 < errors[1] / errors[0] < 4.1
+        # of the same order as the step squared
+        assert 0.05 < errors[0] / 1e-6 < 5.0
+    # the other direction is predicted by all nodes of that segment
+    path.reach(start + 0.1, 1)
+    behind = start - np.array([1e-3, 2e-3])
+    reported = path.predicted(start, -1, solver, behind)
+    assert np.abs(reported - path.closed(solver, behind, reported).states).max() < 1e-9
+
+
+@pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
+def test_step_control_reaches_the_target_correction(moved, before):
+    path, step = driven_path(catalog.make("four_bar").mechanism), 0.4
+    path.reach(path.initial + 0.3, 1)
+    path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
+    growth = path.growth(step, 1, np.zeros(1), np.array([moved]))[0]
+    # the prediction error is the distance from the middle of the previous segment to the power of the nodes
+    current, following = step + 0.5 * before, growth * step + 0.5 * step
+    assert moved * (following / current) ** CONTROL.nodes == pytest.approx(CONTROL.target_correction)
+    assert path.growth(step, 1, np.zeros(1), np.zeros(1)) == CONTROL.max_growth
+    assert path.growth(step, 1, np.array([4.0 * CONTROL.target_error]), np.zeros(1)) == pytest.approx(
+        0.25 ** (2 / (CONTROL.nodes + 1))
+    )
+    path.segments[1].clear()
+    assert path.growth(step, 1, np.zeros(1), np.ones(1)) == CONTROL.max_growth
+
+
+@pytest.mark.parametrize(("ratio", "accepted"), [(0.19, False), (0.21, True)])
+def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(ratio, accepted, monkeypatch):
+    path = driven_path(catalog.make("four_bar").mechanism)
+    monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * ratio, 3.0, CONTROL.nodes))
+    segment, length = path.next_segment(path.initial, 1, 0.05)
+    assert (segment is not None) == accepted
+    assert (length == 0.025) == (not accepted)
+
+
+@pytest.mark.parametrize("passing", ["smooth", "branch"])
+@pytest.mark.parametrize(("direction", "to"), [(1, 8.0), (-1, -2.0)])
+def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passing):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    poses = loops.solve(linkage.mechanism, [0.5]).links
+    guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+    path = driven_path(linkage.mechanism.with_guess(guess, 0.5), change_point=passing)
+    assert not path.drop_last_segment(direction)
+    path.reach(to, direction)
+    (branch_point,) = path.change_points
+    segments, before = path.segments[direction], list(path.segments[direction])
+    assert path.sign != 0.0
+    while path.drop_last_segment(direction):
+        assert path.sign == 0.0
+    assert before[: len(segments)] == segments
+    assert len(segments) < len(before)
+    # the last segment starts at the change point or contains it
+    assert direction * segments[-1].nodes[0] <= direction * branch_point < direction * segments[-1].nodes[-1]
+    path.reach(to, direction)
+    assert path.change_points == [branch_point]
+    other = driven_path(linkage.mechanism)
+    other.reach(other.initial + direction, direction)
+    while other.drop_last_segment(direction):
+        pass
+    assert not other.segments[direction]
+
+
+def test_a_parallelogram_keeps_its_assembly_mode_over_revolutions():
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
+    mechanism = linkage.mechanism
+    path = driven_path(mechanism)
+    path.extend(7.0)
+    path.extend(-7.0)
+    result = np.sort(path.change_points)
+    np.testing.assert_allclose(result, np.pi * np.round(result / np.pi), atol=1e-9)
+    assert {0, 1, 2} <= set(np.round(result / np.pi).astype(int))
+    # the path continues from its end
+    path.extend(9.0)
+    for segments in path.segments.values():
+        assert [segment.nodes[-1] for segment in segments[:-1]] == [
+            segment.nodes[0] for segment in segments[1:]
+        ]
+    motion = loops.solve(mechanism, ANGLES)
+    np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
+
+
+# almost equal crank and frame, so that the coupler rotates fast; and linkages whose path once ended a segment
+# just before the change point
+HIGH_CURVATURE = {
+    "kite": (0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313),
+    "crank 1 % shorter": (0.1, 0.099, 0.1, 0.099),
+    "crank 1 % longer": (0.1, 0.101, 0.1, 0.101),
+    "one change point": (0.1, 0.098, 0.15, 0.152),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("which", HIGH_CURVATURE)
+def test_a_path_of_high_curvature_is_resolved(which):
+    lengths = HIGH_CURVATURE[which]
+    mechanism = catalog.make("four_bar", **named(lengths)).mechanism
+    angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
+    result = loops.solve(mechanism, angles).points["B"].position
+    with mpmath.workdps(40):
+        truths = {sign: [smooth_b(lengths, mpmath.mpf(angle), sign) for angle in angles] for sign in (1, -1)}
+    # measured 4e-12
+    assert min(worst(truth, result) for truth in truths.values()) <= 1e-10 * mechanism.characteristic_length
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 9))
+def test_change_points_are_detected_from_any_start(start):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
+    poses = loops.solve(linkage.mechanism, [start]).links
+    guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+    path = driven_path(linkage.mechanism.with_guess(guess, float(start)))
+    path.extend(7.0)
+    path.extend(-7.0)
+    result = np.sort(path.change_points) / np.pi
+    np.testing.assert_allclose(result, np.round(result), atol=1e-12)
+    assert np.unique(np.round(result)).size == result.size >= 5
+    # each is the middle of the segment that contains it
+    ends = np.sort(
+        np.concatenate(
+            [segment.nodes[[0, -1]] for segments in path.segments.values() for segment in segments]
+        )
+    )
+    for branch_point in path.change_points:
+        after = np.searchsorted(ends, branch_point)
+        # the segment is placed about an estimate from one side of the change point, a double root, so that
+        # rounding leaves about the square root of 2e-16; measured 1.7e-9 to 1.5e-8 under three kernels
+        assert 2.0 * branch_point == pytest.approx(ends[after - 1] + ends[after], abs=3e-8)
+
+
+def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
+    path = driven_path(catalog.make("four_bar").mechanism)
+    signed_distance, hidden = Linearised.signed_distance.func, []
+
+    def wrong_sign(loops):
+        segments = path.segments[1]
+        if len(segments) != 3 or (hidden and hidden[0] is not segments[-1]):
+            return signed_distance(loops)
+        hidden[:] = segments[-1:]
+        return -signed_distance(loops)
+
+    monkeypatch.setattr(Linearised, "signed_distance", property(wrong_sign))
+    path.reach(3.0, 1)
+    third = path.segments[1][2]
+    assert third.nodes[0] == hidden[0].nodes[0]
+    assert third.length == pytest.approx(0.6 * hidden[0].length)
+
+
+@pytest.mark.parametrize("off", [3e-3, -2e-5])
+def test_a_path_can_start_close_to_a_change_point(off):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    poses = loops.solve(linkage.mechanism, [off]).links
+    guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+    result = loops.solve(linkage.mechanism.with_guess(guess, off), ANGLES).points["B"].position
+    assert (
+        np.abs(result - linkage.positions(ANGLES)["B"]).max()
+        <= 1e-12 * linkage.mechanism.characteristic_length
+    )
+
+
+@pytest.mark.parametrize(
+    ("off", "output"),
+    [*((angle, "since its start, .* start elsewhere") for angle in (0.0, np.pi)), (1e-7, "start elsewhere")],
+)
+def test_a_start_at_a_change_point_is_rejected(off, output):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    links = linkage.solve([off]).links
+    guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+    with pytest.raises(AssemblyError, match=f"rad.*{output}"):
+        loops.solve(linkage.mechanism.with_guess(guess, off), [-1.0, 1.0])
+
+
+def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
+    ((_, high),) = linkage.crank_range().arcs
+    start = high - 5e-4
+    guess = {
+        name: Pose(item.position[0], item.rotation[0]) for name, item in linkage.solve([start]).links.items()
+    }
+    with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
+        driven_path(linkage.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
+    assert linkage.crank_range().full
+    angles = np.linspace(-np.pi, 3 * np.pi, 64)
+    result, exact = loops.solve(linkage.mechanism, angles).links, linkage.solve(angles).links
+    for name, link in exact.items():
+        assert (
+            np.abs(result[name].position - link.position).max()
+            <= 1e-9 * linkage.mechanism.characteristic_length
+        )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("deficit", [1e-4, 1e-6, 1e-9])
+def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(deficit):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - deficit)
+    ((low, high),) = linkage.crank_range().arcs
+    assert high - low < 2 * np.pi
+    path = driven_path(linkage.mechanism)
+    with pytest.raises(AssemblyError, match="cannot pass") as error:
+        path.extend(high + 2.0 * (2 * np.pi - (high - low)))
+    output = float(str(error.value).split("cannot pass ")[1].split()[0])
+    assert output == pytest.approx(high, abs=1e-6)
+
+
+def sarrus(start, length=0.05):
+    """Return a Sarrus linkage: two chains in vertical planes carry a platform; singular at pi / 2."""
+    folds = (((1.0, 0.0, 0.0), (0.0, -1.0, 0.0)), ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
+    high = 2.0 * length * np.sin(start)
+    links, joints = [Link("platform")], []
+    guess = {"platform": Pose(np.array([0.0, 0.0, high]), np.eye(3))}
+    for k, (out, axis) in enumerate(folds):
+        base, tip = 0.1 * np.array(out), tuple(length * np.array(out))
+        lower, upper = f"lower{k}", f"upper{k}"
+        links += [Link(lower), Link(upper)]
+        joints += [
+            Joint(("crank", "base")[k], "revolute", End(GROUND, tuple(base), axis), End(lower, axis=axis)),
+            Joint(f"knee{k}", "revolute", End(lower, tip, axis), End(upper, tip, axis)),
+            Joint(f"top{k}", "revolute", End(upper, axis=axis), End("platform", tuple(base), axis)),
+        ]
+        guess[lower] = Pose(base, rotation_about(axis, start))
+        guess[upper] = Pose(base + np.array([0.0, 0.0, high]), rotation_about(axis, -start))
+    point = {"P": ("platform", (0.0, 0.0, 0.0))}
+    return Mechanism("sarrus", tuple(links), tuple(joints), "crank", point, guess=guess, start=start)
+
+
+def rotation_about(axis, angle):
+    cross = np.cross(np.eye(3), axis)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("start", [0.5, 1e-3, -2.0])
+def test_change_points_of_an_overconstrained_linkage_are_reported(start):
+    mechanism = sarrus(start)
+    angles = np.linspace(-3.0, 3.0, 24)
+    height = loops.solve(mechanism, angles).points["P"].position[:, 2]
+    np.testing.assert_allclose(height, 0.1 * np.sin(angles), atol=1e-12)
+    solver = KinematicSolver(mechanism)
+    # folded at 0 and pi, the second chain can rotate about its own axes at a constant crank angle
+    assert np.sort(np.sin(solver.change_points())) == pytest.approx([-1.0, 0.0, 0.0, 1.0], abs=1e-9)
+    assert solver.period == 2.0 * np.pi
+    flat = loops.solve(mechanism, [0.0, np.pi])
+    np.testing.assert_allclose(flat.points["P"].velocity[:, 2], [0.1, -0.1], atol=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("offset", [0.013, 0.06, -0.0002])
+def test_a_third_crank_off_the_line_of_pivots_removes_change_points(offset):
+    mechanism = three_cranks((0.047, offset))
+    angles = np.concatenate([[np.pi, 2.0 * np.pi], np.linspace(-4.0, 7.0, 50)])
+    motion = loops.solve(mechanism, angles)
+    np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
+    np.testing.assert_allclose(motion.links["third"].angular_velocity[:, 2], 1.0, atol=1e-9)
+    assert KinematicSolver(mechanism).change_points() == ()
+
+
+def test_a_third_crank_on_the_line_of_pivots_keeps_change_points():
+    result = np.sort(np.abs(KinematicSolver(three_cranks((0.047, 0.0))).change_points()))
+    assert result == pytest.approx([0.0, np.pi], abs=1e-9)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("height", [1e-3, 2e-3, 0.03])
+def test_a_pulse_of_the_driver_between_the_nodes_of_a_segment_is_followed(height):
+    """The slider of the catalogue at the top of the pulse follows from its two right triangles."""
+    law = f"0.5 + {height}*exp(-((t - 0.5)/1e-5)**2)"
+    solver = ms.load("slider_crank", drive={"crank": law}, duration=1.0)
+    crank = 0.5 + height * np.exp([-np.inf, -0.25, 0.0])
+    expected = 0.05 * np.cos(crank) + np.sqrt(0.2**2 - (0.05 * np.sin(crank) - 0.01) ** 2)
+    times = [0.2, 0.5 + 0.5e-5, 0.5]
+    assert solver.positions(t=times)["B"][:, 0] == pytest.approx(expected, abs=1e-11)
+    # a motion of many cycles would need millions of steps
+    assert solver.motion_laws.revolutions < 500.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("law", "height", "travel"),
+    [
+        ("{0}*exp(-((t - 0.5)/1e-7)**2)", 1.0, 2.0),
+        ("{0}*exp(-((t - 0.5)/1e-8)**2) + 0*t", -2.0, 4.0),
+        ("{0}*exp(-((t - 0.5)/1e-7)**2) + 40*pi*t*(1 - t)", 1.0, 20.0 * np.pi + 2.0),
+    ],
+)
+def test_the_travel_of_a_driver_is_limited_not_its_largest_rate(law, height, travel):
+    """At its largest rate for 1 s, each driver would make above 10^6 revolutions."""
+    solver = ms.load("slider_crank", drive={"crank": law.format(height)}, duration=1.0)
+    times = np.array([0.2, 0.5, 0.9])
+    smooth = 40.0 * np.pi * times * (1.0 - times) if "pi" in law else 0.0
+    crank = smooth + height * np.array([0.0, 1.0, 0.0])
+    expected = 0.05 * np.cos(crank) + np.sqrt(0.2**2 - (0.05 * np.sin(crank) - 0.01) ** 2)
+    assert solver.positions(t=times)["B"][:, 0] == pytest.approx(expected, abs=1e-11)
+    assert max(1.0, travel / (2.0 * np.pi)) / 2.0 < solver.motion_laws.revolutions < 1.0 + travel
+    run = ms.simulate(solver, motion_laws=solver.motion_laws, method="pose", samples=2)
+    assert run.motion.points["B"].position[1, 0] == pytest.approx(expected[1], abs=1e-11)
+    with pytest.raises(ms.InputError, match="too short for time steps"):
+        ms.simulate(solver, motion_laws=solver.motion_laws, method="step")
+
+
+@pytest.mark.long
+def test_a_pulse_of_the_driver_is_validated():
+    law = "0.5 + 0.002*exp(-((t - 0.5)/1e-5)**2)"
+    solver = ms.load("slider_crank", drive={"crank": law}, duration=1.0)
+    assert ms.validate(solver, stepped=False).passed
+
+
+@pytest.mark.long
+def test_a_path_of_very_short_segments_ends_with_the_reason(tmp_path, monkeypatch):
+    # with a lift of 1e9 m on a cam of 38 mm each segment is accepted, and a revolution takes millions of them
+    text = (GALLERY / "cam_follower.toml").read_text(encoding="utf-8")
+    high = tmp_path / "high.toml"
+    high.write_text(text.replace("lift = 12\n", "lift = 1e12\n"), encoding="utf-8")
+    monkeypatch.setattr(continuation, "MAX_ATTEMPTS", 300)
+    with pytest.raises(InputError, match=r"beyond 0\.0\d+ rad: 300 steps advanced by 0\.0\d+ of the path"):
+        ms.load(high).crank_range()
+    # the limit is on the advance: the same number of attempts is enough for the lift of the file
+    assert ms.load(GALLERY / "cam_follower.toml").crank_range().full

@@ -1,0 +1,123 @@
+"""Motion on any revolution of the crank, of locked joints and of links with a passive spin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from driven_mechanisms import five_bar
+from mechanisms import end_at
+
+from mechsim import catalog, loops
+from mechsim.errors import AssemblyError
+from mechsim.kinematics.loops.motion import driven_path, motion_along
+from mechsim.mechanism.joints import Coupling, Joint
+from mechsim.mechanism.links import EX, GROUND, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+
+REVOLUTION = 2.0 * np.pi
+# the crank swings about its start by less than half a radian in either direction
+LENGTHS = {"ground": 0.1, "crank": 0.06, "coupler": 0.03, "rocker": 0.05}
+
+
+def swinging(**coupling) -> Mechanism:
+    """Return a four-bar with a swinging crank and a wheel or a slide coupled to it."""
+    mechanism = catalog.make("four_bar", **LENGTHS).mechanism
+    if not coupling:
+        return mechanism
+    kind = "revolute" if coupling["turns"] else "prismatic"
+    coupled = Joint("coupled", kind, end_at(GROUND, (0.2, 0.0, 0.0)), end_at("wheel"))
+    start = mechanism.start
+    coordinate = coupling["coefficients"][0] + coupling["coefficients"][1] * start
+    guess = dict(mechanism.guess)
+    c, s = np.cos(coordinate), np.sin(coordinate)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) if coupling["turns"] else np.eye(3)
+    guess["wheel"] = Pose(np.array([0.2, 0.0, 0.0 if coupling["turns"] else coordinate]), rotation)
+    whole = replace(
+        mechanism,
+        links=(*mechanism.links, Link("wheel")),
+        joints=(*mechanism.joints, coupled),
+        couplings=(Coupling("law", "coupled", "crank", **coupling),),
+    )
+    return whole.with_guess(guess, start)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.slow), -2])
+@pytest.mark.parametrize(
+    "wheel", [{}, {"turns": True, "coefficients": (0.3, 2.0)}, {"turns": True, "coefficients": (0.3, -1.0)}]
+)
+def test_a_swing_counted_on_another_revolution_has_the_same_motion(wheel, revolutions):
+    mechanism = swinging(**wheel)
+    angles = mechanism.start + np.array([0.5, -0.3, 0.1])
+    first, second = (
+        loops.solve(mechanism, angles + rotation, 2.0, -3.0) for rotation in (0.0, revolutions * REVOLUTION)
+    )
+    for name, joint in first.joints.items():
+        counted = revolutions * REVOLUTION if name == "crank" else 0.0
+        for quantity in ("value", "rate", "acceleration"):
+            offset = counted if quantity == "value" else 0.0
+            expected = getattr(joint, quantity) + offset
+            np.testing.assert_allclose(getattr(second.joints[name], quantity), expected, atol=1e-12)
+    for name, link in first.links.items():
+        np.testing.assert_allclose(second.links[name].position, link.position, atol=1e-14)
+        np.testing.assert_allclose(second.links[name].rotation, link.rotation, atol=1e-13)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("ratio", "turns", "revolutions", "same"),
+    [(1.5, True, 1, False), (1.5, True, -2, True), (1.0 + 1e-9, True, 1, False)],
+)
+def test_geared_links_must_repeat_on_another_revolution(ratio, turns, revolutions, same):
+    mechanism = swinging(turns=turns, coefficients=(0.003, ratio))
+    angles = mechanism.start + revolutions * REVOLUTION + np.array([0.2])
+    if same:
+        wheel = loops.solve(mechanism, angles).links["wheel"].rotation[0]
+        np.testing.assert_allclose(wheel[:2, 0], [np.cos(0.303), np.sin(0.303)], atol=1e-14)
+    else:
+        with pytest.raises(AssemblyError, match="the crank cannot pass"):
+            loops.solve(mechanism, angles)
+
+
+def test_a_path_can_start_on_another_revolution():
+    mechanism = swinging()
+    path, _ = motion_along(driven_path(mechanism), *np.array([[mechanism.start + REVOLUTION], [1.0], [0.0]]))
+    assert path.initial == mechanism.start + REVOLUTION
+    assert path.start.values[path.loops.driven[0]] == path.initial
+    assert loops.solve(mechanism, [0.1, 0.2]).speed.tolist() == [1.0, 1.0]
+    assert loops.solve(mechanism, [0.1, 0.2]).acceleration.tolist() == [0.0, 0.0]
+
+
+def test_a_locked_joint_keeps_its_value_at_any_crank_speed():
+    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
+    motion = loops.solve(mechanism, [1.9, 2.1], 5.0, -7.0)
+    for quantity, expected in (("value", 1.2), ("rate", 0.0), ("acceleration", 0.0)):
+        np.testing.assert_allclose(getattr(motion.joints["right"], quantity), expected, atol=1e-15)
+    assert motion.joints["left"].rate.tolist() == [5.0, 5.0]
+    assert motion.joints["left"].acceleration.tolist() == [-7.0, -7.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "idle"), [("rssr", {"coupler"}), ("rrsrr", set()), ("four_bar", set()), ("bennett", set())]
+)
+def test_links_with_a_passive_spin_are_reported(name, idle):
+    linkage = catalog.make(name)
+    assert loops.solve(linkage.mechanism, [linkage.mechanism.start + 0.3]).spinning == idle
+
+
+def test_a_rod_that_spins_about_a_frame_axis_is_reported():
+    joints = (
+        Joint("crank", "revolute", end_at(GROUND), end_at("crank")),
+        Joint("A", "spherical", end_at("crank", (0.1, 0.0, 0.0)), end_at("rod")),
+        Joint("B", "spherical", end_at("rod", (0.3, 0.0, 0.0)), end_at("block")),
+        Joint("way", "prismatic", end_at(GROUND, (0.4, 0.0, 0.0), EX), end_at("block", (0.0, 0.0, 0.0), EX)),
+    )
+    guess = {
+        "rod": Pose(np.array([0.1, 0.0, 0.0]), np.eye(3)),
+        "block": Pose(np.array([0.4, 0.0, 0.0]), np.eye(3)),
+    }
+    links = tuple(Link(name) for name in ("crank", "rod", "block"))
+    points = {"P": ("block", (0.0, 0.0, 0.0))}
+    assert loops.solve(Mechanism("line", links, joints, "crank", points, guess=guess), [0.0]).spinning == {
+        "rod"
+    }

@@ -1,0 +1,108 @@
+"""The branch applies at the first requested configuration."""
+
+import numpy as np
+import pytest
+from change_point_linkages import CHANGE_POINT_LINKAGES, WITH_BRANCHES
+
+from mechsim import catalog, dynamics, loops
+from mechsim.mechanism.forces import Forces
+
+REVOLUTION = 2.0 * np.pi
+PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
+
+
+def deviation(linkage, angles, speed=1.0):
+    """Return the deviation of AB from parallel to the frame of a four-bar, in [m]."""
+    points = linkage.solve(np.deg2rad(angles), speed).points
+    along = points["B"].position - points["A"].position
+    return np.abs(along - [linkage.ground, 0.0, 0.0]).max()
+
+
+@pytest.mark.parametrize(
+    ("angles", "speed", "branch"),
+    [
+        ([1, 90, 200, 359], 1.0, 1),
+        ([0, 90, 200], 1.0, 1),
+        ([0], 1.0, 1),
+        ([361, 90, 200], 1.0, 1),
+        ([359, 200, 90, 1], -1.0, -1),
+        ([0, -90, -200], -1.0, -1),
+        ([200, 300, 400], 1.0, -1),
+        ([180, 170, 90], -1.0, 1),
+        ([180, 190, 300], 1.0, -1),
+    ],
+)
+def test_the_branch_selects_parallelogram_or_antiparallelogram(angles, speed, branch):
+    assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=branch), angles, speed) <= 1e-15
+    if len(angles) > 1:
+        assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_branch_applies_at_any_first_configuration(which, direction):
+    linkage = CHANGE_POINT_LINKAGES[which]
+    for first in [*np.linspace(-7.0, 7.0, 3), *linkage.change_points()]:
+        angles = first + direction * np.linspace(0.0, REVOLUTION, 41)
+        after = first + direction * np.array([0.0, 1e-3])
+        for branch in (1, -1):
+            solver = linkage.with_parameters(branch=branch)
+            assert solver.assembly_sign(solver.positions(after))[1] > 0.0
+            own = solver.solve(angles, direction)
+            # one more configuration does not change the assembly mode
+            more = solver.solve(np.append(angles, angles[-1] + direction), direction)
+            other = linkage.with_parameters(branch=-branch).solve(angles, direction)
+            name = list(own.points)[1]
+            scale = linkage.mechanism.characteristic_length
+            np.testing.assert_allclose(
+                own.points[name].position, more.points[name].position[:-1], atol=1e-12 * scale
+            )
+            assert np.abs(own.points[name].position - other.points[name].position).max() > 0.01 * scale
+
+
+@pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
+def test_the_branch_applies_to_the_loop_equations(which):
+    linkage = CHANGE_POINT_LINKAGES[which]
+    angles = 3.7 + np.linspace(0.0, 3.0, 12)
+    exact, by_loops = linkage.solve(angles), loops.solve(linkage, angles)
+    for name, point in exact.points.items():
+        assert (
+            np.abs(by_loops.points[name].position - point.position).max()
+            <= 1e-12 * linkage.mechanism.characteristic_length
+        )
+
+
+@pytest.mark.parametrize("which", WITH_BRANCHES)
+def test_the_branch_policy_starts_with_its_sign(which):
+    linkage = CHANGE_POINT_LINKAGES[which].with_change_point("branch")
+    for first in (0.3, 2.0, 3.9, 5.5):
+        assert linkage.assembly_sign(linkage.positions([first, first + 1e-3]))[0] > 0.0
+
+
+def test_starting_at_an_angle_selects_the_assembly_mode():
+    linkage = catalog.make("four_bar", **PARALLELOGRAM)
+    later = np.deg2rad([200.0, 300.0])
+    kept = linkage.starting_at(np.deg2rad([1.0, 359.0]))
+    assert np.abs(kept.positions(later)["B"] - linkage.positions(later)["B"]).max() > 0.01
+    assert deviation(kept, [200.0, 300.0]) <= 1e-15
+    assert {item.branch for item in kept.assemblies(4.0)} == {1, -1}
+    positions = [points["B"] for _, points in kept.assembly_points(4.0)]
+    assert np.abs(positions[0] - positions[1]).max() > 0.01
+
+
+def test_the_start_does_not_matter_without_change_points():
+    linkage = catalog.make("four_bar")
+    assert linkage.starting_at([3.0]) is linkage
+
+
+def test_the_torque_belongs_to_the_first_assembly_mode():
+    linkage = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
+    angles = np.deg2rad(np.linspace(195.0, 255.0, 7))
+    model = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.81, 0.0)))
+    own = dynamics.prescribed(model, angles, 1e-6).forces.torque
+    # the links of a parallelogram rise equally: the torque is the weight times a cosine
+    assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
+    other = dynamics.dynamic_model(linkage.with_parameters(branch=1), model.forces)
+    result = dynamics.prescribed(other, angles, 1e-6).forces.torque
+    assert np.abs(result / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

@@ -1,0 +1,236 @@
+"""Selection of loop equations near a configuration, and the null-space basis of undetermined DOFs."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mechanisms import end_at as end
+
+from mechsim import catalog
+from mechsim.io.readers import load
+from mechsim.kinematics.loops.constraints import tree_loops
+from mechsim.kinematics.loops.mobility import checked_start
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.numerics.loop_solver import NEARBY, Linearised, LoopSolver, loop_solver
+from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.path_segments import PathStates
+
+# differences of the fourth order
+WEIGHTS, STEP = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, 1e-3
+
+
+def rssr():
+    """Return the loops of a spatial four-bar with a passive spin, and its assembled configuration."""
+    first = checked_start(catalog.make("rssr").mechanism)
+    return first.loops, first.reference
+
+
+def six_bar():
+    first = checked_start(load("watt_six_bar").mechanism)
+    return first.loops, first.reference
+
+
+def perturbed(loops, q, distance):
+    """Return coordinates perturbed at random, each by a similar amount."""
+    step = distance * np.random.default_rng(7).uniform(0.5, 1.0, (loops.tree.count, 1))
+    step[list(loops.driven)] = 0.0
+    return loops.displaced(q, step), step
+
+
+def test_the_null_space_basis_measures_undetermined_displacement():
+    loops, start = rssr()
+    solver = loop_solver(loops, start)
+    assert solver.nullity == 1
+    displaced, step = perturbed(loops, start, 1e-4)
+    displacement = solver.linearise(displaced).rhs[0, len(solver.rows) :]
+    assert displacement == pytest.approx(solver.null_space @ step[loops.unknown, 0], rel=1e-3)
+    assert abs(displacement[0]) > 1e-6
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.3])
+def test_the_solver_matrix_is_the_jacobian_of_its_residual(distance):
+    loops, start = rssr()
+    solver = loop_solver(loops, start)
+    q, _ = perturbed(loops, start, distance)
+    result = solver.linearise(q).matrix[0]
+    for column, index in enumerate(loops.unknown):
+        total = 0.0
+        for weight, times in zip(WEIGHTS, (-2, -1, 0, 1, 2), strict=True):
+            step = np.zeros((loops.tree.count, 1))
+            step[index] = times * STEP
+            total = total + weight * solver.linearise(loops.displaced(q, step)).rhs[0]
+        assert total / STEP == pytest.approx(result[:, column], abs=1e-10)
+
+
+def test_an_undetermined_slide_keeps_its_scaled_displacement():
+    mechanism = Mechanism(
+        "arm",
+        (Link("arm"), Link("block")),
+        (
+            Joint("crank", "revolute", end(GROUND), end("arm")),
+            Joint("slide", "prismatic", end("arm", (0.2, 0.0, 0.0)), end("block")),
+        ),
+        "crank",
+        {"P": ("block", (0.05, 0.0, 0.0))},
+    )
+    loops, q = tree_loops(mechanism, {name: Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
+    solver = loop_solver(loops, q)
+    assert len(solver.rows) == 0
+    assert solver.nullity == 1
+    step = np.zeros((loops.tree.count, 1))
+    step[loops.unknown] = 0.25
+    moved = loops.displaced(q, step)
+    assert moved.values[loops.unknown, 0] - q.values[loops.unknown, 0] == pytest.approx(
+        0.25 * mechanism.characteristic_length
+    )
+    result = solver.linearise(moved)
+    assert result.rhs[0] == pytest.approx([0.25])
+    assert solver.share(result).tolist() == [1.0]
+
+
+def test_undetermined_dofs_keep_their_initial_values():
+    loops, start = rssr()
+    loops = replace(loops, driven=())
+    q, _ = perturbed(loops, start, 0.2)
+    assert np.abs(q.values).max() > 0.1
+    solver = loop_solver(loops, q)
+    assert solver.nullity == 2
+    assert np.abs(solver.linearise(q).rhs[0, len(solver.rows) :]).max() < 1e-15
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
+def test_equation_selection_requires_a_minimum_rank_margin(fraction):
+    # singular values of all equations are 8, 4 and 2; the first three equations keep a fraction of the last
+    gradient = np.eye(4, 3)[..., None] * np.array([[8.0], [4.0], [2.0]])
+    gradient[2:, 2, 0] = 2.0 * fraction, 2.0 * np.sqrt(1.0 - fraction**2)
+    empty = np.concatenate([gradient, 0.0 * gradient], -1)
+    matrix = empty[:3].transpose(2, 0, 1)
+    result = Linearised(gradient, empty, None, matrix, gradient, np.arange(3), np.array([3]))
+    solver = LoopSolver(SimpleNamespace(rows=4), np.arange(3), np.zeros((0, 3)), None)
+    reported = [bool(item[0]) for item in solver.adequate(result)]
+    assert reported == [fraction > 0.4, fraction > 0.5]
+    # a Jacobian of zero has the ratio one
+    assert solver.share(result) == pytest.approx([fraction, 1.0], abs=1e-15)
+
+
+def test_redundant_equations_are_not_selected():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    assert all(solver.adequate(solver.linearise(start)))
+    redundant = next(row for row in range(loops.rows) if row not in solver.rows)
+    rows = np.sort([*solver.rows[1:], redundant])
+    other = LoopSolver(loops, rows, solver.null_space, start)
+    assert not any(other.adequate(other.linearise(start)))
+
+
+def test_newton_converges_to_rounding_and_reports_its_displacement():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    guess, step = perturbed(loops, start, 0.02)
+    closed = newton(solver, guess, NEARBY)
+    assert np.abs(closed.linearised.residual).max() < 4e-16
+    assert closed.q.values == pytest.approx(start.values, abs=1e-14)
+    assert np.abs(step).max() <= closed.displacement[0] < 2.0 * np.abs(step).max()
+
+
+@pytest.mark.parametrize("make", [rssr, six_bar])
+def test_poses_converge_without_verifying_the_last_step(make):
+    loops, start = make()
+    path, tolerance = PathStates(loops, lambda _: start.values[list(loops.driven)]), 1e-12
+    guess, _ = perturbed(loops, start, 5e-5)
+    nodes = path.closed(loop_solver(loops, start), np.zeros(1), path.loops.flat(guess), tolerance)
+    q, result = path.unflat(nodes.states, np.zeros(1)), nodes.linearised
+    assert not np.array_equal(result.poses.rotation, loops.linearise(q)[2].rotation)
+    assert np.abs(loops.linearise(q)[0]).max() < tolerance
+    assert np.abs(result.residual).max() < tolerance
+
+
+def test_violated_redundant_equations_are_detected():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    redundant = next(row for row in range(loops.rows) if row not in solver.rows)
+    evaluate = loops.linearise
+
+    def violated(q):
+        residual, gradient, poses = evaluate(q)
+        residual[redundant] += 1e-9
+        return residual, gradient, poses
+
+    vars(loops)["linearise"] = violated
+    guess, _ = perturbed(loops, start, 5e-5)
+    path = PathStates(loops, lambda _: start.values[list(loops.driven)])
+    assert path.closed(solver, np.zeros(1), path.loops.flat(guess), 1e-12) is None
+    result = path.closed(solver, np.zeros(1), path.loops.flat(guess), 2e-9).linearised
+    assert np.abs(result.residual).max() == pytest.approx(1e-9, rel=1e-3)
+
+
+def test_all_singular_values_include_the_unsolved_equations():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    result = solver.linearise(start)
+    gradient = result.jacobian[:, loops.unknown].transpose(2, 0, 1)
+    expected = np.linalg.svd(gradient, compute_uv=False)
+    assert result.all_singular_values == pytest.approx(expected, abs=1e-14)
+    assert result.all_singular_values is result.singular_values
+    tilted = gradient.transpose(1, 2, 0).copy()
+    tilted[result.others[0]] = 0.5
+    reported = replace(result, jacobian=np.insert(tilted, loops.driven, 0.0, axis=1))
+    assert reported.all_singular_values == pytest.approx(
+        np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14
+    )
+    assert reported.all_singular_values[0, -1] > 1.01 * expected[0, -1]
+
+
+def test_a_wrong_null_space_basis_is_rejected():
+    loops, start = rssr()
+    solver = loop_solver(loops, start)
+    assert solver.nullity == 1
+    assert len(solver.others) == 0
+    row = solver.at_reference.jacobian[0, loops.unknown, 0]
+    other = replace(solver, null_space=row[None] / np.linalg.norm(row))
+    assert all(solver.adequate(solver.at_reference))
+    assert not any(other.adequate(other.at_reference))
+    assert other.share(other.at_reference) < 1e-12
+
+
+def test_a_new_null_space_basis_follows_the_previous_one():
+    loops, q = rssr()
+    loops = replace(loops, driven=())
+    gauge = loop_solver(loops, q).null_space
+    before = np.array([[0.6, -0.8], [0.8, 0.6]]) @ gauge
+    assert loop_solver(loops, q, before).null_space == pytest.approx(before, abs=1e-13)
+    assert loop_solver(loops, q, before[:1]).null_space == pytest.approx(gauge, abs=1e-13)
+
+
+def test_a_step_with_a_large_second_order_error_is_verified():
+    loops, start = six_bar()
+    solver = loop_solver(loops, start)
+    guess, _ = perturbed(loops, start, 5e-5)
+    result = solver.linearise(guess)
+    step = np.abs(solver.step(result.matrix, result.rhs))
+    # rotations add up along a chain: the second-order error is the square of their sum, not of the largest
+    tolerance = (0.5 * (step.max() + step.sum())) ** 2
+    verified, unverified = (
+        newton(solver, guess, NewtonSettings(tolerance=limit, verify=False))
+        for limit in (tolerance, 1.1 * step.sum() ** 2)
+    )
+    assert verified.unverified is None
+    np.testing.assert_array_equal(
+        verified.linearised.poses.rotation, solver.linearise(verified.q).poses.rotation
+    )
+    assert unverified.unverified is not None
+    assert not np.array_equal(
+        unverified.linearised.poses.rotation, solver.linearise(unverified.q).poses.rotation
+    )
+
+
+def test_signed_distance_has_the_sign_of_the_determinant():
+    right, left = (np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0] for seed in (3, 4))
+    matrix = np.stack([right @ np.diag([0.9, 0.5, 0.2]) @ left, right @ np.diag([0.9, -0.5, 0.1]) @ left])
+    empty = np.zeros((3, 0))
+    side = Linearised(empty, empty, None, matrix, empty, np.arange(3), np.arange(0)).signed_distance
+    rotated = np.sign(np.linalg.det(right @ left))
+    np.testing.assert_allclose(side, rotated * np.array([0.2, -0.1]), rtol=1e-12)

@@ -1,0 +1,399 @@
+"""Mobility and Assur groups: known mechanisms, laws on random chains, and groups by exhaustive search."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mechsim import catalog
+from mechsim.errors import InputError
+from mechsim.kinematics.assur import assur_groups
+from mechsim.kinematics.mobility_count import mobility
+from mechsim.loops import assemble, residual_norms, turned_by
+from mechsim.mechanism.joints import End, Gear, Joint
+from mechsim.mechanism.links import EX, EZ, GROUND, IDENTITY, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+
+JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]
+
+FOUR_BAR: JointPositions = {
+    "crank": (GROUND, "crank", (0.0, 0.0)),
+    "A": ("crank", "coupler", (11.0, 29.0)),
+    "B": ("coupler", "rocker", (83.0, 61.0)),
+    "rocker": (GROUND, "rocker", (103.0, -7.0)),
+}
+PARALLEL: JointPositions = {
+    "crank": (GROUND, "crank", (0.0, 0.0)),
+    "A": ("crank", "coupler", (11.0, 29.0)),
+    "B": ("coupler", "rocker", (81.0, 42.0)),
+    "rocker": (GROUND, "rocker", (70.0, 13.0)),
+    "M": ("coupler", "middle", (34.0, 11.0)),
+    "middle": (GROUND, "middle", (23.0, -18.0)),
+}
+
+
+def planar(
+    joint_positions: JointPositions,
+    *,
+    gears: tuple[Gear, ...] = (),
+    driver: str | tuple[str, ...] = "crank",
+) -> Mechanism:
+    """Return a planar mechanism whose link frames coincide with the ground frame at the start."""
+    names = dict.fromkeys(link for a, b, _ in joint_positions.values() for link in (a, b) if link != GROUND)
+    joints = []
+    for name, (a, b, (x, y)) in joint_positions.items():
+        point = (1e-3 * x, 1e-3 * y, 0.0)
+        joints.append(Joint(name, "revolute", End(a, point, EZ, EX), End(b, point, EZ, EX)))
+    return Mechanism(
+        name="drawn",
+        links=tuple(Link(name) for name in names),
+        joints=tuple(joints),
+        driver=driver,
+        points={},
+        gears=gears,
+        guess=dict.fromkeys(names, IDENTITY),
+    )
+
+
+def knitter() -> Mechanism:
+    return catalog.make("warp_knitter").mechanism
+
+
+def groups_of(mechanism: Mechanism) -> list[tuple]:
+    groups = assur_groups(mechanism).groups
+    return [(group.class_, group.order, set(group.links)) for group in groups]
+
+
+def groups_by_search(mechanism: Mechanism, placed: Iterable[str]) -> list[set[str]] | None:
+    """Return groups by removing the smallest subsets with 3n = 2p; None if links remain."""
+    placed = {GROUND, *placed}
+    remaining = [link.name for link in mechanism.links if link.name not in placed]
+    ends = [{joint.a.link, joint.b.link} for joint in mechanism.joints]
+
+    def dofs(chosen: set[str]) -> int:
+        return 3 * len(chosen) - 2 * sum(bool(e & chosen) and e <= chosen | placed for e in ends)
+
+    def subsets(links: Iterable[str]) -> Iterator[set[str]]:
+        links = list(links)
+        return (set(chosen) for n in range(1, len(links) + 1) for chosen in combinations(links, n))
+
+    groups = []
+    while remaining:
+        group = next((chosen for chosen in subsets(remaining) if dofs(chosen) == 0), None)
+        # an overconstrained link and a loose one also add up to zero, but are no group
+        if group is None or any(dofs(subset) < 0 for subset in subsets(group)):
+            return None
+        groups.append(group)
+        placed |= group
+        remaining = [name for name in remaining if name not in group]
+    return groups
+
+
+@pytest.mark.parametrize(
+    ("name", "links"), [("four_bar", {"coupler", "rocker"}), ("slider_crank", {"rod", "slider"})]
+)
+def test_four_bar_and_slider_crank_consist_of_a_crank_and_a_dyad(name, links):
+    mechanism = catalog.make(name).mechanism
+    assert groups_of(mechanism) == [(2, 2, links)]
+    assert mobility(mechanism).grubler == 1
+
+
+def test_a_passive_spin_satisfies_the_loop_equations():
+    mechanism = catalog.make("rssr").mechanism
+    poses = assemble(mechanism, [mechanism.start])
+    rod = poses["coupler"]
+    p2, p3 = rod.point((0.0, 0.0, 0.0)), rod.point((-0.046, 0.0, 0.0))
+    axis = (p3 - p2) / np.linalg.norm(p3 - p2)
+    poses["coupler"] = Pose(p2, turned_by(rod.rotation, 1.1 * axis))
+    # a rotation about another line violates the loop by up to the length of the rod, 46 mm
+    assert residual_norms(mechanism, poses, mechanism.start)[0] <= 1e-15
+
+
+def test_the_guide_removes_the_passive_spin():
+    m = mobility(catalog.make("rssr", guide=True).mechanism)
+    assert (m.actual, m.somov_malyshev, m.idle, m.redundant) == (1, 1, (), 0)
+
+
+def test_a_spin_that_moves_a_tracked_point_is_not_passive():
+    plain = catalog.make("rssr").mechanism
+    tracked = Mechanism(
+        name=plain.name,
+        links=plain.links,
+        joints=plain.joints,
+        driver=plain.driver,
+        points={**plain.points, "F": ("coupler", (0.0, 0.01, 0.003))},
+        guess=plain.guess,
+        start=plain.start,
+    )
+    m = mobility(tracked)
+    assert (m.undetermined, m.idle) == (("point F",), ())
+    assert "undriven degree of freedom: point F moves with the crank locked" in m.lines()
+
+
+def test_each_passive_spin_is_named():
+    plain = catalog.make("rssr").mechanism
+    poses = assemble(plain, [plain.start])
+    rocker, position = poses["rocker"].select(0), np.array([0.071, 0.013, 0.009])
+    arm = np.array([0.003, 0.002, 0.019])
+    local = rocker.rotation.T @ (position + arm - rocker.position)
+    rod = (
+        Joint("Q2", "spherical", End("rocker", tuple(local.tolist())), End("rod", tuple(arm.tolist()))),
+        Joint("Q3", "spherical", End("rod"), End("slider", tuple(position.tolist()))),
+    )
+    slide = Joint(
+        "slide", "prismatic", End(GROUND, (0.0, 0.013, 0.009), EX), End("slider", (0.0, 0.013, 0.009), EX)
+    )
+    guess = {name: poses[name].select(0) for name in ("crank", "coupler", "rocker")}
+    mechanism = Mechanism(
+        name="two rods",
+        links=(*plain.links, Link("rod"), Link("slider")),
+        joints=(*plain.joints, *rod, slide),
+        driver="crank",
+        points=plain.points,
+        guess={**guess, "rod": Pose(position, np.eye(3)), "slider": IDENTITY},
+        start=plain.start,
+    )
+    m = mobility(mechanism)
+    assert m.actual == m.somov_malyshev == 3
+    assert (m.undetermined, m.idle) == ((), ("coupler", "rod"))
+    assert "idle degree of freedom: rod spins" in m.lines()
+
+
+def test_the_gear_pair_of_the_warp_knitter_removes_a_dof():
+    geared, loose = mobility(knitter()), mobility(replace(knitter(), gears=()))
+    assert (geared.actual, geared.grubler, geared.undetermined) == (1, 1, ())
+    assert (loose.actual, loose.grubler) == (2, 2)
+    assert loose.undetermined == ("crank2",)
+
+
+# with a crank locked, driven from the rod on its pin
+@pytest.mark.parametrize(
+    ("locked", "driver", "groups"),
+    [
+        ("crank2", "D", ["rod5", {"base", "rocker"}, {"crank1", "rod3"}]),
+        ("crank", "A", ["rod3", {"base", "rocker"}, {"crank2", "rod5"}]),
+    ],
+)
+def test_a_warp_knitter_driven_by_a_rod_consists_of_dyads(locked, driver, groups):
+    exchanged = replace(knitter(), driver=driver, gears=(), locked={locked: 0.0})
+    chosen, (rod, *dyads) = assur_groups(exchanged), groups
+    assert groups_of(exchanged) == [(2, 2, links) for links in dyads]
+    assert (chosen.drivers, chosen.class_) == ((rod,), 2)
+
+
+def test_the_rocker_of_the_warp_knitter_can_be_its_driver():
+    chosen = assur_groups(replace(knitter(), driver=("rocker", "crank2"), gears=()))
+    assert chosen.drivers == ("rocker", "crank2")
+    assert [group.class_ for group in chosen.groups] == [2, 2]
+
+
+def test_the_structure_of_the_warp_knitter_agrees_with_the_paper():
+    assert groups_of(knitter()) == [(3, 3, {"rod3", "rod5", "base", "rocker"})]
+
+
+def stephenson() -> Mechanism:
+    return planar(
+        {
+            "crank": (GROUND, "crank", (0.0, 0.0)),
+            "A": ("crank", "rod", (7.0, 19.0)),
+            "B": ("rod", "base", (41.0, 60.0)),
+            "C": ("base", "left", (63.0, 83.0)),
+            "D": ("base", "right", (87.0, 55.0)),
+            "left": (GROUND, "left", (39.0, 121.0)),
+            "right": (GROUND, "right", (101.0, -3.0)),
+        }
+    )
+
+
+def test_the_class_of_a_stephenson_six_bar_depends_on_its_driver():
+    assert groups_of(stephenson()) == [(3, 3, {"rod", "base", "left", "right"})]
+    assert groups_of(replace(stephenson(), driver="left")) == [
+        (2, 2, {"base", "right"}),
+        (2, 2, {"crank", "rod"}),
+    ]
+
+
+def test_a_closed_contour_of_four_links_has_class_four():
+    mechanism = planar(
+        {
+            "crank": (GROUND, "crank", (0.0, 0.0)),
+            "A": ("crank", "first", (7.0, 19.0)),
+            "P": ("first", "upper", (31.0, 62.0)),
+            "Q": ("first", "lower", (37.0, 11.0)),
+            "R": ("second", "upper", (83.0, 71.0)),
+            "S": ("second", "lower", (79.0, 23.0)),
+            "second": (GROUND, "second", (111.0, 2.0)),
+        }
+    )
+    assert groups_of(mechanism) == [(4, 2, {"first", "second", "upper", "lower"})]
+    assert "class IV, order 2" in str(assur_groups(mechanism))
+
+
+def test_welded_links_have_the_structure_of_single_links():
+    whole = knitter()
+    # side b of every joint belongs to a separate piece, welded to the link
+    welds = {joint.name: f"piece of {joint.name}" for joint in whole.joints if joint.name != whole.driver}
+    joints = [
+        replace(joint, b=replace(joint.b, link=welds.get(joint.name, joint.b.link))) for joint in whole.joints
+    ]
+    joints += [
+        Joint(f"weld of {joint.name}", "fixed", End(joint.b.link), End(welds[joint.name]))
+        for joint in whole.joints
+        if joint.name in welds
+    ]
+    # and a loose plate lies on the plane
+    joints.append(Joint("plate", "planar", End(GROUND), End("plate")))
+    links = (*whole.links, *(Link(piece) for piece in welds.values()), Link("plate"))
+    guess = {**whole.guess, "plate": IDENTITY}
+    guess |= {welds[j.name]: whole.guess[j.b.link] for j in whole.joints if j.name in welds}
+    pieces = replace(whole, links=links, joints=tuple(joints), guess=guess)
+    own, of_pieces = mobility(whole), mobility(pieces)
+    assert own.grubler is not None
+    assert of_pieces.grubler == own.grubler + 3
+    assert of_pieces.actual == own.actual + 3
+    assert of_pieces.redundant_in_plane == own.redundant_in_plane
+    # without the plate, which nothing drives
+    del guess["plate"]
+    pieces = replace(pieces, links=links[:-1], joints=tuple(joints[:-1]), guess=guess)
+    names = {link.name for link in whole.links}
+    groups = [(g.class_, g.order, names & {*g.links}) for g in assur_groups(pieces).groups]
+    assert groups == [(g.class_, g.order, {*g.links}) for g in assur_groups(whole).groups]
+
+
+def test_a_parallel_crank_has_a_redundant_constraint():
+    mechanism = planar(PARALLEL)
+    m = mobility(mechanism)
+    assert (m.grubler, m.actual, m.redundant_in_plane, m.redundant) == (0, 1, 1, 7)
+    assert "1 redundant constraint within the plane: it moves because of its special dimensions" in m.lines()
+    assert m.crank_moves
+    with pytest.raises(InputError, match=r"coupler, rocker, middle cannot move freely.* 1 more condition "):
+        assur_groups(mechanism)
+
+
+def test_a_parallelogram_at_a_change_point_has_one_dof():
+    positions = {**FOUR_BAR, "A": ("crank", "coupler", (30.0, 0.0)), "B": ("coupler", "rocker", (133.0, 0.0))}
+    positions["rocker"] = (GROUND, "rocker", (103.0, 0.0))
+    assert mobility(planar(positions)).actual == 1
+
+
+def test_an_immobile_structure_is_reported():
+    positions = {**PARALLEL, "middle": (GROUND, "middle", (19.0, -23.0))}
+    m = mobility(planar(positions))
+    assert (m.actual, m.grubler, m.redundant_in_plane, m.crank_moves) == (0, 0, 0, False)
+    assert "locked: no link can move" in m.lines()
+    with pytest.raises(InputError, match="cannot move freely"):
+        assur_groups(planar(positions))
+
+
+def test_an_infinitesimal_motion_is_reported():
+    m = mobility(
+        planar(
+            {
+                "crank": (GROUND, "crank", (0.0, 0.0)),
+                "A": ("crank", "bar", (40.0, 0.0)),
+                "wall": (GROUND, "bar", (100.0, 0.0)),
+            }
+        )
+    )
+    assert (m.actual, m.grubler, m.first_order) == (1, 0, True)
+    assert "locked but for a small play" in str(m)
+
+
+def test_an_immobile_crank_is_reported():
+    positions = {
+        **PARALLEL,
+        "middle": (GROUND, "middle", (19.0, -23.0)),
+        "wheel": (GROUND, "wheel", (9.0, 50.0)),
+    }
+    m = mobility(planar(positions))
+    assert (m.actual, m.crank_moves) == (1, False)
+    assert "locked: the crank cannot move" in m.lines()
+    assert "undriven degree of freedom: wheel moves with the crank locked" in m.lines()
+
+
+def test_an_undriven_dof_is_rejected_with_its_links():
+    positions = {**FOUR_BAR, "B": ("coupler", "link", (83.0, 61.0)), "C": ("link", "rocker", (99.0, 44.0))}
+    with pytest.raises(InputError, match="leave 1 degree of freedom to coupler, link, rocker; drive one"):
+        assur_groups(planar(positions))
+    both = assur_groups(planar(positions, driver=("crank", "rocker")))
+    assert [group.links for group in both.groups] == [("coupler", "link")]
+
+
+def test_a_driven_joint_off_the_frame_is_rejected():
+    with pytest.raises(InputError, match=r"driven joint A is not on the frame.*; drive a joint on the frame"):
+        assur_groups(replace(knitter(), driver="A", gears=()))
+
+
+@st.composite
+def generated_chains(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tuple[int, set[str]]]]:
+    """Return a planar chain grown group by group on a frame, a crank and a geared crank, and its groups."""
+    seed = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    positions: dict[str, tuple[str, str, tuple[float, float]]] = {}
+
+    def join(name: str, a: str, b: str) -> None:
+        x, y = seed.uniform(-100.0, 100.0, 2).tolist()
+        positions[name] = (a, b, (x, y))
+
+    join("crank", GROUND, "crank")
+    join("crank2", GROUND, "crank2")
+    placed, groups = [GROUND, "crank", "crank2"], []
+    for i, kind in enumerate(draw(st.lists(st.sampled_from([2, 3, 4]), min_size=1, max_size=most))):
+        links = [f"{letter}{i}" for letter in "abcd"[: 2 if kind == 2 else 4]]
+        inner = {2: ["ab"], 3: ["ab", "ac", "ad"], 4: ["ab", "bc", "cd", "da"]}[kind]
+        outer = {2: "ab", 3: "bcd", 4: "ac"}[kind]
+        for item, other in inner:
+            join(f"{item}{other}{i}", f"{item}{i}", f"{other}{i}")
+        for item in outer:
+            join(f"{item}{i}", draw(st.sampled_from(placed)), f"{item}{i}")
+        placed += links
+        groups.append((kind, set(links)))
+    shuffled = draw(st.permutations(list(positions)))
+    return planar({name: positions[name] for name in shuffled}, gears=(Gear("crank", "crank2", 1.5),)), groups
+
+
+@given(generated_chains())
+def test_a_generated_chain_has_the_groups_it_was_built_from(chain):
+    mechanism, grown_from = chain
+    answer = assur_groups(mechanism)
+    assert sorted((g.class_, sorted(g.links)) for g in answer.groups) == sorted(
+        (kind, sorted(links)) for kind, links in grown_from
+    )
+    assert len(answer.drivers) + sum(len(g.links) for g in answer.groups) == len(mechanism.links)
+    assert all(3 * len(g.links) == 2 * g.pairs for g in answer.groups)
+
+
+@given(generated_chains(), st.data())
+def test_assur_groups_agree_with_an_exhaustive_search(chain, data):
+    mechanism, _ = chain
+    on_frame = [joint.name for joint in mechanism.joints if joint.a.link == GROUND]
+    chosen = tuple(data.draw(st.permutations(on_frame))[:2])
+    mechanism = replace(mechanism, driver=chosen, gears=())
+    drivers = [mechanism.joint(name).b.link for name in chosen]
+    expected = groups_by_search(mechanism, drivers)
+    try:
+        answer = assur_groups(mechanism)
+    except InputError:
+        assert expected is None
+        return
+    assert expected is not None
+    assert {frozenset(g.links) for g in answer.groups} == {frozenset(g) for g in expected}
+    assembled = {GROUND, *answer.drivers}
+    for group in answer.groups:
+        # a group connects only to links that were assembled before
+        ends = [{joint.a.link, joint.b.link} for joint in mechanism.joints]
+        ends = [e for e in ends if e & set(group.links)]
+        assert group.order == sum(bool(e & assembled) for e in ends)
+        assembled |= set(group.links)
+
+
+@settings(max_examples=8)
+@given(generated_chains(most=2))
+def test_rank_and_grubler_count_agree_for_generic_chains(chain):
+    mechanism, _ = chain
+    m = mobility(mechanism)
+    assert m.actual == m.grubler == 1
+    assert m.redundant_in_plane == 0

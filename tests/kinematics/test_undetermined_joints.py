@@ -1,0 +1,107 @@
+"""The loop equations report undetermined joints and assume no motion for them."""
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, loops
+from mechsim.errors import MobilityError
+from mechsim.kinematics.loops.mobility import driver_determinacy, with_component_locked
+from mechsim.mechanism.joints import End, Gear, Joint
+from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+
+LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
+
+
+def five_bar(*gears):
+    """Return a five-bar linkage with two degrees of freedom."""
+    joints = (
+        Joint("crank", "revolute", End(GROUND), End("a")),
+        Joint("A", "revolute", End("a", (0.03, 0.0, 0.0)), End("b")),
+        Joint("B", "revolute", End("b", (0.03, 0.06, 0.0)), End("c", (-0.04, 0.01, 0.0))),
+        Joint("C", "revolute", End("c"), End("d", (0.0, 0.05, 0.0))),
+        Joint("D", "revolute", End(GROUND, (0.1, 0.0, 0.0)), End("d")),
+    )
+    guess = {name: Pose(np.array([*position, 0.0]), np.eye(3)) for name, position in LINKS.items()}
+    whole = Mechanism(
+        name="five-bar",
+        links=tuple(Link(name) for name in LINKS),
+        joints=joints,
+        driver="crank",
+        points={"P": ("b", (0.03, 0.06, 0.0))},
+        gears=gears,
+    )
+    return whole.with_guess(guess, 0.0)
+
+
+def test_a_five_bar_with_one_driver_is_rejected():
+    with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as error:
+        loops.solve(five_bar(), [0.0, 0.1])
+    assert error.value.outcome == "underdetermined"
+
+
+def test_a_gear_pair_determines_a_five_bar():
+    motion = loops.solve(five_bar(Gear("crank", "D", 1.0)), [0.0, 0.1])
+    assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
+def test_a_passive_spin_is_not_underdetermined(name):
+    linkage = catalog.make(name)
+    assert len(loops.solve(linkage.mechanism, [linkage.mechanism.start])) == 1
+
+
+def test_an_unobserved_ball_is_not_underdetermined():
+    mechanism = Mechanism(
+        "crank and ball",
+        (Link("crank"), Link("ball")),
+        (
+            Joint("crank", "revolute", End(GROUND), End("crank")),
+            Joint("ball", "spherical", End(GROUND), End("ball")),
+        ),
+        "crank",
+        {"P": ("crank", (0.1, 0.0, 0.0))},
+    )
+    motion = loops.solve(mechanism, [0.0, np.pi / 2])
+    np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
+
+
+def test_a_start_at_a_dead_centre_is_not_underdetermined():
+    linkage = catalog.make("four_bar", rocker=0.035)
+    ((_, high), *_) = linkage.crank_range().arcs
+    poses = {
+        name: Pose(link.position[0], link.rotation[0])
+        for name, link in linkage.solve([high - 1e-7]).links.items()
+    }
+    mechanism = linkage.mechanism.with_guess(poses, high - 1e-7)
+    result = loops.solve(mechanism, [high - 0.1]).links
+    assert loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
+    exact = linkage.solve([high - 0.1]).links
+    # the start is 1e-7 rad from the dead centre, where half the digits are lost; the requested pose is not
+    for name, link in exact.items():
+        np.testing.assert_allclose(
+            result[name].position, link.position, atol=1e-9 * linkage.mechanism.characteristic_length
+        )
+
+
+def test_locking_a_coordinate_removes_one_dof():
+    basis = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
+    locked = with_component_locked(basis, basis[:, 4])
+    assert locked.shape == (4, 9)
+    np.testing.assert_allclose(locked[:, 4], 0.0, atol=1e-15)
+    np.testing.assert_allclose(locked @ locked.T, np.eye(4), atol=1e-14)
+    assert np.linalg.matrix_rank(np.vstack([basis, locked]), tol=1e-12) == 5
+
+
+@pytest.mark.long
+def test_undetermined_coordinates_of_many_bodies_are_counted():
+    names = [f"b{i}" for i in range(60)]
+    joints = [Joint(f"j{name}", "floating", End(GROUND), End(name)) for name in names]
+    pose = Pose(np.zeros(3), np.eye(3))
+    crank = Joint("crank", "revolute", End(GROUND), End("c", (0.1, 0.0, 0.0)))
+    links = tuple(Link(name) for name in [*names, "c"])
+    guess = dict.fromkeys([*names, "c"], pose)
+    loose = Mechanism(
+        "loose", links, (crank, *joints), "crank", points={"P": ("c", (0.0, 0.1, 0.0))}, guess=guess
+    )
+    assert len(driver_determinacy(loose).undetermined) == 13

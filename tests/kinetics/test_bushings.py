@@ -1,0 +1,183 @@
+"""Bushings against an integration in maximal coordinates, the derivative of their energy, and exact modes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from model_files import model_text
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import mechsim as ms
+from mechsim.kinetics import compiled_model as in_c
+from mechsim.kinetics.compiled_motion import evaluated
+from mechsim.kinetics.contacts import ContactMode, Contacts
+from mechsim.kinetics.equations_of_motion import equations_of_motion
+from mechsim.kinetics.initial_state import StateLayout
+from mechsim.kinetics.right_hand_side import RightHandSide
+from mechsim.mechanism.bushings import Bushing, diagonal
+from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Inertia, Link
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven
+
+MASS, CENTRE, MOMENTS = 2.0, np.array([0.02, 0.01, -0.03]), np.diag([0.01, 0.02, 0.015])
+GRAVITY = np.array([0.5, -9.81, 1.0])
+RANDOM = np.random.default_rng(3)
+# a full matrix: displacements and rotations are coupled
+ROOT = RANDOM.normal(size=(6, 6)) * np.repeat([1.0, 0.1], 3)[:, None]
+STIFFNESS = np.diag([4e3, 3e3, 5e3, 8.0, 12.0, 5.0]) + 40.0 * ROOT @ ROOT.T
+DAMPING = np.diag([2.0, 1.0, 3.0, 0.01, 0.02, 0.01]) + 0.01 * ROOT @ ROOT.T
+MOUNT = Bushing(
+    "mount",
+    End(GROUND, (0.0, 0.0, 0.1), (0.0, 1.0, 0.0)),
+    End("block", (0.01, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    tuple(map(tuple, STIFFNESS)),
+    tuple(map(tuple, DAMPING)),
+)
+WITH_MOUNT = Forces(gravity=tuple(GRAVITY), bushings=(MOUNT,))
+
+
+def floating_block():
+    inertia = Inertia(MASS, tuple(CENTRE), tuple(map(tuple, MOMENTS)))
+    joint = Joint("free", "floating", End(GROUND), End("block"))
+    return Mechanism(
+        "block", (Link("block", inertia=inertia),), (joint,), (), {"P": ("block", (0.1, 0.05, 0.02))}
+    )
+
+
+def left_jacobian(vector):
+    """Return the sum of [v]^k / (k + 1)!, the rate of exp(v) by the rate of v."""
+    matrix, term, total = np.cross(np.eye(3), vector), np.eye(3), np.eye(3)
+    for k in range(2, 40):
+        term = term @ matrix / k
+        total = total + term
+    return total
+
+
+def wrench_on_block(position, rotation, velocity, spin):
+    """Return force at, and moment about, side b of the bushing, and the point, in the ground frame."""
+    a, b = MOUNT.a.frame, rotation @ MOUNT.b.frame
+    arm = rotation @ np.array(MOUNT.b.point)
+    moved = a.T @ (position + arm - np.array(MOUNT.a.point))
+    rotated = Rotation.from_matrix(a.T @ b).as_rotvec()
+    elastic = -STIFFNESS @ np.concatenate([moved, rotated])
+    damped = -DAMPING @ np.concatenate([a.T @ (velocity + np.cross(spin, arm)), a.T @ spin])
+    moment = np.linalg.solve(left_jacobian(rotated).T, elastic[3:]) + damped[3:]
+    return a @ (elastic[:3] + damped[:3]), a @ moment, arm
+
+
+def newton_euler(_, state):
+    """Return the rates of position, quaternion, velocity of the origin and angular velocity of the block."""
+    position, quaternion, velocity, spin = np.split(state, [3, 7, 10])
+    rotation = Rotation.from_quat(quaternion).as_matrix()
+    force, moment, arm = wrench_on_block(position, rotation, velocity, spin)
+    c, moments = rotation @ CENTRE, rotation @ MOMENTS @ rotation.T
+    about_centre = moment + np.cross(arm - c, force) - np.cross(spin, moments @ spin)
+    angular = np.linalg.solve(moments, about_centre)
+    linear = force / MASS + GRAVITY - np.cross(angular, c) - np.cross(spin, np.cross(spin, c))
+    x, y, z, w = quaternion
+    turning = np.array([[w, z, -y], [-z, w, x], [y, -x, w], [-x, -y, -z]]) @ spin / 2.0
+    return np.concatenate([velocity, turning, linear, angular])
+
+
+START = {"free.q": (0.6, 0.3, -0.5, 0.8), "free.x": 0.01, "free.y": 0.02, "free.w": (1.0, -2.0, 3.0)}
+
+
+@pytest.mark.long
+def test_a_body_on_a_bushing_moves_as_by_newton_and_euler():
+    run = ms.dynamics.run(floating_block(), WITH_MOUNT, initial=START, duration=0.3)
+    link = run.motion.links["block"]
+    begin = np.concatenate(
+        [
+            link.position[0],
+            Rotation.from_matrix(link.rotation[0]).as_quat(),
+            link.velocity[0],
+            link.angular_velocity[0],
+        ]
+    )
+    exact = solve_ivp(newton_euler, (0.0, 0.3), begin, "DOP853", t_eval=run.time, rtol=1e-12, atol=1e-13).y
+    assert np.abs(link.position - exact[:3].T).max() < 1e-9
+    assert np.abs(link.rotation - Rotation.from_quat(exact[3:7].T).as_matrix()).max() < 1e-8
+    assert run.energy_error < 1e-10
+    assert run.lost[-1] > 1.0
+
+
+def test_without_damping_the_energy_is_that_of_the_deflection():
+    undamped = replace(MOUNT, damping=((0.0,) * 6,) * 6)
+    run = ms.dynamics.run(
+        floating_block(), replace(WITH_MOUNT, bushings=(undamped,)), initial=START, duration=1.0
+    )
+    link = run.motion.links["block"]
+    moved = (
+        link.position + link.rotation @ np.array(MOUNT.b.point) - np.array(MOUNT.a.point)
+    ) @ MOUNT.a.frame
+    rotated = Rotation.from_matrix(MOUNT.a.frame.T @ link.rotation @ MOUNT.b.frame).as_rotvec()
+    x = np.hstack([moved, rotated])
+    assert np.abs(rotated).max() > 0.5
+    stored = 0.5 * np.einsum("ni,ij,nj->n", x, STIFFNESS, x)
+    weight = -MASS * (link.position + link.rotation @ CENTRE) @ GRAVITY
+    np.testing.assert_allclose(run.potential, stored + weight, rtol=0, atol=1e-11)
+    total = run.kinetic + run.potential
+    assert np.ptp(total) < 1e-10 * np.abs(total).max()
+
+
+def between_two_links():
+    """Return a slider-crank with a bushing between its rod and its slider, and gravity."""
+    solver = ms.catalog.make("slider_crank", crank=0.03, rod=0.1)
+    a, b = (
+        End("rod", (0.01, 0.0, 0.02)),
+        End("slider", (0.0, 0.01, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    )
+    return solver, Forces(bushings=(replace(MOUNT, a=a, b=b),), gravity=tuple(GRAVITY))
+
+
+def test_the_c_code_has_the_same_forces():
+    for source, forces in ((floating_block(), WITH_MOUNT), between_two_links()):
+        model = ms.dynamics.dynamic_model(source, forces)
+        equations = equations_of_motion(model)
+        layout = StateLayout(equations)
+        rates = 0.3 * np.random.default_rng(1).normal(size=(equations.loops.tree.count, 1))
+        q = equations.loops.displaced(equations.start, rates)
+        state = layout.pack(q, rates, 0.0, 0.0)
+        contacts, mode = Contacts(equations), ContactMode(np.zeros(0))
+        expected = RightHandSide(equations, contacts, layout, mode).derivatives(np.zeros(1), state[None])[0]
+        result = evaluated(in_c.compiled_model(equations), state[None], np.zeros(1), mode)
+        np.testing.assert_allclose(result.derivatives[0], expected, rtol=1e-11, atol=1e-11)
+        _, potential = equations.energy(equations.kinematics(q, rates))
+        np.testing.assert_allclose(result.potential[0], potential, rtol=1e-12)
+
+
+def test_drive_torque_and_reactions_agree_with_mujoco():
+    solver, forces = between_two_links()
+    model = ms.dynamics.dynamic_model(solver, forces)
+    run = driven(solver.mechanism, forces, speed=5.0, turns=1)
+    verdict = crosscheck_driven(run, model)
+    assert verdict.passed, verdict
+    without = ms.dynamics.dynamic_model(solver, replace(forces, bushings=()))
+    assert not crosscheck_driven(run, without).passed
+
+
+def test_modes_are_those_of_six_oscillators():
+    stiffness = np.array([4e3, 3e3, 5e3, 8.0, 12.0, 5.0])
+    mount = Bushing("mount", End(GROUND, (0.1, 0.0, 0.0)), End("block", tuple(CENTRE)), diagonal(*stiffness))
+    rest = ms.dynamics.equilibria(floating_block(), Forces(bushings=(mount,)))[0]
+    assert rest.stable
+    expected = np.sqrt(stiffness / np.append([MASS] * 3, np.diag(MOMENTS)))
+    np.testing.assert_allclose(
+        np.sort([abs(mode.eigenvalue) for mode in rest.modes]), np.sort(expected), rtol=1e-9
+    )
+
+
+TEXT = model_text("bushings_text.toml")
+
+
+def test_a_bushing_in_a_file_is_written_and_read_back(tmp_path):
+    (tmp_path / "mounted.toml").write_text(TEXT)
+    (bushing,) = ms.load(tmp_path / "mounted.toml", still=True).forces.bushings
+    assert bushing.stiffness == diagonal(4000.0, 3000.0, 5000.0, 8.0, 12.0, 5.0)
+    assert bushing.a == End(GROUND, (0.01, 0.0, 0.0), (0.0, 1.0, 0.0))
+    ms.export(tmp_path / "mounted.toml", tmp_path / "written.toml", format="toml")
+    assert ms.load(tmp_path / "written.toml", still=True).forces.bushings == (bushing,)

@@ -1,0 +1,549 @@
+"""The equations of motion in C against those in numpy, and runs without a usable compiler."""
+
+import os
+import stat
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_files import model_text
+from scipy.integrate import solve_ivp
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.io import catalog
+from mechsim.io.law_text import combine_components, control_law, parse_component
+from mechsim.kinetics import compiled_model as in_c
+from mechsim.kinetics.compiled_motion import evaluated
+from mechsim.kinetics.contacts import ContactMode, Contacts
+from mechsim.kinetics.equations_of_motion import equations_of_motion
+from mechsim.kinetics.initial_state import StateLayout, projected
+from mechsim.kinetics.right_hand_side import RightHandSide
+from mechsim.mechanism.actuators import Actuator
+from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
+from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
+from mechsim.mechanism.joint_kinds import KINDS, Kind
+from mechsim.mechanism.joints import Coupling, End, Joint
+from mechsim.mechanism.links import Pose
+from mechsim.mechanism.load_profile import constant, function, table
+from mechsim.mechanism.masses import slender_rod
+from mechsim.mechanism.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
+from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
+from mechsim.numerics import c_library
+
+GALLERY = sorted((catalog.models() / "gallery").glob("*.toml"))
+MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", *GALLERY]
+FREE_BODY = model_text("compiled_dynamics_free_body.xml")
+
+
+def every_force(mechanism):
+    """Return forces of every kind in every place of a mechanism where they may act."""
+    kinds = {joint.name: KINDS[joint.kind] for joint in mechanism.joints}
+    frictions = [
+        Friction(name, 0.3, 0.2, *((0.1, 0.4) if kind.mixed else ()))
+        for name, kind in kinds.items()
+        if kind.dof not in (0, 6)
+    ]
+    joint_springs = [JointSpring(name, 3.0, 0.2) for name, kind in kinds.items() if kind.single]
+    moving = [name for name in mechanism.points if located(mechanism, name)[0] != "ground"]
+    springs = [Spring(name, ("ground", (0.3, -0.2, 0.4)), 50.0, 0.1, 2.0) for name in moving[:3]]
+    loads = [Load(name, constant([1.0, -2.0, 3.0])) for name in moving[:2]]
+    couples = [Couple(link.name, constant([0.1, 0.2, -0.3])) for link in mechanism.links]
+    crank = mechanism.has_crank and mechanism.crank.a.link == "ground"
+    return Forces(
+        gravity=(0.5, -9.81, 1.0),
+        friction=tuple(frictions),
+        springs=tuple(springs),
+        joint_springs=tuple(joint_springs),
+        loads=tuple(loads),
+        couples=tuple(couples),
+        crank_torque=constant(0.7) if crank else None,
+        flywheel=0.02 if crank else 0.0,
+        motor=TorqueSpeedLine(2.0, 30.0) if crank else None,
+    )
+
+
+def both(model, seed, forces=None, time=0.0):
+    """Return the derivatives of a state at a time by numpy and by C."""
+    source = ms.load(model, still=True)
+    acting = every_force(source.mechanism) if forces is None else forces
+    equations = equations_of_motion(ms.dynamics.dynamic_model(source, acting))
+    layout, random = StateLayout(equations), np.random.default_rng(seed)
+    rates = np.zeros((equations.loops.tree.count, 1))
+    rates[equations.free] = random.normal(size=(len(equations.free), 1))
+    q = equations.loops.displaced(equations.start, 0.02 * rates)
+    q, rates = projected(equations, q, rates, np.zeros(1))
+    state = layout.pack(q, rates, 0.0, 0.0)
+    state[-2 - len(layout.start) : -2] += 0.3
+    sliding = np.sign(random.normal(size=len(equations.frictions)))
+    contacts = Contacts(equations)
+    phases = contacts.phases(equations.kinematics(q, rates))
+    mode = ContactMode(sliding, phases=phases)
+    right = RightHandSide(equations, contacts, layout, mode)
+    result = evaluated(in_c.compiled_model(equations), state[None], np.array([time]), mode)
+    assert result.rank == equations.rank
+    energies = equations.energy(equations.kinematics(q, rates))
+    np.testing.assert_allclose([result.kinetic[0], result.potential[0]], energies, rtol=1e-11, atol=1e-13)
+    return right.derivatives(np.array([time]), state[None])[0], result.derivatives[0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: Path(model).stem)
+def test_every_force_is_the_same_in_c_and_in_numpy(model):
+    for seed in range(3):
+        expected, result = both(model, seed)
+        # rrsrr has a link that turns almost without inertia, which multiplies rounding
+        assert np.abs(result - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "motor", [ConstantTorque(2.0), DCMotor(12.0, 0.8, 0.05), Geared(DCMotor(12.0, 0.8, 0.05), -3.0)]
+)
+def test_every_motor_is_the_same_in_c_and_in_numpy(motor):
+    expected, result = both("four_bar", 1, Forces(motor=motor))
+    np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+    without, _ = both("four_bar", 1, Forces())
+    assert np.abs(result - without).max() > 1e-3
+
+
+@pytest.mark.parametrize("model", ["four_bar", "rssr"])
+def test_friction_by_the_curve_of_stribeck_is_the_same_in_c_and_in_numpy(model):
+    joints = [joint.name for joint in ms.load(model).mechanism.joints if KINDS[joint.kind].single]
+    falling = tuple(Friction(name, coulomb=0.2, static=0.5, stribeck=0.8) for name in joints)
+    expected, result = both(model, 2, Forces(friction=falling))
+    np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+    constant_friction, _ = both(model, 2, Forces(friction=tuple(Friction(j, coulomb=0.2) for j in joints)))
+    assert np.abs(result - constant_friction).max() > 1e-2 * np.abs(expected).max()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("model", ["four_bar", "slider_crank", "rssr", "rrsrr"])
+def test_friction_by_the_load_is_the_same_in_c_and_in_numpy(model):
+    joints = ms.load(model).mechanism.joints
+    pins = {"coefficient": 0.1, "pin_radius": 4e-3}
+    collars = {"collar_radius": 3e-3, "bearing_length": 0.05}
+    falling = {"static": 0.15, "stribeck": 0.8, "coulomb": 0.01}
+    frictions = [
+        Friction(joint.name, **pins, **(collars | falling if KINDS[joint.kind].single else {}))
+        for joint in joints
+        if KINDS[joint.kind].single or (KINDS[joint.kind].ball and KINDS[joint.kind].pivot)
+    ]
+    forces = Forces(friction=tuple(frictions), crank_torque=constant(0.7))
+    for seed in range(3):
+        expected, result = both(model, seed, forces)
+        assert np.abs(result - expected).max() <= 1e-9 * np.abs(expected).max()
+    without, _ = both(model, 0, Forces(crank_torque=constant(0.7)))
+    assert np.abs(both(model, 0, forces)[1] - without).max() > 1e-3 * np.abs(without).max()
+
+
+WRITTEN = SpringLaw(30.0, 0.01, 0.2, 0.5, "k*(l**2 + sin(l)) + 0.1*v*abs(v)", ("k",), (4.0,))
+
+
+@pytest.mark.parametrize(("model", "joint", "point"), [("four_bar", "B", "B"), ("rssr", "crank", "P3")])
+def test_springs_by_expression_are_the_same_in_c_and_in_numpy(model, joint, point):
+    springs = (
+        NonlinearSpring(joint, WRITTEN, "in a joint"),
+        NonlinearSpring((point, ("ground", (0.3, -0.2, 0.1))), WRITTEN, "between points"),
+    )
+    for seed in range(3):
+        expected, result = both(model, seed, Forces(nonlinear_springs=springs))
+        np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+POSITIONS = np.linspace(-7.0, 7.0, 40)
+ROWS = tuple(POSITIONS.tolist()), tuple((40.0 * np.sin(POSITIONS) + POSITIONS).tolist())
+
+
+@pytest.mark.parametrize("over", ["l", "v"])
+def test_springs_by_a_table_are_the_same_in_c_and_in_numpy(over):
+    law = SpringLaw(3.0, 0.1, 0.2, 0.5, "0.3*l*v", table=TabledFunction("spring.csv", *ROWS), over=over)
+    springs = (NonlinearSpring("B", law), NonlinearSpring(("B", ("ground", (0.3, -0.2, 0.1))), law))
+    for seed in range(3):
+        expected, result = both("four_bar", seed, Forces(nonlinear_springs=springs))
+        np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+FUNCTIONS = {
+    "every function": WrittenFunction(
+        "a*q + 0.01*sin(q)*cos(2*q) + 0.01*tan(0.1*q) + 0.02*asin(0.1*q)/(2+q**2) + 0.03*acos(0.1*q)"
+        " - 0.02*atan(q) + 0.01*atan2(q, 2-0.1*q) + 0.02*sqrt(3+q) + 0.01*exp(-q)*log(4+q) - 0.01*abs(q+9)"
+        " + max(-9, min(q, 9))*0.01 + 0.01*(2+0.1*q)**(0.3*q) + (0.1*q)**3",
+        ("a",),
+        (0.3,),
+    ),
+    "table": TabledFunction("f.csv", *(tuple(0.01 * np.array(column)) for column in ROWS)),
+    "periodic table": TabledFunction(
+        "f.csv", tuple(np.linspace(-3.0, 2.0, 30)), tuple(np.sin(np.linspace(0, 2 * np.pi, 30))), True
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_coupling_functions_are_the_same_in_c_and_in_numpy(name):
+    """Two arms on the ground, of which one turns as a function of the other."""
+    rod = slender_rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+    joints = [ms.Joint(n, "revolute", ms.End("ground"), ms.End(f"arm {n}")) for n in "ab"]
+    law = Coupling("f", "b", "a", (), function=FUNCTIONS[name])
+    links = tuple(ms.Link(f"arm {n}", inertia=rod) for n in "ab")
+    mechanism = ms.Mechanism("arms", links, tuple(joints), "a", {}, couplings=(law,))
+    equations = equations_of_motion(ms.dynamics.dynamic_model(mechanism, Forces(gravity=(0.0, -9.81, 0.0))))
+    model, layout = in_c.compiled_model(equations), StateLayout(equations)
+    right = RightHandSide(equations, Contacts(equations), layout, ContactMode(np.zeros(0)))
+    for moved in (0.05, -0.04, 4.0 if "periodic" in name else 0.06):
+        rates = np.full((2, 1), 0.7)
+        q = equations.loops.displaced(equations.start, moved * rates)
+        q, rates = projected(equations, q, rates, np.zeros(1))
+        state = layout.pack(q, rates, 0.0, 0.0)[None]
+        expected = right.derivatives(np.zeros(1), state)
+        result = evaluated(model, state, np.zeros(1), right.mode).derivatives
+        np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("model", "joint"), [("four_bar", "B"), ("rssr", "crank")])
+def test_soft_stops_are_the_same_in_c_and_in_numpy(model, joint):
+    """One is open; one presses; of the third, for one of both sides, a strong damper lets the joint go."""
+    equations = equations_of_motion(ms.dynamics.dynamic_model(ms.load(model, still=True).mechanism, Forces()))
+    angle = float(equations.start.values[equations.loops.tree.index_of[joint], 0])
+    for side in (-1.0, 1.0):
+        for depth, damping in ((-0.3, 2.0), (0.3, 0.1), (0.3, 400.0)):
+            law = SoftStop(angle - side * depth, side, 50.0, damping)
+            expected, result = both(model, 1, Forces(nonlinear_springs=(NonlinearSpring(joint, law),)))
+            np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+EVERY_FUNCTION = (
+    "-crank.q*A.v**2/(3+sin(crank.q)) + atan2(crank.q, 2-t) - min(A.q, B.v, 0.1)*tan(0.1*t) + abs(A.v)**0.5"
+    " + exp(-t)*acos(0.2*sin(A.q)) + asin(0.1)*log(2+t) - sqrt(3+crank.q**2) + max(crank.q, -1)*atan(B.q)"
+    " + cos(A.v)"
+)
+
+
+def along(*texts):
+    """Return a load with these components."""
+    return combine_components([parse_component(text, "load", "N", {"k": 0.3}) for text in texts])
+
+
+ANGLES = np.linspace(0.5, 0.5 + 2.0 * np.pi, 19)
+VARYING = [
+    Forces(
+        loads=(Load("A", along("k*sin(20*t)", "2N*t", "0*t")),),
+        couples=(Couple("coupler", along("0*angle", "0*angle", "k*cos(angle)")),),
+    ),
+    Forces(controllers=(Controller("A", EVERY_FUNCTION), Controller("crank", "0.2*sin(t) - 0.1*crank.v"))),
+    Forces(crank_torque=along("0.1 + 0.2*cos(t) + k*sin(t)")),
+    Forces(crank_torque=along("0.1 + 0.2*cos(angle) - 0.1*cos(2*angle) + k*sin(angle)")),
+    Forces(crank_torque=table([0.0, 0.3, 1.0], [0.1, 0.2, 0.4], over="time")),
+    Forces(loads=(Load("A", table(ANGLES, np.stack([np.sin(k * ANGLES) for k in (1, 2, 3)], 1))),)),
+    Forces(couples=(Couple("coupler", table(ANGLES, np.stack([np.cos(ANGLES)] * 3, 1), smooth=True)),)),
+    Forces(
+        actuators=(
+            Actuator(
+                "filter",
+                {"crank": 2.0, "A": -0.5},
+                control_law("0.1+sin(3*t)", "filter"),
+                gain=(1.0, 0.2, 0.1),
+                bias=(0.1, -2.0, -0.1),
+                direct=(0.3, 0.2),
+                inflow=(20.0, -15.0, 0.2, -0.3),
+                force_range=(-3.0, 9.0),
+                inertia=1e-4,
+            ),
+            Actuator(
+                "clipped", {"crank": 1.0}, control_law("2*cos(t)", "clipped"), control_range=(-1.0, 1.0)
+            ),
+            Actuator(
+                "full", {"A": 1.0}, control_law("1", "full"), inflow=(9.0, 0, 0, 0), state_range=(-1, 0.2)
+            ),
+        ),
+        armature={"crank": 2e-4},
+    ),
+]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(len(VARYING)))
+def test_forces_over_time_and_state_are_the_same_in_c_and_in_numpy(number):
+    for time in (0.0, 0.7):
+        expected, result = both("four_bar", 1, VARYING[number], time)
+        np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+        without, _ = both("four_bar", 1, Forces())
+        assert np.abs(result[: len(without) - 2] - without[:-2]).max() > 1e-3
+
+
+def test_a_free_body_is_the_same_in_c_and_in_numpy(tmp_path):
+    (tmp_path / "plate.xml").write_text(FREE_BODY)
+    expected, result = both(tmp_path / "plate.xml", 2)
+    np.testing.assert_allclose(result, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def run_of(forces=None, **options):
+    return ms.dynamics.run("four_bar", forces, duration=0.3, samples=20, **options)
+
+
+@pytest.fixture
+def fresh_library(monkeypatch, tmp_path):
+    """An empty cache, and nothing loaded yet."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    c_library.library_or_error.cache_clear()
+    yield tmp_path
+    c_library.library_or_error.cache_clear()
+
+
+@pytest.mark.long
+def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
+    run = run_of(Forces(crank_torque=function(lambda time: 1e-3 * time, over="time")))
+    assert run.executed == "numpy"
+    assert "a load over time given by a function" in run.note
+
+
+def test_a_body_on_a_rod_runs_in_numpy():
+    """A point mass on a rod of 1 m, released horizontally, has the period 4 K(1/2) sqrt(l / g)."""
+    bob = ms.Link("bob", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), ((0.0,) * 3,) * 3))
+    rod = ms.Joint("rod", "distance", ms.End("ground"), ms.End("bob"), length=1.0)
+    pose = {"bob": Pose(np.array([1.0, 0.0, 0.0]), np.eye(3))}
+    pendulum = ms.Mechanism("pendulum", (bob,), (rod,), (), {"P": ("bob", (0.0, 0.0, 0.0))}, guess=pose)
+    run = ms.dynamics.run(pendulum, duration=2.367841947576237, samples=1)
+    assert (run.executed, run.note) == ("numpy", "the C code does not contain the length of joint rod")
+    assert np.abs(run.motion.points["P"].position[-1] - [1.0, 0.0, 0.0]).max() < 1e-8
+
+
+@pytest.mark.long
+def test_a_run_under_a_load_table_is_the_same_in_c_and_in_numpy(monkeypatch):
+    """The third derivatives of the spline jump at the rows of the table, which steps do not know."""
+    times = np.linspace(0.0, 0.3, 16)
+    forces = Forces(crank_torque=table(times, 1e-3 * np.sin(20.0 * times), over="time", smooth=True))
+    fast = run_of(forces)
+    monkeypatch.setattr(in_c, "FORCES", set())
+    slow = run_of(forces)
+    assert (fast.executed, slow.executed) == ("C", "numpy")
+    assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-11
+
+
+@pytest.mark.long
+def test_a_run_beyond_a_load_table_names_the_table():
+    loads = table([0.0, 0.1, 0.2], [1e-3, 2e-3, 0.0], over="time")
+    with pytest.raises(InputError, match=r"load table covers time 0 to 0\.2, but the motion needs"):
+        run_of(Forces(crank_torque=loads))
+
+
+@pytest.mark.long
+def test_an_element_of_an_unknown_kind_is_not_ignored(monkeypatch):
+    monkeypatch.setattr(in_c, "FORCES", in_c.FORCES - {"springs"})
+    spring = Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0)
+    assert run_of(Forces(springs=(spring,))).executed == "numpy"
+    assert run_of(Forces()).executed == "C"
+
+
+# what the C code contains, or `_require_supported` leaves to numpy
+ATTRIBUTES = {
+    Friction: "joint viscous coulomb viscous_turn coulomb_turn coefficient pin_radius collar_radius "
+    "bearing_length static stribeck bristle_stiffness bristle_damping coupling",
+    Coupling: "name left right coefficients zeros turns pressure_angle function rope repeats belt backlash",
+    Joint: "name kind a b cross_angle lead length without_reference",
+    End: "link point axis reference has_reference",
+    Kind: "slides turns helical rod",
+}
+
+
+@pytest.mark.parametrize("described", ATTRIBUTES, ids=lambda described: described.__name__)
+def test_a_new_attribute_is_decided_for_the_c_code(described):
+    """It is added to the C code or to `_require_supported`, and then to the list: C would ignore it."""
+    assert [field.name for field in fields(described)] == ATTRIBUTES[described].split()
+
+
+@pytest.mark.long
+def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
+    monkeypatch.setattr(in_c, "spring_table", lambda _: np.zeros(0, in_c.SPRING))
+    run = run_of(Forces(springs=(Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0),)))
+    assert run.executed == "numpy"
+    assert "changes the accelerations" in run.note
+
+
+def positions(run):
+    return np.stack([run.motion.points[name].position for name in "AB"])
+
+
+def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
+    fast = run_of()
+    monkeypatch.setattr(in_c, "FORCES", set())
+    slow = run_of()
+    assert (fast.executed, fast.note, slow.executed) == ("C", "", "numpy")
+    # both integrate with a relative error of 3e-13 a step
+    assert np.abs(positions(fast) - positions(slow)).max() <= 1e-12
+    assert fast.energy_error <= 1e-11
+
+
+@pytest.mark.parametrize("viscous", [1e-3, pytest.param(5.0, marks=pytest.mark.long)])
+def test_prescribed_motion_is_the_same_in_c_and_in_numpy(viscous, monkeypatch):
+    """The larger friction makes the other driver's motion stiff."""
+    friction = Friction("right", viscous=viscous), Friction("left", viscous=2e-3)
+    source = ms.load("five_bar", drive={"left": "0.2rad*sin(3*t)", "right": "1rad/s"})
+    model = ms.dynamics.dynamic_model(source, Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
+    settings = {"prescribed": ["left"], "duration": 0.3, "samples": 20}
+    fast = ms.dynamics.run(model, **settings)
+    monkeypatch.setattr(in_c, "FORCES", set())
+    slow = ms.dynamics.run(model, **settings)
+    assert (fast.executed, slow.executed) == ("C", "numpy")
+    for name, joint in slow.motion.joints.items():
+        assert np.abs(fast.motion.joints[name].value - joint.value).max() <= 1e-12
+    for values, exact in (
+        (fast.work, slow.work),
+        (fast.lost, slow.lost),
+        (fast.driving["left"], slow.driving["left"]),
+    ):
+        assert np.abs(values - exact).max() <= 1e-11 * np.abs(exact).max()
+
+
+FILTER = Actuator("filter", {"crank": 1.0}, control_law("0.01+0.01*t", "filter"), inflow=(1e6, -1e6, 0, 0))
+STIFF = {
+    # the speed of the crank approaches that of the motor within 1.2e-5 s
+    "motor": ("rssr", Forces(motor=TorqueSpeedLine(1.0, 62.8)), 0.03),
+    "damper": ("four_bar", Forces(springs=(Spring("B", ("ground", (0.3, -0.2, 0)), 5.0, 0.1, 1e4),)), 0.3),
+    "actuator": ("four_bar", Forces(actuators=(FILTER,)), 0.1),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", STIFF)
+def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(name, monkeypatch):
+    model, forces, duration = STIFF[name]
+
+    def run():
+        return ms.dynamics.run(model, forces, duration=duration, samples=20)
+
+    fast = run()
+    monkeypatch.setattr(in_c, "FORCES", set())
+    slow = run()
+    assert (fast.executed, slow.executed) == ("C", "numpy")
+    fastest = np.abs(slow.motion.speed).max()
+    assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-12
+    assert np.abs(fast.motion.speed - slow.motion.speed).max() <= 1e-10 * fastest
+    exchanged = max(slow.kinetic.max(), np.ptp(slow.potential))
+    for energies in ((fast.work, slow.work), (fast.lost, slow.lost)):
+        assert np.abs(energies[0] - energies[1]).max() <= 1e-10 * exchanged
+    assert fast.steps <= 1.5 * slow.steps
+
+
+def row_of_parallel_cranks(count):
+    """Return a mechanism of 1 m rods: cranks 1 m apart, coupled in a row."""
+    rod, tip = slender_rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0), (1.0, 0.0, 0.0)
+    upright = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    pivots = [(float(i), 0.0, 0.0) for i in range(count + 1)]
+    joints = [
+        ms.Joint(f"A{i}", "revolute", ms.End("ground", p), ms.End(f"crank{i}")) for i, p in enumerate(pivots)
+    ]
+    for i in range(count):
+        for name, k, point in (("B", i, (0.0, 0.0, 0.0)), ("C", i + 1, tip)):
+            ends = ms.End(f"crank{k}", tip), ms.End(f"rod{i}", point)
+            joints.append(ms.Joint(f"{name}{i}", "revolute", *ends))
+    guess = {f"crank{i}": ms.Pose(np.array(p), upright) for i, p in enumerate(pivots)}
+    guess |= {f"rod{i}": ms.Pose(np.array([float(i), 1.0, 0.0]), np.eye(3)) for i in range(count)}
+    links = tuple(ms.Link(name, inertia=rod) for name in guess)
+    points = {"P": (f"crank{count}", tip)}
+    return ms.Mechanism("row", links, tuple(joints), "A0", points, guess=guess, start=np.pi / 2.0)
+
+
+@pytest.mark.long
+def test_a_row_of_thirty_loops_runs_in_c():
+    """The cranks stay parallel: ((N + 1) / 3 + N) a'' = -((N + 1) / 2 + N) g cos a, in [m]."""
+    n, gravity = 30, 9.81
+    model = ms.dynamics.dynamic_model(row_of_parallel_cranks(n), Forces(gravity=(0.0, -gravity, 0.0)))
+    run = ms.dynamics.run(model, initial={"A0.v": -1.0}, duration=0.3, samples=3, tolerance=1e-10)
+    ratio = ((n + 1) / 2 + n) * gravity / ((n + 1) / 3 + n)
+
+    def cranks(_, y):
+        return y[1], -ratio * np.cos(y[0])
+
+    start = (np.pi / 2.0, -1.0)
+    exact = solve_ivp(cranks, (0.0, 0.3), start, "DOP853", run.time, rtol=1e-13, atol=1e-14)
+    assert run.executed == "C"
+    for name in ("A0", f"A{n}"):
+        assert np.abs(run.motion.joints[name].value - exact.y[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_the_error_follows_the_tolerance(tolerance):
+    exact, run = run_of(tolerance=1e-13), run_of(tolerance=tolerance)
+    error = np.abs(positions(run) - positions(exact)).max()
+    assert 1e-4 * tolerance <= error <= 10.0 * tolerance
+
+
+@pytest.mark.long
+def test_without_a_compiler_the_run_is_in_numpy(fresh_library, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    run = run_of()
+    assert run.outcome == "done"
+    assert (run.executed, run.note.startswith("CC=no-such-compiler is not found")) == ("numpy", True)
+
+
+@pytest.mark.long
+def test_a_compiler_that_does_not_end_is_given_up_once(fresh_library, monkeypatch):
+    compiler = fresh_library / "cc"
+    compiler.write_text("#!/bin/sh\nexec sleep 60\n")
+    compiler.chmod(compiler.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setattr(c_library, "TIME_LIMIT", 0.5)
+    for _ in range(2):
+        run = run_of()
+        assert (run.executed, "does not end within 0.5 s" in run.note) == ("numpy", True)
+    assert not [*(fresh_library / "mechsim").rglob("*.so")]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_a_cache_that_cannot_be_written_leaves_numpy(fresh_library):
+    fresh_library.chmod(0o500)
+    run = run_of()
+    fresh_library.chmod(0o700)
+    assert (run.executed, "cannot keep compiled code" in run.note) == ("numpy", True)
+
+
+@pytest.mark.long
+def test_a_damaged_library_is_compiled_again(fresh_library):
+    assert run_of().executed == "C"
+    (path,) = (fresh_library / "mechsim").rglob("*.so")
+    path.unlink()
+    path.write_bytes(b"\x7fELF damaged")
+    c_library.library_or_error.cache_clear()
+    assert run_of().executed == "C"
+
+
+@pytest.mark.long
+def test_many_runs_are_the_runs_one_by_one():
+    angles = np.linspace(-1.0, 1.0, 5)
+    runs = ms.dynamics.run_many(
+        "four_bar", initial={"crank.q": angles, "crank.v": 2.0}, duration="0.3s", samples=6
+    )
+    assert set(runs["executed"].values) == {"C"}
+    for i, angle in enumerate(angles):
+        single = run_of(initial={"crank.q": angle, "crank.v": 2.0})
+        position, energy = single.motion.points["B"].position[-1, 0], single.kinetic[-1]
+        np.testing.assert_allclose(runs["B.x"][i, -1], position, atol=1e-12)
+        np.testing.assert_allclose(runs["kinetic"][i, -1], energy, rtol=1e-9)
+
+
+@pytest.mark.long
+def test_many_runs_with_friction_are_taken_one_by_one():
+    friction = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("crank", coulomb=1e-5),))
+    runs = ms.dynamics.run_many(
+        "four_bar", friction, initial={"crank.q": [0.0, 0.5]}, duration=0.1, samples=4
+    )
+    single = ms.dynamics.run("four_bar", friction, initial={"crank.q": 0.5}, duration=0.1, samples=4)
+    np.testing.assert_allclose(runs["lost"][1], single.lost, rtol=1e-12)
+    assert float(runs["lost"][1, -1]) > 0.0
+
+
+def test_many_designs_are_the_runs_one_by_one():
+    cranks, start = [0.028, 0.032], {"crank.q": [0.2, 0.3]}
+    runs = ms.dynamics.run_many(
+        "four_bar", initial=start, parameters={"crank": cranks}, duration=0.1, samples=2
+    )
+    np.testing.assert_array_equal(runs["parameter crank"], cranks)
+    for i, crank in enumerate(cranks):
+        design = ms.load("four_bar", {"crank": crank}, still=True)
+        single = ms.dynamics.run(design, initial={"crank.q": start["crank.q"][i]}, duration=0.1, samples=2)
+        np.testing.assert_allclose(runs["B.x"][i], single.motion.points["B"].position[:, 0], atol=1e-12)
+    with pytest.raises(ms.InputError, match="a name, a file or a function"):
+        ms.dynamics.run_many(design, parameters={"crank": cranks}, duration=0.1)
+    with pytest.raises(ms.InputError, match="krank"):
+        ms.dynamics.run_many("four_bar", parameters={"krank": cranks}, duration=0.1)

@@ -1,0 +1,301 @@
+"""Analytic dynamics compared with other formulas, 50 digits and the laws of energy and momentum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog, dynamics, load_profile
+from mechsim.errors import AssemblyError, InputError
+from mechsim.kinetics import prescribed_motion
+from mechsim.kinetics.reduced_equation import kinetic_energy_of_links
+from mechsim.mechanism.forces import Forces, Friction, JointSpring, Load, Spring
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import GROUND, Inertia, Link
+from mechsim.mechanism.masses import slender_rod
+from mechsim.mechanism.mechanism import Mechanism
+
+GRAVITY = (0.3, -9.81, 2.1)
+REVOLUTION = 2.0 * np.pi
+FULL = [name for name in catalog.MECHANISMS if catalog.make(name).crank_range().full]
+ANGLES = np.linspace(0.1, 6.4, 41)
+
+
+def with_inertias(mechanism, **inertias):
+    links = tuple(replace(link, inertia=inertias.get(link.name, link.inertia)) for link in mechanism.links)
+    return replace(mechanism, links=links)
+
+
+def all_forces(linkage):
+    """Return forces of every kind that the mechanism supports."""
+    mechanism = linkage.mechanism
+    point = list(mechanism.points)[-1]
+    slot = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")][-1]
+    return Forces(
+        gravity=GRAVITY,
+        flywheel=2e-5,
+        friction=(Friction(slot, 1e-3, 2e-2), Friction("crank", 1e-4, 1e-3)),
+        springs=(Spring((GROUND, (0.02, 0.03, 0.11)), point, 50.0, 0.03, 0.2),),
+        joint_springs=(JointSpring(slot, 0.3, 0.1),),
+        loads=(
+            Load(point, load_profile.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)),
+        ),
+        crank_torque=load_profile.function(lambda x: 0.01 + 0.02 * np.cos(x) + 0.03 * np.sin(x)),
+    )
+
+
+@pytest.fixture(scope="module", params=FULL)
+def linkage(request):
+    return catalog.make(request.param)
+
+
+def test_virtual_power_and_newton_euler_give_the_same_torque(linkage):
+    study = dynamics.prescribed(dynamics.dynamic_model(linkage, all_forces(linkage)), ANGLES, 80.0, 900.0)
+    scale = np.abs(study.forces.torque).max()
+    assert np.abs(study.second_torque - study.forces.torque).max() <= 1e-12 * scale
+    assert study.forces.residual.max() <= 1e-12
+
+
+def test_derivatives_of_inertia_and_energy_agree_with_fourier_series(linkage):
+    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY, springs=all_forces(linkage).springs))
+    reduced = dynamics.reduced(model, np.arange(256) * (REVOLUTION / 256))
+
+    def derivative(values):
+        waves = np.fft.rfft(values)
+        waves[np.abs(waves) < 1e-15 * np.abs(waves).max()] = 0.0
+        return np.fft.irfft(1j * np.arange(129) * waves)
+
+    assert (
+        np.abs(derivative(reduced.inertia) - reduced.inertia_derivative).max()
+        <= 1e-9 * np.abs(reduced.inertia_derivative).max()
+    )
+    assert np.abs(derivative(reduced.energy) + reduced.static).max() <= 1e-9 * np.abs(reduced.static).max()
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "rrsrr", "looper"])
+def test_closed_form_and_loop_equations_give_the_same_forces(name):
+    linkage = catalog.make(name)
+    angles = np.linspace(0.2, 2.0, 7)
+    closed = dynamics.prescribed(dynamics.dynamic_model(linkage, all_forces(linkage)), angles, 80.0).forces
+    loops = dynamics.prescribed(
+        dynamics.dynamic_model(linkage.mechanism, all_forces(linkage)), angles, 80.0
+    ).forces
+    assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
+    most = max(np.abs(item.force).max() for item in closed.reactions.values())
+    for joint, item in closed.reactions.items():
+        assert np.abs(item.force - loops.reactions[joint].force).max() <= 1e-10 * most
+
+
+def with_slender_rods(linkage, masses):
+    return with_inertias(
+        linkage.mechanism,
+        **{
+            link: slender_rod((0.0, 0.0, 0.0), end, mass)
+            for (link, end), mass in zip(RODS[linkage.name](linkage).items(), masses, strict=True)
+        },
+    )
+
+
+RODS = {
+    "rssr": lambda d: {
+        "crank": (0.0, d.crank, 0.0),
+        "coupler": (-d.coupler, 0.0, 0.0),
+        "rocker": (d.rocker, 0.0, 0.0),
+    },
+    "four_bar": lambda d: {
+        "crank": (d.crank, 0.0, 0.0),
+        "coupler": (d.coupler, 0.0, 0.0),
+        "rocker": (d.rocker, 0.0, 0.0),
+    },
+}
+
+
+def test_the_reduced_equation_gives_the_same_torque(linkage):
+    forces = replace(all_forces(linkage), loads=(), crank_torque=None)
+    model = dynamics.dynamic_model(linkage, forces)
+    torque = dynamics.prescribed(model, ANGLES, 80.0, 900.0).second_torque
+    own = dynamics.reduced(model, ANGLES).torque(80.0, 900.0)
+    assert np.abs(own - torque).max() <= 1e-11 * np.abs(torque).max()
+
+
+def test_forces_of_a_slider_crank_agree_with_a_textbook():
+    """Piston force F, rod angle b: torque F r sin(f + b) / cos b, side force F tan b, rod force F / cos b.
+
+    Source: Shigley & Uicker, Theory of Machines and Mechanisms, section on gas and inertia forces.
+    """
+    linkage = catalog.make("slider_crank", offset=0.0)
+    tiny = Inertia(1e-12, (0.0, 0.0, 0.0), (1e-16, 1e-16, 1e-16))
+    block = Inertia(2.0, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    mechanism = with_inertias(linkage.mechanism, crank=tiny, rod=tiny, slider=block)
+    pressure = load_profile.function(
+        lambda x: np.stack([-30.0 + 5.0 * np.cos(x), 0.0 * x, 0.0 * x], 1), width=3
+    )
+    model = dynamics.dynamic_model(linkage, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
+    f = np.linspace(0.2, 6.0, 30)
+    study = dynamics.prescribed(model, f, 40.0)
+    r, rod = linkage.crank, linkage.rod
+    b = np.arcsin(r / rod * np.sin(f))
+    pull = linkage.solve(f, 40.0).points["B"].acceleration[:, 0]
+    # force on the rod at B along X; the reaction of the slide opposes that of the rod
+    piston = -30.0 + 5.0 * np.cos(f) - 2.0 * pull
+    torque = piston * r * np.sin(f + b) / np.cos(b)
+    assert np.allclose(study.forces.torque, torque, rtol=0.0, atol=1e-9 * np.abs(torque).max())
+    side = study.forces.reactions["slide"].force[:, 1]
+    assert np.allclose(side, -piston * np.tan(b), rtol=0.0, atol=1e-9 * np.abs(piston).max())
+    rod_force = np.linalg.norm(study.forces.reactions["A"].force[:, :2], axis=1)
+    assert np.allclose(rod_force, np.abs(piston / np.cos(b)), rtol=0.0, atol=1e-9 * np.abs(piston).max())
+
+
+def test_shaking_forces_agree_with_the_rate_of_momentum(linkage):
+    """Shaking force and moment about the origin from linear and angular momentum, differenced."""
+    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY))
+    f, w, h = np.array([0.7, 2.3]), 30.0, 1e-4
+    study = dynamics.prescribed(model, f, w)
+
+    def momentum(angle):
+        unit = model.unit_motion(angle)
+        twist = w * unit.twist
+        velocity = twist[..., :3] + np.cross(twist[..., 3:], unit.centres)
+        linear = unit.masses[:, None] * velocity
+        turning = (unit.moments @ twist[..., 3:, None])[..., 0]
+        angular = turning + np.cross(unit.position + unit.centres, linear)
+        return linear.sum(1), angular.sum(1)
+
+    weights = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    lost = [sum(weights[k] * momentum(f + k * h)[i] for k in weights) * (-w / h) for i in (0, 1)]
+    unit = model.unit_motion(f)
+    weight = unit.masses[:, None] * np.array(GRAVITY)
+    lost[0] = lost[0] + weight.sum(0)
+    lost[1] = lost[1] + np.cross(unit.position + unit.centres, weight).sum(1)
+    assert np.allclose(study.shaking_force, lost[0], atol=1e-8 * np.abs(lost[0]).max())
+    assert np.allclose(study.shaking_moment, lost[1], atol=1e-8 * np.abs(lost[1]).max())
+    assert kinetic_energy_of_links(unit, np.full(2, w)) == pytest.approx(study.forces.kinetic, rel=1e-14)
+
+
+def test_planar_mechanisms_have_undetermined_out_of_plane_reactions():
+    planar = dynamics.prescribed(dynamics.dynamic_model(catalog.make("four_bar")), [0.5], 10.0)
+    assert planar.indeterminacy == 3
+    assert all(item.undetermined == ("fz", "mx", "my") for item in planar.forces.reactions.values())
+    for name in ("rssr", "rrsrr", "looper"):
+        spatial = dynamics.prescribed(dynamics.dynamic_model(catalog.make(name)), [0.5], 10.0)
+        assert spatial.indeterminacy == 0
+        assert all(item.undetermined == () for item in spatial.forces.reactions.values())
+
+
+def test_a_passive_spin_does_not_change_forces():
+    """The spin of a round rod changes neither torque nor forces, apart from its small inertia."""
+    free = catalog.make("rssr")
+    guided = free.with_parameters(guide=True)
+    thin = {}
+    for linkage in (free, guided):
+        model = dynamics.dynamic_model(
+            linkage, Forces(gravity=GRAVITY), mechanism=with_slender_rods(linkage, (0.3, 0.7, 0.5))
+        )
+        thin[linkage.guide] = dynamics.prescribed(model, ANGLES, 30.0).forces
+    assert np.allclose(
+        thin[True].torque,
+        thin[False].torque,
+        rtol=0.0,
+        atol=1e-5 * np.abs(thin[False].torque).max(),
+    )
+    force = thin[False].reactions["P3"].force
+    assert np.allclose(thin[True].reactions["P3"].force, force, atol=1e-5 * np.abs(force).max())
+
+
+def test_friction_in_a_universal_joint_acts_on_both_angles():
+    linkage = catalog.make("rssr", guide=True)
+    model = dynamics.dynamic_model(linkage, Forces(friction=(Friction("P2", 1e-3),)))
+    f, w, h = np.array([0.6, 3.1]), 20.0, 1e-4
+    study = dynamics.prescribed(model, f, w)
+    from mechsim.mechanism.joints import joint_coordinate
+
+    def angles(angle):
+        poses = model.unit_motion(angle).poses()
+        return joint_coordinate(linkage.mechanism.joint("P2"), poses["crank"], poses["coupler"])
+
+    rates = w * (8.0 * (angles(f + h) - angles(f - h)) - angles(f + 2 * h) + angles(f - 2 * h)) / (12.0 * h)
+    assert study.forces.power_lost == pytest.approx(1e-3 * (rates**2).sum(1), rel=1e-8)
+
+
+def test_a_flywheel_needs_torque_only_to_accelerate():
+    linkage = catalog.make("four_bar")
+    bare, heavy = (dynamics.dynamic_model(linkage, Forces(flywheel=j)) for j in (0.0, 0.01))
+    steady = [dynamics.prescribed(model, ANGLES, 10.0).forces.torque for model in (bare, heavy)]
+    assert np.allclose(*steady, atol=1e-15)
+    gaining = [dynamics.prescribed(model, ANGLES, 10.0, 5.0).forces.torque for model in (bare, heavy)]
+    assert gaining[1] - gaining[0] == pytest.approx(np.full(len(ANGLES), 0.05), rel=1e-10)
+
+
+def test_the_required_flywheel_limits_the_speed_fluctuation():
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    even = dynamics.flywheel_for(model, 20.0, 1e-3)
+    kept = dynamics.fluctuation(model.with_forces(replace(model.forces, flywheel=even.flywheel)), 20.0)
+    assert kept.coefficient == pytest.approx(1e-3, rel=1e-10)
+    assert 1.0 / np.mean(1.0 / kept.speed) == pytest.approx(20.0, rel=1e-12)
+    # the textbook's flywheel, from the drive torque at constant speed: excess energy over delta w2
+    torque = dynamics.prescribed(model, kept.angle, 20.0).forces.torque
+    gained = np.cumsum(torque - torque.mean()) * (REVOLUTION / len(torque))
+    rule = np.ptp(gained) / (1e-3 * 20.0**2)
+    assert even.flywheel + mean_inertia(model) == pytest.approx(rule, rel=5e-3)
+    assert dynamics.flywheel_for(model, 20.0, 5.0).flywheel == 0.0
+
+
+def mean_inertia(model):
+    return dynamics.reduced(model, np.arange(64) * (REVOLUTION / 64)).inertia.mean()
+
+
+def test_the_speed_fluctuation_agrees_with_a_free_run():
+    model = dynamics.dynamic_model(catalog.make("slider_crank"), Forces(gravity=GRAVITY))
+    fluctuation = dynamics.fluctuation(model, 25.0)
+    assert fluctuation.torque == pytest.approx(0.0, abs=1e-12)
+    run = dynamics.run(
+        model, initial={"crank.q": 0.0, "crank.v": float(fluctuation.speed[0])}, turns=1.0, samples=100
+    )
+    assert run.time[-1] == pytest.approx(REVOLUTION / 25.0, rel=1e-10)
+    assert np.ptp(run.motion.speed) / 25.0 == pytest.approx(fluctuation.coefficient, rel=1e-3)
+
+
+def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
+    links = (Link("arm"), Link("hand"))
+    joints = (
+        Joint("shoulder", "spherical", End(GROUND), End("arm")),
+        Joint("crank", "revolute", End("arm", (0.1, 0.0, 0.0)), End("hand")),
+    )
+    loose = Mechanism("loose", links, joints, "crank", {"tip": ("hand", (0.1, 0.0, 0.0))})
+    with pytest.raises(InputError, match="first link is 'arm', not the frame"):
+        dynamics.dynamic_model(loose, Forces(flywheel=1.0))
+    rocking = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
+    assert not rocking.crank_range().full
+    with pytest.raises(AssemblyError):
+        dynamics.fluctuation(dynamics.dynamic_model(rocking), 10.0)
+
+
+def columns_of(study):
+    return {**dict(study.columns()), **study.torque_parts, "second": study.second_torque, "load": study.load}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter", "loop equations"])
+def test_batches_of_instants_give_the_same_forces(name, monkeypatch):
+    linkage = catalog.make("four_bar" if name == "loop equations" else name)
+    source = linkage.mechanism if name == "loop equations" else linkage
+    model = dynamics.dynamic_model(source, replace(all_forces(linkage), loads=()))
+    # from rest, so that all instants determine the threshold of a crank at rest
+    time = np.linspace(0.0, 1.0, len(ANGLES))
+    arguments = model, linkage.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0
+    whole = dynamics.prescribed(*arguments, time=time)
+    monkeypatch.setattr(prescribed_motion, "BATCH_SIZE", 16)
+    reported = []
+    batches = dynamics.prescribed(
+        *arguments, time=time, progress=lambda text, fraction: reported.append((text, fraction))
+    )
+    assert reported[0] == ("16 of 41 instants", 16 / 41)
+    assert [fraction for _, fraction in reported] == [16 / 41, 32 / 41, 1.0]
+    columns = columns_of(batches)
+    for key, expected in columns_of(whole).items():
+        assert columns[key].shape == expected.shape
+        # each batch solves the loop equations anew, to rounding
+        assert np.abs(columns[key] - expected).max() <= 1e-9 * (1e-3 + np.abs(expected).max())
+    assert batches.indeterminacy == whole.indeterminacy
+    np.testing.assert_array_equal(batches.forces.sliding, whole.forces.sliding)
+    for joint, item in whole.forces.reactions.items():
+        np.testing.assert_array_equal(batches.forces.reactions[joint].determined, item.determined)

@@ -1,0 +1,189 @@
+"""Joint stops in forward dynamics: impacts and contacts over all closed gaps."""
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+import mechsim as ms
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import Forces, Friction
+
+CHAINS = tomllib.loads(model_text("joint_stops_chains.toml"))["chain"]
+WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
+# two hinges with end stops and damping: centre and length of the links, masses, ranges, damping
+TWO_HINGES = model_text("joint_stops_two_hinges.xml")
+TOUCHING = TWO_HINGES.format(
+    0.2771436570381801,
+    0.5542873140763602,
+    1.3298750596903113,
+    (0.2101838621988897, 1.2192316276412931, 0.4203677243977894),
+    "-2.1500578266945825 -1.3121574066565387",
+    "-0.44125071616265954 0.20055187346651948",
+    0.12605536040793913,
+    0.12628722122645802,
+)
+CHATTERING = TWO_HINGES.format(
+    0.15970688205058292,
+    0.31941376410116584,
+    0.6300885836180635,
+    (0.15416118654585262, 1.5148443801867628, 0.30832237309170524),
+    "-1.7480802947709322 -1.391472779626645",
+    "-0.4257618815484797 0.2124881916865228",
+    0.1,
+    0.1,
+)
+
+
+@pytest.fixture
+def hinges(tmp_path):
+    """Return the run of two hinges released with rates of theirs."""
+
+    def run(text, first, second, **more):
+        path = tmp_path / "hinges.xml"
+        path.write_text(text)
+        start = {"j1.q": -np.pi / 2.0, "j2.q": 0.0, "j1.v": first, "j2.v": second}
+        return ms.dynamics.run(ms.load(str(path), still=True), initial=start, **more)
+
+    return run
+
+
+def pendulum(low, high):
+    """A link of 1 kg, 0.3 m from its hinge to its centre, with end stops."""
+    inertia = ms.Inertia(1.0, (0.3, 0.0, 0.0), tuple(tuple(row) for row in 0.02 * np.eye(3)))
+    arm = ms.Link("arm", outline=((0.6, 0.0, 0.0),), inertia=inertia)
+    hinge = ms.Joint("j", "revolute", ms.End("ground"), ms.End("arm"))
+    mechanism = ms.Mechanism("arm", (arm,), (hinge,), "j", {"P": ("arm", (0.6, 0.0, 0.0))})
+    return KinematicSolver(mechanism, ranges={"j": (low, high)})
+
+
+def test_an_impact_at_one_stop_also_acts_on_a_joint_at_rest_at_another(hinges):
+    """j2 hits its stop at 0.07252 s while j1 lies against its own, which it must not pass."""
+    run = hinges(TOUCHING, 3.4796887534932024, 3.389412678061877, duration=0.8)
+    assert run.outcome == "done"
+    assert run.events[-1] == pytest.approx(0.07252, abs=5e-6)
+    assert run.motion.joints["j1"].value.max() <= -1.3121574066565387 + 1e-9
+    assert run.motion.joints["j2"].value.max() <= 0.20055187346651948 + 1e-9
+
+
+def test_a_contact_that_barely_presses_does_not_chatter(hinges):
+    """Two impacts, then free motion: figures of an independent integration by DOP853 (1e-12)."""
+    run = hinges(CHATTERING, 3.6948257109552154, 1.655264139932096, duration=0.6)
+    assert run.outcome == "done"
+    assert run.events == pytest.approx([0.048738, 0.064018], abs=1e-6)
+    ends = [run.motion.joints[name].value[-1] for name in ("j1", "j2")]
+    assert ends == pytest.approx([-1.714054, -0.057347], abs=1e-6)
+
+
+@pytest.mark.parametrize("number", [pytest.param(n, marks=[pytest.mark.long] * (n > 5)) for n in range(18)])
+def test_chains_agree_with_an_independent_integration(file, number):
+    chain = CHAINS[number]
+    initial = {f"j{i}.v": rate for i, rate in enumerate(chain["rates"])}
+    run = ms.dynamics.run(
+        ms.load(file(chain["text"]), still=True),
+        initial=initial,
+        duration=0.3,
+        restitution=chain["restitution"],
+        samples=4,
+    )
+    own = np.array([joint.value[1:] for joint in run.motion.joints.values()]).T
+    # a run ends where stops hold the mechanism at rest
+    assert run.outcome in ("done", "stopped")
+    last = 4 if run.outcome == "done" else 1
+    np.testing.assert_allclose(own[-last:], chain["coordinates"][-last:], atol=1e-9)
+    assert run.energy_error <= 1e-8
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_start_on_a_stop_with_a_rate_into_it_is_an_impact(restitution):
+    run = ms.dynamics.run(
+        pendulum(0.0, 3.0), Forces(), initial={"j.v": -2.0}, duration=0.1, restitution=restitution
+    )
+    assert run.motion.joints["j"].rate[-1] == pytest.approx(2.0 * restitution, abs=1e-12)
+    assert run.motion.joints["j"].value.min() >= -1e-12
+    # half of 0.02 + 0.3**2 kg m2 times 4 rad2/s2
+    assert run.lost[-1] == pytest.approx(0.22 * (1.0 - restitution**2), abs=1e-12)
+
+
+def test_a_stop_between_two_instants_of_a_step_is_found():
+    """The swing passes its stop by 1e-9 rad to 1e-3 rad for less than a step."""
+    swing = ms.dynamics.run(pendulum(-10.0, 10.0), WEIGHT, duration=2.0, samples=20_000)
+    deepest = swing.motion.joints["j"].value.min()
+    for depth in (1e-8, 1e-5, 1e-3):
+        run = ms.dynamics.run(pendulum(deepest + depth, 10.0), WEIGHT, duration=2.0, restitution=1.0)
+        assert run.events
+        assert run.motion.joints["j"].value.min() >= deepest + depth - 1e-12
+
+
+def test_both_stops_of_a_joint_next_to_each_other_end_its_motion():
+    run = ms.dynamics.run(pendulum(0.0, 1e-6), Forces(), initial={"j.v": 1.0}, duration=0.1, restitution=0.5)
+    assert run.motion.joints["j"].value.max() <= 1e-6 + 1e-12
+    assert run.lost[-1] == pytest.approx(0.055, rel=1e-9)
+
+
+def test_a_run_ends_at_its_work_budget():
+    run = ms.dynamics.run(
+        pendulum(0.0, 1e-6), Forces(), initial={"j.v": 1.0}, duration=0.1, restitution=1.0, budget=1000
+    )
+    assert run.outcome == "work budget spent"
+    assert "1,000 states" in run.reason
+    assert 0.0 < run.time[-1] < 0.1
+
+
+@pytest.mark.parametrize(("friction", "moves"), [(1.0, True), (4.0, False)])
+def test_friction_of_a_joint_at_its_stop(friction, moves):
+    """The weight of 2.943 N m lifts the joint off its upper stop, or friction holds it there."""
+    forces = replace(WEIGHT, friction=(Friction("j", coulomb=friction),))
+    run = ms.dynamics.run(pendulum(-0.5, 0.0), forces, duration=1.0)
+    assert run.outcome == "stopped"
+    assert run.motion.joints["j"].value[-1] == pytest.approx(-0.5 if moves else 0.0, abs=1e-12)
+    # at the lower stop the weight's energy is lost to friction and the impact
+    expected = 9.81 * 0.3 * np.sin(0.5) if moves else 0.0
+    assert run.lost[-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_a_motion_law_that_drives_a_joint_beyond_its_stop_fails(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        """<mujoco><compiler angle="radian"/><worldbody><body><joint name="j" range="-1 0.3"/>
+        <geom type="capsule" fromto="0 0 0 0.6 0 0" size="0.02"/><site name="P" pos="0.6 0 0"/>
+        </body></worldbody></mujoco>"""
+    )
+    model = ms.load(str(path), drive={"j": "0.5rad*sin(2*pi*t)"}, duration="0.05s")
+    run = ms.dynamics.run(model, prescribed=["j"], duration="0.5s")
+    assert run.outcome == "failed"
+    assert "prescribed motion drives j beyond a stop" in run.reason
+    # 0.5 sin(2 pi t) = 0.3
+    assert run.time[-1] == pytest.approx(np.arcsin(0.6) / (2.0 * np.pi), abs=1e-9)
+
+
+def test_a_joint_at_which_a_loop_is_cut_is_not_left_beyond_its_range():
+    linkage = ms.catalog.make("four_bar").mechanism
+    free = ms.dynamics.run(KinematicSolver(linkage), WEIGHT, initial={"crank.q": "30deg"}, duration=0.15)
+    for name, joint in free.motion.joints.items():
+        low, high = float(joint.value.min()), float(joint.value.max())
+        ranges = dict.fromkeys(free.motion.joints, (-20.0, 20.0))
+        ranges[name] = (low - 1.0, high - 0.1 * (high - low))
+        if joint.value[0] > ranges[name][1]:
+            ranges[name] = (low + 0.1 * (high - low), high + 1.0)
+        run = ms.dynamics.run(
+            KinematicSolver(linkage, ranges=ranges), WEIGHT, initial={"crank.q": "30deg"}, duration=0.15
+        )
+        low, high = ranges[name]
+        beyond = max(low - joint.value.min(), joint.value.max() - high)
+        assert beyond > 0.0
+        values = run.motion.joints[name].value
+        assert run.outcome == "failed" or max(low - values.min(), values.max() - high) <= 1e-9
+
+
+COUPLED_FINGERS = model_text("joint_stops_coupled_fingers.xml")
+
+
+@pytest.mark.parametrize("limits", ["0 40", "-40 0"])
+def test_friction_holds_coupled_joints_at_their_stops(limits, tmp_path):
+    (path := tmp_path / "fingers.xml").write_text(COUPLED_FINGERS.format(range=limits))
+    run = ms.dynamics.run(ms.load(str(path), still=True), duration=0.1)
+    assert run.outcome == "stopped"
+    assert np.abs(run.motion.joints["q"].value).max() <= 1e-15

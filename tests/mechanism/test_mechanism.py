@@ -1,0 +1,177 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from scipy.spatial.transform import Rotation
+from strategies import EPS, offsets, turns
+
+from mechsim.errors import InputError
+from mechsim.kinematics.vector_method.vectors import rotation
+from mechsim.mechanism.joint_kinds import crossed_at_zero
+from mechsim.mechanism.joints import End, Joint, joint_coordinate
+from mechsim.mechanism.links import EX, EY, EZ, GROUND, IDENTITY, Link, Pose
+from mechsim.mechanism.mechanism import Mechanism
+
+
+def joint(kind, a=GROUND, b="arm", **more):
+    slanted = End(b, (0.01, 0.0, -0.02), axis=(1.0, 2.0, -2.0), reference=(0.0, 1.0, 1.0))
+    return Joint("hinge", kind, End(a, (0.03, 0.01, 0.0), axis=(0.2, -0.4, 1.0)), slanted, **more)
+
+
+def placed(joint, relative, along=0.0):
+    """Return the pose of b with its joint frame at `relative` to a's, displaced by `along` along a's axis."""
+    frame = joint.a.frame
+    r = frame @ relative @ joint.b.frame.T
+    return Pose(np.array(joint.a.point) + along * frame[:, 2] - r @ np.array(joint.b.point), r)
+
+
+def test_an_end_normalises_its_directions():
+    end = End("arm", axis=(0.0, 3.0, 4.0), reference=(1.0, 1.0, 1.0))
+    assert np.abs(end.frame.T @ end.frame - np.eye(3)).max() <= 4 * EPS
+    assert np.linalg.det(end.frame) == pytest.approx(1.0)
+    assert end.axis == pytest.approx((0.0, 0.6, 0.8))
+    assert End("arm", axis=(2.0, 0.0, 0.0)).reference == EY
+    assert End("arm", axis=(0.0, 0.0, 2.0)).reference == EX
+
+
+@given(turns)
+def test_the_angle_of_a_revolute_joint_is_measured_between_references(angle):
+    hinge = joint("revolute")
+    pose = placed(hinge, rotation("z", angle))
+    assert abs(joint_coordinate(hinge, IDENTITY, pose)[0] - angle) <= 8 * EPS * np.pi
+
+
+@given(offsets)
+def test_the_displacement_of_a_prismatic_joint_is_measured_along_the_axis(along):
+    slide = joint("prismatic")
+    assert abs(joint_coordinate(slide, IDENTITY, placed(slide, np.eye(3), along))[0] - along) <= 8 * EPS * 0.1
+
+
+@given(offsets, turns)
+def test_a_cylindrical_joint_has_a_displacement_and_an_angle(along, angle):
+    sleeve = joint("cylindrical")
+    measured = joint_coordinate(sleeve, IDENTITY, placed(sleeve, rotation("z", angle), along))
+    assert np.abs(measured - [along, angle]).max() <= 8 * EPS * np.pi
+
+
+@given(turns, turns)
+def test_a_universal_joint_has_the_angles_about_its_two_axes(first, second):
+    cross = joint("universal", cross_angle=1.1)
+    relative = rotation("z", first) @ crossed_at_zero(cross.cross_angle) @ rotation("z", second)
+    measured = joint_coordinate(cross, IDENTITY, placed(cross, relative))
+    assert np.abs(measured - [first, second]).max() <= 16 * EPS * np.pi
+
+
+def test_the_axes_of_a_universal_joint_have_its_cross_angle():
+    zero = crossed_at_zero(1.1)
+    assert np.abs(zero.T @ zero - np.eye(3)).max() <= 4 * EPS
+    assert zero[2, 2] == pytest.approx(np.cos(1.1))
+
+
+@given(turns, turns)
+def test_joint_coordinates_are_invariant_under_rigid_motion(angle, whole):
+    hinge = joint("revolute")
+    b = placed(hinge, rotation("z", angle))
+    about = np.array([0.3, -1.0, 0.5])
+    rotated = Rotation.from_rotvec(whole * about / np.linalg.norm(about)).as_matrix()
+    shift = np.array([1.0, 2.0, 3.0])
+    moved = [Pose(shift + rotated @ p.position, rotated @ p.rotation) for p in (IDENTITY, b)]
+    assert abs(joint_coordinate(hinge, *moved)[0] - angle) <= 64 * EPS
+
+
+def chain(**changes):
+    fields = {
+        "name": "chain",
+        "links": (Link("arm"), Link("tip")),
+        "joints": (
+            Joint("crank", "revolute", End(GROUND), End("arm")),
+            Joint("knee", "revolute", End("arm", (0.3, 0.0, 0.4)), End("tip")),
+        ),
+        "driver": "crank",
+        "points": {"P": ("tip", (0.1, 0.0, 0.0))},
+    }
+    return Mechanism(**{**fields, **changes})
+
+
+def test_rounding_does_not_set_the_characteristic_length():
+    ends = End("arm", (0.1, 0.2, 0.3)), End("arm", (0.1, 0.1 + 0.1, 0.3 + 1e-17), axis=EX)
+    hinges = (
+        Joint("crank", "revolute", End(GROUND), ends[0]),
+        Joint("out", "revolute", End(GROUND), ends[1]),
+    )
+    distinct = Joint("out", "revolute", End(GROUND), End("arm", (0.1, 0.2, 0.3 + 2e-16), axis=EX))
+    points = {"P": ("arm", (0.1, 0.2, 0.7))}
+    for joints in (hinges, (hinges[0], distinct)):
+        assert Mechanism(
+            "sphere", (Link("arm"),), joints, "crank", points
+        ).characteristic_length == pytest.approx(0.4)
+
+
+def test_the_characteristic_length_is_the_longest_distance_within_a_link():
+    assert chain().characteristic_length == pytest.approx(0.5)
+    assert [end.link for end in chain().ends("arm")] == ["arm", "arm"]
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "fixed"])
+@given(turns, turns)
+def test_a_slide_without_references_has_the_smallest_rotation(kind, first, second):
+    a, b = (
+        rotation("x", first) @ np.array([0.3, -0.2, 0.9]),
+        rotation("y", second) @ np.array([0.1, 0.8, 0.4]),
+    )
+    made = Joint("slide", kind, End(GROUND, axis=tuple(a)), End("arm", axis=tuple(b)))
+    rotated = made.a.frame @ made.b.frame.T
+    assert np.abs(rotated @ made.b.axis - made.a.axis).max() <= 64 * EPS
+    cosine = float(np.dot(made.a.axis, made.b.axis))
+    # antiparallel axes have no smallest rotation, and near them it is ill-conditioned
+    assert np.trace(rotated) == pytest.approx(1.0 + 2.0 * cosine, abs=1e-9)
+
+
+@given(turns, turns)
+def test_a_slide_without_references_keeps_mechanisms_planar(first, second):
+    a, b = ((float(np.cos(item)), float(np.sin(item)), 0.0) for item in (first, second))
+    for axis in (b, tuple(-item for item in a)):
+        made = Joint("slide", "prismatic", End(GROUND, axis=a), End("arm", axis=axis))
+        assert (made.a.frame @ made.b.frame.T)[2, 2] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_references_determine_the_orientation_of_a_slide():
+    slanted = End(GROUND, axis=(0.6, 0.8, 0.0))
+    made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, reference=EZ))
+    assert made.b.reference == EZ
+    assert made.a.reference == pytest.approx((0.8, -0.6, 0.0))
+
+
+SLIDE = Joint("slide", "prismatic", End(GROUND, axis=(1.0, 0.1, 0.2)), End("arm", axis=(0.2, 0.3, 1.0)))
+
+
+def guessed(rotated, joint=SLIDE):
+    guess = {"arm": Pose(np.zeros(3), rotated)}
+    return Mechanism("slant", (Link("arm"),), (joint,), "slide", {}, guess=guess)
+
+
+@given(turns)
+def test_a_guess_selects_the_orientation_of_a_slide(about):
+    by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, reference=EX))
+    guesses = {}
+    for expected in (SLIDE, by_itself):
+        roughly = SLIDE.a.frame @ rotation("z", about) @ expected.b.frame.T
+        # an inaccurate guess also tilts the axis
+        guesses[expected.b.reference] = rotation("y", 0.3) @ roughly
+    least = min(abs(about + item) for item in (0.0, 2.0 * np.pi, -2.0 * np.pi))
+    for reference, orientation in guesses.items():
+        if least < 0.4:
+            result = guessed(orientation)
+            assert result.joints[0].b.reference == pytest.approx(reference, abs=1e-15)
+            assert result.with_guess({"arm": Pose(np.ones(3), orientation)}, 0.0).joints == result.joints
+        elif least > 2.9:
+            with pytest.raises(
+                InputError, match="prismatic joint 'slide' has no reference, and the guess rotates"
+            ):
+                guessed(orientation)
+
+
+def test_a_guess_does_not_change_slides_with_references():
+    rotated = rotation("x", 1.7)
+    for a, b in (((0.2, 0.3, 1.0), {"reference": EY}), (SLIDE.a.axis, {})):
+        made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))
+        assert guessed(rotated, made).joints[0] == made

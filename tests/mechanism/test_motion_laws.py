@@ -1,0 +1,47 @@
+"""Motion laws: a crank at any speed is one of them, for every solver."""
+
+import numpy as np
+import pytest
+from driven_mechanisms import five_bar
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.mechanism.motion_laws import CRANK
+
+PARAMETER = np.linspace(0.2, 1.4, 7)
+LAWS = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t)"}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "looper", "klann"])
+def test_the_default_motion_law_is_that_of_a_crank(name):
+    laws = ms.load(name).motion_laws
+    assert laws is CRANK
+    assert laws.axis == "angle"
+    assert laws.path_speed(3.0) == 3.0
+    assert laws.time(PARAMETER) is None
+    for values, expected in zip(laws.along_path(PARAMETER), (PARAMETER, 1.0, 0.0), strict=True):
+        np.testing.assert_array_equal(values[0], np.broadcast_to(expected, 7))
+
+
+def test_path_parameters_and_times_are_consistent():
+    laws = ms.load("five_bar", drive=LAWS, duration="0.5 s").motion_laws
+    assert laws.axis == "t"
+    assert laws.path_speed(3.0) == laws.rate
+    times = np.linspace(0.0, 0.5, 5)
+    np.testing.assert_allclose(laws.time(laws.parameter(times)), times, rtol=1e-15, atol=1e-16)
+    np.testing.assert_allclose(laws.spread(5), laws.parameter(times), rtol=1e-15, atol=1e-16)
+    value, first, second = laws.along_path(laws.parameter(times))
+    for result, expected in zip(
+        (value, first * laws.rate, second * laws.rate**2), laws.state(times), strict=True
+    ):
+        np.testing.assert_allclose(result, expected, rtol=1e-13, atol=1e-14)
+
+
+def test_motion_laws_of_other_drivers_are_rejected():
+    mechanism = five_bar()
+    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
+        CRANK.require_drivers(mechanism)
+    laws = ms.load("five_bar", drive=LAWS, duration=1.0).motion_laws
+    laws.require_drivers(mechanism)
+    with pytest.raises(InputError, match="there are motion laws of left, right; the drivers are crank"):
+        laws.require_drivers(ms.load("four_bar").mechanism)

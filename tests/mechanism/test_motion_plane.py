@@ -1,0 +1,52 @@
+from dataclasses import replace
+
+import mechanisms
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.link_poses import plane_normals
+from mechsim.mechanism.links import GROUND, Link
+from mechsim.mechanism.mechanism import Mechanism
+
+
+def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():
+    planar = [catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
+    assert all(plane_normals(item) for item in [*planar, mechanisms.geared_five_bar()])
+    spatial = [catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
+    assert not any(plane_normals(item) for item in spatial)
+
+
+@pytest.mark.parametrize("tilt", [1e-3, 1e-8])
+def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
+    mechanism = catalog.make("four_bar").mechanism
+    tilted = [
+        replace(joint, b=replace(joint.b, axis=(tilt, 0.0, 1.0))) if joint.name == "rocker" else joint
+        for joint in mechanism.joints
+    ]
+    assert plane_normals(replace(mechanism, joints=tuple(tilted))) is None
+
+
+def test_plane_normals_are_expressed_in_the_frame_of_each_link():
+    ends = (
+        End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        End("slider", axis=(1.0, 0.0, 0.0), reference=(0.0, 0.0, 1.0)),
+    )
+    mechanism = Mechanism(
+        name="arm",
+        links=(Link("arm"), Link("slider")),
+        joints=(
+            Joint("crank", "revolute", End("arm"), End(GROUND, axis=(0.0, -1.0, 0.0))),
+            Joint("slide", "prismatic", *ends),
+        ),
+        driver="crank",
+        points={},
+    )
+    normals = plane_normals(mechanism)
+    assert normals is not None
+    assert {link: tuple(np.round(normal, 12) + 0.0) for link, normal in normals.items()} == {
+        "arm": (0.0, 0.0, 1.0),
+        GROUND: (0.0, -1.0, 0.0),
+        "slider": (0.0, 1.0, 0.0),
+    }

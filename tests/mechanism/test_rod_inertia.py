@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.links import EY, GROUND, Inertia, Link
+from mechsim.mechanism.masses import RELATIVE_DIAMETER, STEEL, round_rod, slender_rod, with_inertia
+from mechsim.mechanism.mechanism import Mechanism
+
+
+def test_the_inertia_of_a_round_rod_agrees_with_sampled_points():
+    start, end, diameter = (0.1, 0.2, -0.1), (0.4, -0.1, 0.3), 0.05
+    rod = round_rod(start, end, 2000.0, diameter)
+    rng = np.random.default_rng(5)
+    a, b = np.array(start), np.array(end)
+    line = (b - a) / np.linalg.norm(b - a)
+    across = np.linalg.svd(line[None])[2][1:]
+    disc = diameter / 2.0 * np.sqrt(rng.random(400_000))
+    around = 2.0 * np.pi * rng.random(400_000)
+    points = a + rng.random((400_000, 1)) * (b - a)
+    points += (disc * np.cos(around))[:, None] * across[0] + (disc * np.sin(around))[:, None] * across[1]
+    spread = points - np.array(rod.centre)
+    sampled = rod.mass * ((spread**2).sum(1).mean() * np.eye(3) - spread.T @ spread / len(spread))
+    assert rod.mass == pytest.approx(2000.0 * np.pi * 0.025**2 * np.linalg.norm(b - a), rel=1e-14)
+    assert np.allclose(sampled, rod.matrix, atol=5e-3 * rod.matrix.max())
+
+
+def test_a_slender_rod_is_the_limit_of_round_rods():
+    start, end = (0.0, 0.0, 0.0), (0.3, 0.4, 0.0)
+    slender = slender_rod(start, end, 2.0)
+    thin = round_rod(start, end, 2.0 / (np.pi / 4.0 * 1e-6 * 0.5), 1e-3)
+    assert np.allclose(slender.matrix, thin.matrix, atol=1e-6)
+    assert np.linalg.eigvalsh(slender.matrix)[1:] == pytest.approx([2.0 * 0.25 / 12.0] * 2, rel=1e-13)
+
+
+def test_inertias_of_catalogue_links_scale_with_density():
+    for name in catalog.MECHANISMS:
+        bare = catalog.make(name).mechanism
+        light, heavy = with_inertia(bare), with_inertia(bare, 2.0 * STEEL)
+        for a, b in zip(light.links, heavy.links, strict=True):
+            assert b.inertia.mass == pytest.approx(2.0 * a.inertia.mass, rel=1e-14)
+            assert np.allclose(b.inertia.matrix, 2.0 * a.inertia.matrix, rtol=1e-13, atol=0.0)
+
+
+def test_explicit_inertias_are_kept():
+    own = Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    mechanism = Mechanism(
+        "arm",
+        (Link("arm", inertia=own), Link("pin")),
+        (
+            Joint("crank", "revolute", End(GROUND), End("arm")),
+            Joint("knee", "revolute", End("arm", (0.2, 0.0, 0.0), EY), End("pin", axis=EY)),
+        ),
+        "crank",
+        {},
+    )
+    kept = with_inertia(mechanism)
+    assert kept.links[0].inertia is own
+    # a link of one point is a pin along its joint's axis, twice as long as thick
+    thick = RELATIVE_DIAMETER * 0.2
+    assert kept.links[1].inertia == round_rod((0.0, -thick, 0.0), (0.0, thick, 0.0), STEEL, thick)
+
+
+def test_collinear_points_are_one_rod_and_triangles_two():
+    ends = [End("bar", point) for point in ((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.1, 0.0, 0.0))]
+    joints = [
+        Joint("crank", "revolute", End(GROUND), ends[0]),
+        *(
+            Joint(f"j{i}", "spherical", End(GROUND, (0.1 * i, 0.0, 0.0)), end)
+            for i, end in enumerate(ends[1:])
+        ),
+    ]
+    straight = with_inertia(Mechanism("bar", (Link("bar"),), tuple(joints), "crank", {}), 1000.0, 0.01)
+    whole = round_rod((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), 1000.0, 0.01)
+    assert straight.links[0].inertia.mass == pytest.approx(whole.mass, rel=1e-13)
+    assert straight.links[0].inertia.centre == pytest.approx(whole.centre, rel=1e-13)
+    curved = Mechanism("bar", (Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
+    inertia = with_inertia(curved, 1000.0, 0.01).links[0].inertia
+    assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4 * 0.7, rel=1e-13)

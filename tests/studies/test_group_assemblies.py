@@ -1,0 +1,163 @@
+"""Every assembly by Assur groups, compared with circles, published poses and random starts."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from model_files import model_text
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.io.gallery import machines
+from mechsim.kinematics.group_assemblies import group_assemblies
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.studies.assemblies import all_assembly_points
+
+# the published triad of Gosselin and Merlet: six poses (x, y, angle), printed with six decimals
+TRIAD = model_text("group_assemblies_triad.toml")
+PUBLISHED = [
+    (-15.150496, 5.144167),
+    (-3.623487, 15.584298),
+    (3.233389, -15.669882),
+    (15.045358, -5.444005),
+    (15.137333, 5.182774),
+    (15.296369, 4.692663),
+]
+# dyads with a slide: circle and line (RRP), turning slide (RPR), two lines (PRP), and a guided slide (RPP)
+DYADS = {
+    "RRP": model_text("group_assemblies_text_2.toml"),
+    "RPR": model_text("group_assemblies_text.toml"),
+}
+
+
+def poses_of(solver, angle):
+    """Return the poses of the solver's own assembly."""
+    links = KinematicSolver(solver.mechanism).solve([angle]).links
+    poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+    return {GROUND: IDENTITY, **poses}
+
+
+def model_of(tmp_path, text):
+    path = tmp_path / "model.toml"
+    path.write_text(text if text.lstrip().startswith("name") else f'name = "dyad"\n{text}')
+    return ms.load(path)
+
+
+def test_a_triad_has_its_six_published_poses(tmp_path):
+    solver = model_of(tmp_path, TRIAD)
+    every = ms.assemblies(solver, 0.0)
+    assert every.complete
+    points = sorted(tuple(points["P"][:2]) for points in every.points)
+    assert np.abs(np.array(points) - np.array(PUBLISHED)).max() <= 1e-6
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.1, 2.6, -0.9])
+def test_a_slider_crank_has_both_intersections_of_circle_and_line(tmp_path, angle):
+    solver = model_of(tmp_path, DYADS["RRP"])
+    every = ms.assemblies(solver, angle)
+    across = math.sqrt(9.0 - (math.sin(angle) - 0.2) ** 2)
+    exact = sorted([math.cos(angle) - across, math.cos(angle) + across])
+    assert every.complete
+    assert np.abs(np.array(sorted(p["B"][0] for p in every.points)) - exact).max() <= 1e-14 * 4.0
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.1, 2.6])
+def test_a_turning_slide_has_both_tangents_of_its_circle(tmp_path, angle):
+    """The slide's line is 0.3 from the arm's pivot: a tangent from the crank's end to that circle."""
+    solver = model_of(tmp_path, DYADS["RPR"])
+    every = ms.assemblies(solver, angle)
+    x, y = math.cos(angle) + 3.0, math.sin(angle)
+    direction, offset = math.atan2(y, x), math.asin(0.3 / math.hypot(x, y))
+    exact = sorted(math.cos(a) for a in (direction - offset, direction + offset + math.pi))
+    assert every.complete
+    arms = sorted(points["B"][0] + 3.0 for points in every.points)
+    assert np.abs(np.array(arms) - exact).max() <= 1e-14 * 4.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["jansen", "klann", "stephenson_six_bar", "planar_3rrr", "quick_return"])
+def test_random_starts_find_the_same_assemblies(name):
+    solver = ms.load(name)
+    every = ms.assemblies(name, 0.2)
+    searched = all_assembly_points(solver, 0.2)[0]
+    assert every.complete
+    assert len(every) == len(searched)
+    for _, points in searched:
+        assert any(
+            all(np.abs(points[point] - other[point]).max() <= 1e-9 for point in points)
+            for other in every.points
+        )
+
+
+@pytest.mark.parametrize("name", ["jansen", "peaucellier_lipkin", "quick_return", "oldham_coupling"])
+def test_poses_of_groups_close_the_loops(name):
+    solver = ms.load(name)
+    every = group_assemblies(solver.mechanism, poses_of(solver, 0.4))
+    for poses in every.poses:
+        for joint in solver.mechanism.joints:
+            if joint.kind == "revolute":
+                gap = poses[joint.a.link].point(joint.a.point) - poses[joint.b.link].point(joint.b.point)
+                assert np.abs(gap).max() <= 1e-13 * solver.mechanism.characteristic_length
+
+
+def test_a_rhombus_on_one_pin_is_a_family():
+    every = ms.assemblies("peaucellier_lipkin", 0.4)
+    assert every.complete
+    assert len(every.families) == 1
+    assert "bar_a, bar_b" in every.families[0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["delta_robot", "rack_steering"])
+def test_without_closed_forms_the_list_is_not_called_complete(name):
+    every = ms.assemblies(name, 0.0)
+    assert not every.complete
+    assert len(every) >= 4
+
+
+def test_a_spatial_mechanism_is_rejected():
+    solver = ms.load("sarrus")
+    with pytest.raises(InputError, match="not planar"):
+        group_assemblies(solver.mechanism, poses_of(solver, 0.1))
+
+
+@pytest.mark.long
+def test_a_trace_with_groups_states_at_how_many_angles_it_is_complete():
+    trace = ms.trace("watt_six_bar", starts=0)
+    assert trace.complete_at == 12
+    # without random starts the other curves come from the groups
+    assert len(trace.curves) == len(ms.trace("watt_six_bar", starts=100).curves)
+
+
+@pytest.mark.parametrize("count", [6, 7])
+def test_many_dyads_list_their_first_assemblies_only(count):
+    # dyads on one crank, each with two poses: 64 and 128
+    upright, tip = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (1.0, 0.0, 0.0)
+    links, poses = [ms.Link("crank")], {"crank": Pose(np.zeros(3), upright)}
+    joints = [ms.Joint("A", "revolute", ms.End("ground"), ms.End("crank"))]
+    for i in range(count):
+        corner, rod, rocker = (1.0 + 0.3 * i, 0.0, 0.0), f"rod{i}", f"rocker{i}"
+        links += [ms.Link(rod), ms.Link(rocker)]
+        joints += [
+            ms.Joint(f"B{i}", "revolute", ms.End("crank", tip), ms.End(rod)),
+            ms.Joint(f"C{i}", "revolute", ms.End(rod, corner), ms.End(rocker, tip)),
+            ms.Joint(f"D{i}", "revolute", ms.End("ground", corner), ms.End(rocker)),
+        ]
+        poses |= {rod: Pose(np.array([0.0, 1.0, 0.0]), np.eye(3)), rocker: Pose(np.array(corner), upright)}
+    mechanism = ms.Mechanism("dyads", tuple(links), tuple(joints), "A", {}, guess=poses)
+    groups = group_assemblies(mechanism, {GROUND: IDENTITY, **poses})
+    assert (len(groups.poses), groups.complete) == (64, count == 6)
+
+
+def test_assemblies_that_move_while_the_crank_holds_are_reported_once(tmp_path):
+    text = machines()["peaucellier_rods"].read_text()
+    (tmp_path / "rods.toml").write_text(re.sub(r", limits = \{.*?\} \}", "", text))
+    every = ms.assemblies(ms.load(tmp_path / "rods.toml"), 0.0)
+    # A is above or below with B opposite, and P on either side of both; with A on B, P turns about them
+    x = [points["P"] for points in every.points]
+    np.testing.assert_allclose(sorted(p[0] for p in x), [0.06, 0.06, 0.275 / 3.0, 0.275 / 3.0], atol=1e-12)
+    np.testing.assert_allclose([p[1:] for p in x], 0.0, atol=1e-9)
+    (moving,) = every.families
+    assert "plane_p.x" in moving
