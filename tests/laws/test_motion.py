@@ -63,7 +63,7 @@ def test_rates_are_derivatives(name):
     for item in (*result.points.values(), *result.links.values()):
         assert_derivative(item.velocity, item.position, step)
         assert_derivative(item.acceleration, item.velocity, step)
-    # rates of a link or a dependent joint are sums of joint rates, which are zero for a plate that only shifts
+    # rates of links and dependent joints are sums of joint rates, zero for a plate that only shifts
     turns = sum(np.abs(joint.rate).max() for joint in result.joints.values())
     for link in result.links.values():
         change = np.tensordot(WEIGHTS, link.rotation, 1) / step @ link.rotation[MIDDLE].T
