@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Literal
@@ -76,6 +76,12 @@ class OutputError(MechsimError, OSError):
 
 class MissingToolError(MechsimError, RuntimeError):
     """A tool that this machine lacks (OpenGL, ffmpeg); the message names the package that provides it."""
+
+
+def require_once(where: str, names: Sequence[str]) -> None:
+    """Raise InputError if an option, a table or an entry names something twice."""
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"{where} names {twice} twice; give it once")
 
 
 def install_command(extra: str) -> str:

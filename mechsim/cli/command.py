@@ -11,7 +11,7 @@ import typer
 from mechsim import units
 from mechsim.cli.output import print_json
 from mechsim.cli.progress import reported
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_once
 
 JSON_OPTION = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
@@ -184,9 +184,7 @@ def _value(name: str, field: Field[Any], text: Any) -> Any:
     option_name = rule["name"] or f"--{name.replace('_', '-')}"
     if rule["many"]:
         values = tuple(rule["read"](item) for item in text)
-        names = [value[0] for value in values if isinstance(value, tuple)]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"{option_name} names {twice} twice; give it once")
+        require_once(option_name, [value[0] for value in values if isinstance(value, tuple)])
         return values
     if rule["read"]:
         return rule["read"](text)

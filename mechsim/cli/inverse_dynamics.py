@@ -25,7 +25,7 @@ from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_text, without_noise
 from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
-from mechsim.errors import FrictionError, InputError
+from mechsim.errors import FrictionError, InputError, require_once
 from mechsim.kinetics import DynamicModel, actuated, fluctuation
 from mechsim.kinetics.contact_forces import contact_forces
 from mechsim.kinetics.prescribed_motion import prescribed_along
@@ -80,6 +80,7 @@ class InverseOptions:
     def actuator_weights(self) -> dict[str, float]:
         """Return the actuators and the weights of their squared torques."""
         named = [text.partition("=") for text in self.actuators.split(",")] if self.actuators else []
+        require_once("--actuators", [name for name, _, _ in named])
         return {
             name: parse(weight, "1", f"the weight of {name}") if sign else 1.0 for name, sign, weight in named
         }

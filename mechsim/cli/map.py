@@ -51,11 +51,10 @@ def map_joints(
     mechsim map four_bar --from crank=20deg:80deg --to rocker -o map.npz --json
     """
     ranges = joint_ranges("--from", inputs)
+    listed = list(dict.fromkeys(outputs.split(",")))
     model, options = closed_model(source)
     with progress("map", None) as report:
-        table = joint_map(
-            model, ranges, outputs.split(","), points=points, degree=degree, progress=report, **options
-        )
+        table = joint_map(model, ranges, listed, points=points, degree=degree, progress=report, **options)
     comparison = compare_with_loop_equations(table, model, **options)
     with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from mechsim.cli.exit_codes import notes, questions
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_once
 from mechsim.io import catalog, gallery
 from mechsim.io.readers import load, load_by_motors, parametric_model
 from mechsim.kinematics.designs import DesignFamily
@@ -255,18 +255,20 @@ def load_parametric(
 
 def changed_parameters(sets: list[str] | None) -> dict[str, str]:
     """Return the parameters of `--set`, as text."""
-    read = pair_of("--set crank=13mm")
-    return {name: value or "" for name, value in map(read, sets or ())}
+    changed = [(name, value or "") for name, value in map(pair_of("--set crank=13mm"), sets or ())]
+    require_once("--set", [name for name, _ in changed])
+    return dict(changed)
 
 
 def joint_ranges(option_name: str, text: str) -> dict[str, tuple[str, str] | None]:
     """Return joints and their ranges as text, from J=-20deg:20deg,K; None for the joint limits."""
     ranges: dict[str, tuple[str, str] | None] = {}
-    for item in text.split(","):
-        name, equals, ends = item.partition("=")
+    named = [item.partition("=") for item in text.split(",")]
+    require_once(option_name, [name for name, _, _ in named])
+    for name, equals, ends in named:
         low, _, high = ends.partition(":")
         if equals and not (low and high):
-            raise InputError(f"{option_name} is given {item!r}; write the range as {name}=-20deg:20deg")
+            raise InputError(f"{option_name} has {name}={ends}; write the range as {name}=-20deg:20deg")
         ranges[name] = (low, high) if equals else None
     return ranges
 

@@ -14,7 +14,7 @@ from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_once
 from mechsim.mechanism.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.sweeping import (
@@ -114,13 +114,12 @@ def sweep(
 
 def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[str, str]) -> dict[str, Any]:
     declared, sampled = declared_units(subject.design_family), options.sample is not None
-    ranges: dict[str, Any] = {}
-    for text in options.vary:
-        parameter, values = parsed_range(text, subject.name, dimensions, sampled=sampled, declared=declared)
-        if parameter in ranges:
-            raise InputError(f"--vary names {parameter} twice; give it once")
-        ranges[parameter] = values
-    return ranges
+    ranges = [
+        parsed_range(text, subject.name, dimensions, sampled=sampled, declared=declared)
+        for text in options.vary
+    ]
+    require_once("--vary", [parameter for parameter, _ in ranges])
+    return dict(ranges)
 
 
 def _print(result: "Dataset", title: str) -> None:

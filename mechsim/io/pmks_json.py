@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_once
 from mechsim.io.planar_json import entries, in_plane, pins, point, slide
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.links import GROUND, IDENTITY, Link
@@ -53,9 +53,9 @@ def _links(entry: Mapping[str, Any], number: int) -> list[str]:
     links = entry.get("Links")
     if not isinstance(links, list) or not links or not all(isinstance(link, str) and link for link in links):
         raise InputError(f"joint {number + 1} names no links; give Links: [NAME, NAME]")
-    if len({*links}) < len(links):
-        raise InputError(f"joint {number + 1} names a link twice; name each once")
-    return [GROUND if link.lower() == GROUND else link for link in links]
+    names = [GROUND if link.lower() == GROUND else link for link in links]
+    require_once(f"joint {number + 1}", names)
+    return names
 
 
 def _joints(

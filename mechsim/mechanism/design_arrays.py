@@ -101,7 +101,7 @@ def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDes
     """Return the dimensions and guesses of designs that have the structure of `like`.
 
     Raises:
-        AssemblyError: if no chain of joints connects a link with the frame.
+        InputError: if no chain of joints connects a link with the frame.
     """
     arrays = design_arrays(like, designs)
     starts_of = [initial_coordinates(design) for design in designs]

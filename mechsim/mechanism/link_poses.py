@@ -1,12 +1,12 @@
 """Initial poses for assembly: the guess of a mechanism, completed link by link along its joints."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import COLUMN, FIXED, KINDS, KindName, displaced
 from mechsim.mechanism.joints import End, Joint, joint_coordinate
 from mechsim.mechanism.links import (
@@ -45,7 +45,7 @@ def guessed_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[st
             joints are used in their order.
 
     Raises:
-        AssemblyError: if no chain of joints connects a link with the frame.
+        InputError: if no chain of joints connects a link with the frame.
     """
     sides = {
         joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
@@ -72,19 +72,13 @@ def complete_guess(
         coordinates: coordinate -> its value, or (d,).
 
     Raises:
-        AssemblyError: if no chain of joints connects a link with the frame.
+        InputError: if no chain of joints connects a link with the frame.
     """
     placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
     waiting = list(mechanism.joints)
-    while waiting:
-        attached = [j for j in waiting if j.a.link in placed or j.b.link in placed]
+    while attached := [j for j in waiting if j.a.link in placed or j.b.link in placed]:
         # the displacement of a screw is seldom stated: another joint places its links better
-        joint = min(attached, key=lambda j: KINDS[j.kind].helical, default=None)
-        if joint is None:
-            lost = [link.name for link in mechanism.links if link.name not in placed]
-            raise AssemblyError(
-                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
-            )
+        joint = min(attached, key=lambda j: KINDS[j.kind].helical)
         waiting.remove(joint)
         forward = joint.a.link in placed
         placed_link, next_link = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
@@ -92,13 +86,18 @@ def complete_guess(
             point_a, frame_a, point_b, frame_b = sides[joint.name]
             ends = (point_a, frame_a, point_b, frame_b) if forward else (point_b, frame_b, point_a, frame_a)
             placed[next_link] = _attached(placed[placed_link], ends, _displaced(joint, coordinates, forward))
-    lost = [link.name for link in mechanism.links if link.name not in placed]
-    if lost:
-        raise AssemblyError(
-            f"{mechanism.name}: link {', '.join(lost)} has no joint; add one or leave the link out"
-        )
+    require_placed(mechanism, placed)
     del placed[GROUND]
     return placed
+
+
+def require_placed(mechanism: Mechanism, placed: Container[str]) -> None:
+    """Raise InputError for links that no chain of joints, and no guess, places."""
+    if lost := [link.name for link in mechanism.links if link.name not in placed]:
+        raise InputError(
+            f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add a joint, "
+            "or leave the link out"
+        )
 
 
 def _attached(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:

@@ -186,20 +186,23 @@ def test_a_table_of_blank_lines_has_no_row(run, tmp_path, rows):
     assert len(shown.err.splitlines()) == 1
 
 
-def test_a_link_of_a_planar_linkage_without_a_joint_is_rejected(run, tmp_path):
-    """Joints of PMKS; the last is a point of a link that nothing holds."""
+@pytest.mark.parametrize("command", ["show", "solve", "simulate --method pose", "export -o out.xml"])
+@pytest.mark.parametrize("coupler", ["rod", "Rod"])
+def test_a_link_of_a_planar_linkage_without_a_joint_is_rejected(run, tmp_path, coupler, command):
+    """Joints of PMKS; the last is a point of a link that nothing holds, the third joint may be misspelt."""
     pins = [
         (0, 0, "ground", "crank"),
         (1, 0, "crank", "rod"),
-        (2, 2, "rod", "rocker"),
+        (2, 2, coupler, "rocker"),
         (3, 0, "rocker", "ground"),
     ]
     joints = [f'{{"X": {x}, "Y": {y}, "TypeOfJoint": "R", "Links": ["{a}", "{b}"]}}' for x, y, a, b in pins]
     joints.append('{"X": 1, "Y": 1, "TypeOfJoint": "R", "Links": ["lost"]}')
     (tmp_path / "f.json").write_text(f'{{"Joints": [{", ".join(joints)}], "DrivingIndex": 0}}')
-    code, shown = run(["show", "f.json"])
+    name, *options = command.split()
+    code, shown = run([name, "f.json", *options])
     assert code == 2
-    assert "link lost has no joint" in shown.err
+    assert "no chain of joints leads from the frame to lost; add a joint" in shown.err
 
 
 @pytest.mark.long

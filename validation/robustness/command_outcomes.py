@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.cli import COMMANDS
 
-PROGRESS = tuple(f"{command.split()[0]}: " for command in COMMANDS)
+PROGRESS = tuple(f"{word}: " for command in COMMANDS for word in command.split())
 
 
 @dataclass(frozen=True)

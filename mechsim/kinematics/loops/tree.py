@@ -7,10 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS, Kind, crossed_at_zero
 from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.link_poses import split_joints
+from mechsim.mechanism.link_poses import require_placed, split_joints
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -226,7 +225,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     If these alone close a loop, some are split, and the loop is cut next to them.
 
     Raises:
-        AssemblyError: if no chain of joints connects a link with the frame.
+        InputError: if no chain of joints connects a link with the frame.
     """
     first = {
         *mechanism.drivers,
@@ -254,20 +253,14 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen or KINDS[joint.kind].rod)
     branches: list[TreeJoint] = []
     placed, waiting, count = {GROUND}, [j for j in mechanism.joints if j.name in chosen], 0
-    while waiting:
-        joint = next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None)
-        if joint is None:
-            unreached = sorted({end.link for j in waiting for end in (j.a, j.b)} - placed)
-            raise AssemblyError(
-                f"{mechanism.name}: no chain of joints leads from the frame to "
-                f"{', '.join(unreached)}; add one"
-            )
+    while joint := next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None):
         waiting.remove(joint)
         forward = joint.a.link in placed
         parent_end, child_end = (joint.a, joint.b) if forward else (joint.b, joint.a)
         branches.append(TreeJoint(joint, forward, index[parent_end.link], index[child_end.link], count))
         count += KINDS[joint.kind].dof
         placed.add(child_end.link)
+    require_placed(mechanism, placed)
     return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import KINDS, Kind
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import plane_normals, split_joints, virtual_body
+from mechsim.mechanism.link_poses import plane_normals, require_placed, split_joints, virtual_body
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.graphs import components, distances, spanning_edges
@@ -68,11 +68,7 @@ def cut_loops(
         [GROUND, *(link.name for link in mechanism.links)],
         [(joint.a.link, joint.b.link) for joint in mechanism.joints],
     )
-    if len(joined) > 1:
-        disconnected = sorted(name for names in joined[1:] for name in names)
-        raise InputError(
-            f"{mechanism.name}: no chain of joints connects the frame with {', '.join(disconnected)}; add one"
-        )
+    require_placed(mechanism, joined[0])
     # the joints in the order in which they stay in the tree
     distance = _distance_from_crank(mechanism)
 

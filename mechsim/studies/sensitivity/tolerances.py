@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim import units
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_once
 from mechsim.io.toml_values import suggestion
 from mechsim.kinematics.designs import Dimension
 from mechsim.mechanism.joint_kinds import KINDS, kinds_that
@@ -102,6 +102,5 @@ def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str
     if not pairs:
         raise InputError(f"{option} names no tolerance; write crank=±0.02mm")
     names = [name.strip() for name, _, _ in pairs]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"{twice} has two tolerances; give one")
+    require_once(option, names)
     return {name: tolerance.strip() for name, (_, _, tolerance) in zip(names, pairs, strict=True)}

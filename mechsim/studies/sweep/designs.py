@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim import units
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_once
 from mechsim.files import read_rows
 from mechsim.io.toml_values import suggestion
 from mechsim.kinematics.designs import DesignFamily
@@ -257,8 +257,7 @@ def read_designs(
     names, *rows = read_rows(path, "a table of designs") or [[]]
     if not rows:
         raise InputError(f"{path} has no row of numbers under a header; give a column for each parameter")
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"{path} has the column {twice!r} twice; give it once")
+    require_once(path, names)
     columns: dict[str, Array] = {}
     for i, name in enumerate(names):
         unit = unit_of(name, model, parameters)
