@@ -31,7 +31,7 @@ from mechsim.formulas import (
 from mechsim.kinematics.vector_method import trig_polynomial
 from mechsim.kinematics.vector_method.root_branches import Sheet, sheets
 from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs, sampled_polynomial
-from mechsim.numerics.angles import REVOLUTION, shifted_into
+from mechsim.numerics.arrays import REVOLUTION, shifted_into
 from mechsim.numerics.jets import Jet, jet_root
 
 Side = int

@@ -13,7 +13,7 @@ from mechsim.kinematics.loops.motion import conditioning_of
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import SWING_FRACTION, CrankProfile, within_range
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 
 # accelerations with this many correct digits need no warning
 ENOUGH_DIGITS = 6

@@ -15,7 +15,7 @@ from mechsim.io import catalog, gallery
 from mechsim.io.readers import load, load_by_motors, parametric_model
 from mechsim.kinematics.designs import DesignFamily
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.units import IMPLAUSIBLE, option, require_written
 
 # end of a range of angles without a unit, in [rad], above which it is probably in degrees

@@ -31,7 +31,7 @@ from mechsim.io.readers import load
 from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.designs import DesignFamily
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.studies.agreement.agreement import Agreement, compare_model
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.units import crank_speed, option

@@ -25,8 +25,7 @@ from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Vector
 from mechsim.mechanism.mechanism import Mechanism, require_polynomials
 from mechsim.mechanism.motion_laws import interval_around
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
 

@@ -14,9 +14,8 @@ from mechsim.compare.record_errors import Error, Subjects, field_error, field_va
 from mechsim.compare.tolerances import FRACTION_OF, ToleranceRule
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.arrays import rms, worst
+from mechsim.numerics.arrays import EPS, rms, worst
 from mechsim.numerics.convergence import half_extent
-from mechsim.numerics.rounding import EPS
 
 # a drive torque below this fraction of the kinetic energy counts as zero
 ZERO_TORQUE = 1e-3

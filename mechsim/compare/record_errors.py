@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mechsim.mechanism.force_record import COMPONENTS, ForceRecord
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, wrapped
 
 Error = Callable[[Any, Any, str], Array | None]
 Subjects = Callable[[Any, Any], Iterable[str]]

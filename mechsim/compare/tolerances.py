@@ -14,8 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS, Array
 
 # conditioning of the loops below which tolerances widen. Measured over random mechanisms:
 # validation/robustness/bounds.py

@@ -27,8 +27,7 @@ from mechsim.mechanism.expressions import (
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.load_profile import PERIOD_TOLERANCE, LoadProfile, Over, constant, function, table
 from mechsim.mechanism.motion_laws import State, steady, tabled
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Jet
 from mechsim.units import Unit
 

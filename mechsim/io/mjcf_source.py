@@ -15,7 +15,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism, against
 from mechsim.mechanism.motion_laws import make_motion_laws, steady
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING
 from mechsim.units import Unit
 
 if TYPE_CHECKING:

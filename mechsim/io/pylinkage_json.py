@@ -13,7 +13,7 @@ from mechsim.io.planar_json import entries, in_plane, pins, point, slide, text
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.links import GROUND, IDENTITY, Link
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING
 
 DRIVERS = ("driver", "arc_driver")
 # keys that are read

@@ -18,7 +18,7 @@ from mechsim.mechanism.cams import PERIODIC, Cam, LiftLaw, SegmentedLaw
 from mechsim.mechanism.contacts import Contact
 from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.links import VIRTUAL_PREFIX
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 
 # follower -> lengths that it has besides the base radius, and those that it may have
 _LENGTHS: Mapping[tuple[str, str], tuple[tuple[str, ...], tuple[str, ...]]] = {

@@ -11,7 +11,7 @@ from mechsim.files import is_table
 from mechsim.io.toml_values import KeyPath, Values, suggestion, tabled_function, written_function
 from mechsim.mechanism.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.mechanism.joints import Belt, Coupling, Gear, state_variable
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.units import Unit
 
 if TYPE_CHECKING:

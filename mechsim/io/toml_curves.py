@@ -22,7 +22,7 @@ from mechsim.mechanism.curve_checks import require_followable
 from mechsim.mechanism.curves import CurveAxis, GuideCurve
 from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 
 CURVE_KEYS = {"kind", "a", "b", "roller", "side", "limits"}
 # side of a roller -> sign of its offset to the left; of closed curves relative to their outside

@@ -12,8 +12,7 @@ from mechsim.kinematics.mobility_count import planar_pairs, plane_normal, rigid
 from mechsim.kinematics.vector_method.triad import triad_modes
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING, Array
 
 # shortest leg of a triad relative to its size: below it `triad_modes` may miss poses
 MIN_LEG = 0.03

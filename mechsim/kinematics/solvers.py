@@ -22,8 +22,7 @@ from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import ChangePointPolicy, Motion, short_repr
 from mechsim.mechanism.motion_laws import CRANK, Arcs, MotionLaws, interval_around
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.units import WrittenUnits
 
 if TYPE_CHECKING:

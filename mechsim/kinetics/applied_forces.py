@@ -21,8 +21,7 @@ from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint, joint_coordinate
 from mechsim.mechanism.links import IDENTITY
 from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.arrays import Array, cross, wrapped
 
 # joint rate per radian of the crank, in [rad] or characteristic lengths, at or below which the joint
 # reverses: the sign of its rate is rounding, and Coulomb friction has no direction

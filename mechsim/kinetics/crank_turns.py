@@ -14,8 +14,7 @@ from mechsim.kinetics.forward_dynamics import BUDGET, Integration, Trajectory
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.reduced_equation import reduced_coefficients
 from mechsim.mechanism.finding import Outcome
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 
 # time limit of a run that has a number of revolutions but no duration, relative to its expected time
 PATIENCE = 100.0

@@ -16,8 +16,7 @@ from mechsim.kinetics.linearization import (
     reduced_forces,
 )
 from mechsim.kinetics.state_quantities import joined_configurations
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, wrapped
 
 # largest number of Newton steps from each start, and largest step
 NEWTON_STEPS, MAX_STEP = 60, 0.3

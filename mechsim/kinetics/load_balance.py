@@ -29,8 +29,7 @@ from mechsim.kinetics.state_quantities import load_displacement, values_at
 from mechsim.kinetics.statics import prepared_equations
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.quantity import Quantity
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, wrapped
 from mechsim.numerics.newton import root
 
 # points in each interval of the curve of assemblies

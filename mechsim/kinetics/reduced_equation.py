@@ -14,8 +14,7 @@ from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.force_record import Fluctuation
 from mechsim.mechanism.motion import short_repr
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import size_of
 from mechsim.numerics.newton import root
 from mechsim.units import si

@@ -15,8 +15,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion, Motion, leading_joint
 from mechsim.mechanism.quantities import numeric_quantity
 from mechsim.mechanism.quantity import Quantity, record_columns
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.arrays import Array, cross, wrapped
 
 
 def motion_of(equations: EquationsOfMotion, state: MovingLinks, accelerations: Array, times: Array) -> Motion:

@@ -35,10 +35,8 @@ from mechsim.kinetics.state_quantities import (
 from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.limits import Ranges, require_count
-from mechsim.numerics.angles import REVOLUTION, wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import EPS, REVOLUTION, Array, wrapped
 from mechsim.numerics.newton import root
-from mechsim.numerics.rounding import EPS
 
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20

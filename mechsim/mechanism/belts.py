@@ -20,8 +20,7 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Belt, Coupling, End, Joint
 from mechsim.mechanism.links import Vector
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 
 # difference of a stated length and that of the path, relative to it, that is rounding of the text
 STATED = 1e-3

@@ -19,8 +19,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.coupling_functions import PlainFunction
 from mechsim.mechanism.expressions import Instruction
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Jet
 
 LawName = Literal["dwell", "cycloidal", "modified_sine", "polynomial_345"]

@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 
 # instants per revolution of the crank or the path parameter at which ranges are checked, and their maximum
 INSTANTS, MAX_INSTANTS = 256, 65536

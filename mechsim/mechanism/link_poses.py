@@ -26,8 +26,7 @@ from mechsim.mechanism.links import (
 )
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 
 # of a joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in the frames of their links
 Sides = tuple[Array, Array, Array, Array]

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.numerics.inputs import HUGE
-from mechsim.numerics.rounding import ROUNDING
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.mechanism.expressions import Instruction, Table
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.inputs import HUGE
 

@@ -13,8 +13,7 @@ import numpy as np
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Coupling, End, Joint
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING, Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,7 @@ import numpy as np
 
 from mechsim.mechanism.links import AXES
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import change_of, stepped
 
 # rows and columns of a rotation matrix

@@ -1,4 +1,4 @@
-"""The array type of the package, error norms, and tangents of paths."""
+"""Arrays: their type, tolerances of rounding, error norms, polynomials, angles that differ by revolutions."""
 
 from collections.abc import Iterable
 
@@ -6,6 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+REVOLUTION = 2.0 * np.pi
+# spacing of floating-point numbers at 1
+EPS = 2.0**-52
+# largest residual of closed loops, in [rad] and characteristic lengths: Newton's method ends at about 1e-15
+CLOSED = 1e-12
+# difference of computed numbers, relative or in [rad], that is rounding: quantities of loops closed to 1e-12
+# lose up to three digits by conditioning, and real differences are far larger
+ROUNDING = 1e-9
+# smallest divisor, which avoids a division by zero
+TINY = 1e-300
 
 # glibc returns freed memory to the system after each step of a calculation and requests it again for the
 # next, page by page, unless one large array has been freed before; without this line that costs more than the
@@ -51,3 +61,38 @@ def polynomial(coefficients: Iterable[float], x: Array) -> tuple[Array, Array, A
     for entry in reversed([*coefficients]):
         half, rate, value = half * x + rate, rate * x + value, value * x + entry
     return value, rate, 2.0 * half
+
+
+def wrapped(angles: Array) -> Array:
+    """Return angles in [rad], of any shape, within half a revolution of zero."""
+    return angles - REVOLUTION * np.round(angles / REVOLUTION)
+
+
+def other_revolutions(angle: float, targets: Array) -> list[int]:
+    """Return revolutions to add to an angle so that targets (n,) lie within a revolution of it, fewest first.
+
+    Angles are in [rad]; zero revolutions are omitted.
+    """
+    first = int(np.ceil((targets.max() - angle) / REVOLUTION - 1.0))
+    last = int(np.floor((targets.min() - angle) / REVOLUTION + 1.0))
+    return sorted((count for count in range(first, last + 1) if count), key=abs)
+
+
+def shifted_into(angles: Array, ends: tuple[float, float], start: float, period: float = REVOLUTION) -> Array:
+    """Return angles (n,) shifted together by the fewest whole revolutions that bring them into a range.
+
+    They are unchanged if no shift fits. All values are in [rad].
+
+    Args:
+        angles: angles of a motion.
+        ends: ends of the range.
+        start: an angle in the range; shifted angles lie within a revolution of it.
+        period: angle, a multiple of a revolution, after which the configuration repeats.
+    """
+    low, high = ends
+    for count in (0, *other_revolutions(start, angles)):
+        if count % round(period / REVOLUTION) == 0:
+            shifted = angles - count * REVOLUTION
+            if low <= shifted.min() and shifted.max() <= high:
+                return shifted
+    return angles

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError, SingularStartError
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 from mechsim.numerics.branch_points import (
     branch_segment,
     change_point_between,
@@ -40,7 +39,6 @@ from mechsim.numerics.path_segments import (
     PrescribedValues,
     Segment,
 )
-from mechsim.numerics.rounding import ROUNDING
 
 # radius of the singular neighbourhood of a change point, relative to the half length of its segment: poses in
 # it are taken from the polynomial, since the Jacobian is singular; and smallest distance of a start from a

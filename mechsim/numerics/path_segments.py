@@ -7,11 +7,10 @@ from typing import Generic, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.collocation import Interpolant, interpolation_error
 from mechsim.numerics.loop_solver import E, Linearised, LoopSolver, Q
 from mechsim.numerics.newton import NewtonSettings, newton
-from mechsim.numerics.rounding import CLOSED
 from mechsim.numerics.step_control import StepControl
 
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)

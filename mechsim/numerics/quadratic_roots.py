@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS, Array
 
 # a bound contains this multiple of the rounding of one operation
 ROUNDING = 8.0 * EPS

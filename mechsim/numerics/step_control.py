@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import TINY
+from mechsim.numerics.arrays import TINY, Array
 
 
 @dataclass(frozen=True, slots=True)

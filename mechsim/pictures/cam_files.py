@@ -9,8 +9,7 @@ from mechsim.errors import InputError
 from mechsim.mechanism.cams import Cam, CamContact
 from mechsim.mechanism.masses import RELATIVE_DIAMETER
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.flat_plates import CHORDS, MILLIMETRES, Plate, closed_line, cross, drawing_text
 
 EXTENSIONS = (".csv", ".dxf", ".svg")

@@ -16,9 +16,7 @@ from mechsim.mechanism.belts import belts_of
 from mechsim.mechanism.force_record import ForceRecord, Reaction
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.meshes import threads_of
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 
 if TYPE_CHECKING:
     from mechsim.kinematics.assur import AssurGroup

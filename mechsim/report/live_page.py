@@ -28,8 +28,7 @@ from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.load_profile import LoadProfile
 from mechsim.mechanism.masses import PIN_LENGTH, RELATIVE_DIAMETER, STEEL
 from mechsim.mechanism.mechanism import COINCIDENT, Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.view.pose_grid import LivePage
 
 # range of a slider: of a length or a number relative to its value; of an angle about its value, in

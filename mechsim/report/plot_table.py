@@ -18,8 +18,7 @@ from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.quantities import numeric_quantity, quantity_names
 from mechsim.mechanism.quantity import Quantity, record_columns, unwrapped
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures import plots
 from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.motions import profile_of

@@ -14,8 +14,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Up
 from mechsim.mechanism.motion import select_instants
 from mechsim.mechanism.motion_laws import constant, interval_around, within_range
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.pose_grid import (
     GhostTrack,

@@ -9,7 +9,7 @@ from mechsim.mechanism.belts import belts_of
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.links import GROUND
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.shapes.body import Canvas
 from mechsim.shapes.gears import wheel_colour, wheel_height
 from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, vector

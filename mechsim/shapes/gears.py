@@ -9,8 +9,7 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Coupling, End, Gear, Joint
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.shapes.body import Canvas, rod_radius
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 

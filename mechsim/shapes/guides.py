@@ -9,8 +9,7 @@ from mechsim.mechanism.contacts import Contact
 from mechsim.mechanism.joints import End
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.shapes.body import Canvas
 from mechsim.shapes.shape import HOUSING, STEEL, pale, plate_of
 

@@ -12,8 +12,7 @@ from mechsim.mechanism.link_poses import with_rods
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.links import IDENTITY as GROUND_POSE
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links

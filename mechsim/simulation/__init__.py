@@ -10,14 +10,14 @@ if TYPE_CHECKING:
     from mechsim.mechanism.motion_laws import CrankProfile as CrankProfile
     from mechsim.mechanism.motion_laws import constant as constant
     from mechsim.mechanism.motion_laws import swing as swing
-    from mechsim.numerics.angles import REVOLUTION as REVOLUTION
+    from mechsim.numerics.arrays import REVOLUTION as REVOLUTION
     from mechsim.simulation.run import Run as Run
     from mechsim.simulation.run import simulate as simulate
     from mechsim.simulation.settings import Settings as Settings
 
 _NAMES = {
     "mechanism.motion_laws": "CrankProfile constant swing",
-    "numerics.angles": "REVOLUTION",
+    "numerics.arrays": "REVOLUTION",
     "simulation.run": "Run simulate",
     "simulation.settings": "Settings",
 }

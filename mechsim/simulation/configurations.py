@@ -12,8 +12,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.motion_laws import CrankProfile
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops

@@ -13,8 +13,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
 from mechsim.mechanism.progress import Progress, no_progress
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.closed_configurations import (
     BATCH,
     StraightPath,

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import BudgetError
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION, TINY
 from mechsim.numerics.convergence import plausible_order, refine
-from mechsim.numerics.rounding import TINY
 from mechsim.simulation.configurations import lag_distance
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.result import Run

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.numerics import inputs
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings

@@ -23,8 +23,7 @@ from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.progress import Progress, no_progress
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS, Array
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia

@@ -23,8 +23,7 @@ from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import CrankProfile, constant
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import rms
+from mechsim.numerics.arrays import REVOLUTION, rms
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motions import driven_as, simulated
 

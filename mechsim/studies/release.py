@@ -24,8 +24,7 @@ from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.mechanism.quantities import coordinate_units, moving_points, numeric_quantity
 from mechsim.mechanism.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 
 # largest displacement of a coordinate, in [rad] or characteristic lengths, and number of times it can be
 # halved

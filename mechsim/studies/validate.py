@@ -33,7 +33,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.motion_laws import CrankProfile, State, interval_around, swing
 from mechsim.mechanism.progress import Progress, no_progress
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import Settings

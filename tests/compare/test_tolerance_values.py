@@ -11,7 +11,7 @@ from mechsim.compare.quantities import (
     MOTION,
     QUANTITIES,
 )
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS
 
 # method -> fraction of the scale, factor of the requested tolerance, power of the conditioning
 FORCE = {"pose": (1e-10, 0.0, 5), "step": (1e-5, 0.0, 0)}

@@ -19,7 +19,7 @@ from mechsim.compare.tolerances import RATES, WELL_CONDITIONED, Requested, Toler
 from mechsim.errors import InputError
 from mechsim.mechanism.force_record import ForceRecord, Reaction
 from mechsim.mechanism.motion import LinkMotion, Motion, PointMotion
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS
 
 N = 5
 ANGLE = np.linspace(0.2, 3.0, N)

@@ -10,7 +10,7 @@ from mechsim.compare.quantities import reach_of
 from mechsim.io import catalog, gallery
 from mechsim.io.python_object import run_object
 from mechsim.io.readers import load
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import values_of_function
 from mechsim.studies.agreement.comparison import candidate_check, formula_tolerance, scales_of

@@ -6,7 +6,7 @@ from strategies import turns
 
 from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs
 from mechsim.mechanism.motion_laws import Arcs
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 
 
 def with_roots(roots, scale=1.0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.numerics.angles import REVOLUTION, other_revolutions
+from mechsim.numerics.arrays import REVOLUTION, other_revolutions
 
 
 @pytest.mark.parametrize("angle", [-20.3, -0.4, 0.0, 3.9, 31.0])

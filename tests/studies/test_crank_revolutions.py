@@ -13,7 +13,7 @@ from mechsim.compare.crosscheck import crosscheck
 from mechsim.errors import AssemblyError
 from mechsim.mechanism.motion_laws import SWING_FRACTION, constant, interval_around, swing
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.simulation import simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled

@@ -24,7 +24,7 @@ from mechsim.io import gallery
 from mechsim.io.readers import load
 from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve, CurvePoses
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.studies.trace import trace
 
 # relative to the characteristic length; conditioning below which a pose is singular; samples of a curve

@@ -10,7 +10,7 @@ from mechsim.errors import MechsimError
 from mechsim.kinematics.formulas.closed_form import SELECTORS
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion_laws import CrankProfile, interval_around, swing, within_range
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 
 # lengths vary by this factor, angles by this value in [rad]
 FACTOR, ANGLE_SPREAD = 1.6, 0.6

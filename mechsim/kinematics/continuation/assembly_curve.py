@@ -17,12 +17,10 @@ from mechsim.mechanism.joints import joint_coordinate
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import short_repr
-from mechsim.numerics.angles import REVOLUTION, wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, wrapped
 from mechsim.numerics.collocation import Interpolant, Piecewise
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
-from mechsim.numerics.rounding import ROUNDING
 
 Extremum = Literal["highest", "lowest"]
 # arcs in a segment at which rates are checked for a change of sign

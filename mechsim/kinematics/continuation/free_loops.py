@@ -13,11 +13,10 @@ from mechsim.kinematics.loops.path import regularised, smallest_singular_values
 from mechsim.kinematics.loops.tree import SpanningTree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.links import GROUND
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.loop_solver import NEARBY, Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import pivot_columns, significant
-from mechsim.numerics.rounding import CLOSED
 
 # component of a unit motion below which a coordinate or a point is at rest
 REST = 1e-6

@@ -17,11 +17,9 @@ from mechsim.errors import AssemblyError
 from mechsim.kinematics.continuation.free_loops import CorrectedNodes, FreeLoops
 from mechsim.kinematics.loops.constraints import CoupledRow, TreeLoops, TreeSolver
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 from mechsim.numerics.collocation import Interpolant, Piecewise, extrapolated, integral, through
 from mechsim.numerics.newton import root
-from mechsim.numerics.rounding import ROUNDING
 
 # limits for a closed curve: displacement in characteristic lengths, and revolutions of a multi-turn angle
 # (one in a coupling, as a screw's)

@@ -18,8 +18,7 @@ from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import ChangePointPolicy, JointMotion, Motion, join
 from mechsim.mechanism.motion_laws import Arcs, no_crank_range_error
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Jet, Values, constant_jet, values
 
 # parameters that select the assembly mode

@@ -21,8 +21,7 @@ from mechsim.kinematics.vector_method.trig_polynomial import (
 from mechsim.kinematics.vector_method.vectors import Sign
 from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.mechanism.motion_laws import Arcs, interval_around
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Values, values
 
 # smallest discriminant at a start, relative to the largest: nearer to a dead centre the modes coincide

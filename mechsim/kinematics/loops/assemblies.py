@@ -16,8 +16,7 @@ from mechsim.mechanism.joints import Joint, joint_coordinate
 from mechsim.mechanism.limits import Ranges
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.motion import LinkMotion
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import loop_solver
 
 # random starts in a batch; the search ends after two batches without another assembly, or after MAX_BATCHES

@@ -30,8 +30,7 @@ from mechsim.mechanism.joints import Coupling, Joint
 from mechsim.mechanism.link_poses import rotated, with_virtual_bodies
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import LoopSolver
 
 if TYPE_CHECKING:

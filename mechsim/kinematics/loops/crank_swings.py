@@ -27,8 +27,7 @@ from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinematics.loops.path import ClosedChunk, with_rates
 from mechsim.mechanism.design_arrays import StartedDesigns
 from mechsim.mechanism.motion import Motion, Record, mapped
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import NEARBY, LoopSystem
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm

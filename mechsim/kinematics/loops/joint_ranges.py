@@ -10,9 +10,8 @@ from mechsim.errors import AssemblyError
 from mechsim.mechanism.limits import INSTANTS, Ranges, check_instants, extremes, require_within
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.numerics.newton import root
-from mechsim.numerics.rounding import ROUNDING
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,7 @@ from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Coupling, Joint, joint_coordinate
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.arrays import Array, cross, wrapped
 
 
 @dataclass(frozen=True, slots=True)

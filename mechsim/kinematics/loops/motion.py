@@ -30,8 +30,7 @@ from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism, described, starting_at
 from mechsim.mechanism.motion import ChangePointPolicy, Motion
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws
-from mechsim.numerics.angles import REVOLUTION, other_revolutions
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array, other_revolutions
 from mechsim.numerics.continuation import PathNames
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.path_segments import PrescribedValues

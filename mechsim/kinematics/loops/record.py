@@ -14,8 +14,7 @@ from mechsim.mechanism.link_poses import rotated
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.arrays import REVOLUTION, Array, cross
 from mechsim.numerics.jets import unwrapped_angles
 
 

@@ -15,8 +15,7 @@ from mechsim.mechanism.joints import End, Joint, joint_coordinate
 from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vector
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import LoopSystem
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, rank, significant

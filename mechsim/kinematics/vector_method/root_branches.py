@@ -14,8 +14,7 @@ import numpy as np
 
 from mechsim.kinematics.vector_method import trig_polynomial
 from mechsim.mechanism.motion_laws import Arcs
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 
 Coefficients = Callable[[Array], Array]
 

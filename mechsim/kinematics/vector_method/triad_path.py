@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.vector_method.triad import closed_triads, determinant, inverse, leg_vectors, moments
-from mechsim.numerics.angles import shifted_into
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, shifted_into
 from mechsim.numerics.jets import Values
 
 Complex = NDArray[np.complex128]

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.mechanism.motion_laws import Arcs
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Values, cos_sin, values
 
 # coefficients of 1, cos t, sin t, cos 2t, sin 2t; as an array (5, n)

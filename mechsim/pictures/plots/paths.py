@@ -14,8 +14,7 @@ from mechsim.mechanism.link_poses import hinged_normals, moved_links
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import (
     INK,

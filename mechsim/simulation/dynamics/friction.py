@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.mechanism.forces import Friction
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import TINY
+from mechsim.numerics.arrays import TINY, Array
 from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
 
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import EPS, Array
 from mechsim.numerics.differences import FIRST, extrapolated_derivative
 from mechsim.numerics.rank import null_spaces
-from mechsim.numerics.rounding import EPS
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.forward_run import (

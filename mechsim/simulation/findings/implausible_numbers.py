@@ -7,8 +7,7 @@ import numpy as np
 
 from mechsim.mechanism.finding import Finding
 from mechsim.mechanism.links import GROUND
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.state import SCALAR, SLIDE, gravity
 

@@ -13,7 +13,7 @@ from mechsim.mechanism.link_poses import initial_coordinates, plane_normals, wit
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.simulation.mjcf.equalities import add_equality, add_rod, lock_joint
 from mechsim.simulation.mjcf.joints import (
     CRANK,

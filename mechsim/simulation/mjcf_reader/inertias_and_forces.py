@@ -10,8 +10,7 @@ import numpy as np
 from mechsim.mechanism.actuators import NO_LIMIT, Actuator, Range
 from mechsim.mechanism.forces import Forces, Friction, JointSpring
 from mechsim.mechanism.links import Inertia, Link, vector
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_names, listed
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier

@@ -10,11 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.mechanism.limits import require_travel
-from mechsim.numerics.angles import REVOLUTION, other_revolutions
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, other_revolutions
 from mechsim.numerics.continuation import ContinuationPath, PathNames
 from mechsim.numerics.loop_solver import loop_solver
-from mechsim.numerics.rounding import ROUNDING
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.model_loops import ModelLoops

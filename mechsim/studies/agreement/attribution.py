@@ -11,8 +11,7 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.mechanism.quantity import Quantity
-from mechsim.numerics.angles import REVOLUTION, wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array, wrapped
 from mechsim.simulation.settings import Settings
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.comparison import Scales, candidate_errors

@@ -10,9 +10,7 @@ from mechsim.compare.quantities import force_scales, reach_of, stroke_of
 from mechsim.compare.tolerances import Tolerance
 from mechsim.mechanism.expressions import unit_powers
 from mechsim.mechanism.quantity import Quantity
-from mechsim.numerics.angles import wrapped
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import EPS
+from mechsim.numerics.arrays import EPS, Array, wrapped
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 

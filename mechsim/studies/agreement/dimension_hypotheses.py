@@ -16,7 +16,7 @@ from mechsim.kinematics.loops.tree import SpanningTree
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import AXES
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.angles import wrapped
+from mechsim.numerics.arrays import wrapped
 from mechsim.studies.agreement.evaluation_points import (
     NAMED,
     PLACED,

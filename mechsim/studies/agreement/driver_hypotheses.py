@@ -9,8 +9,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError
 from mechsim.mechanism.motion_laws import MotionLaws, State
-from mechsim.numerics.angles import REVOLUTION, wrapped
-from mechsim.numerics.arrays import Array, rms
+from mechsim.numerics.arrays import REVOLUTION, Array, rms, wrapped
 from mechsim.studies.agreement.evaluation_points import (
     NAMED,
     EvaluationPoints,

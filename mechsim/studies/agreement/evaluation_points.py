@@ -17,8 +17,7 @@ from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.quantity import Column, Quantity, record_columns
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.studies.motions import profile_of
 
 if TYPE_CHECKING:

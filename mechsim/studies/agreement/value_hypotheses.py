@@ -8,8 +8,7 @@ import numpy as np
 
 from mechsim.kinematics.vector_method.rotations import turned_by
 from mechsim.mechanism.quantity import AXES, Quantity
-from mechsim.numerics.angles import REVOLUTION, wrapped
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array, wrapped
 from mechsim.studies.agreement.evaluation_points import (
     DISCRETE,
     NAMED,

@@ -17,8 +17,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics.initial_state import rotation_matrices, rotation_quaternions
 from mechsim.mechanism.mechanism import starting_at
 from mechsim.mechanism.motion_laws import NOT_ENCLOSED, MotionLaws, state_in_balls
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.numerics.rank import pivot_columns
 from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equations

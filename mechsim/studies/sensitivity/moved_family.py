@@ -27,8 +27,7 @@ from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.motion_laws import no_crank_range_error
 from mechsim.mechanism.quantities import quantity, scalar_quantities, unknown
 from mechsim.mechanism.quantity import AXES, Quantity, record_columns
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
 # default number of instants of a motion; distance from dead centres as a fraction of the range

@@ -24,9 +24,7 @@ from mechsim.mechanism.design_arrays import StartedDesigns
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import interval_around, no_crank_range_error
 from mechsim.mechanism.quantity import TRANSMISSION
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rounding import ROUNDING
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 from mechsim.studies.sweep.measures import MeasureError, NoValueError, Turns
 from mechsim.studies.sweep.task import (
     CrankRows,

@@ -20,8 +20,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.design_arrays import StartedDesigns, similar_designs
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import SWING_FRACTION
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.files import atomic_path
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation.settings import OWN_OPTIONS, Settings
 from mechsim.studies.tradeoff.methods import DEFAULTS, SteppingMethod
