@@ -73,6 +73,7 @@ CUT = np.dtype(
         ("of_b", _INT, 6),
         ("unit", _REAL, 6),
         ("target", _REAL, 6),
+        ("rod", _REAL),
     ],
     align=True,
 )
@@ -263,14 +264,9 @@ def _require_supported(equations: EquationsOfMotion) -> None:
     rows = sum(cut.rows for cut in loops.cuts) + len(loops.couplings)
     if rows != loops.rows or any(type(cut) is not Cut for cut in loops.cuts):
         raise NotCompiledError("its loop equations")
-    rod = next((cut.joint.name for cut in loops.cuts if KINDS[cut.joint.kind].rod), None)
-    if rod is not None:
-        raise NotCompiledError(f"the length of joint {rod}")
     for friction in forces.friction:
         if friction.coupling:
             raise NotCompiledError(f"the efficiency of coupling {friction.coupling}")
-        if friction.bristle_stiffness:
-            raise NotCompiledError(f"bristles in {friction.joint}")
     if equations.prescribed and any(friction.loads for friction in equations.frictions):
         raise NotCompiledError("friction by the load under prescribed motion")
 
@@ -360,11 +356,11 @@ def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
     rows, first = list[dict[str, Any]](), 0
     for cut in cuts:
         of_a, of_b, units, targets = cut.products
-        count, lengths = cut.rows, len(cut.lengths)
+        count, lengths = len(of_a), len(cut.lengths)
         row = {
             "a": _side(cut.sides[0], cut.joint.a),
             "b": _side(cut.sides[1], cut.joint.b),
-            "rows": count,
+            "rows": cut.rows,
             "first_column": first,
             "columns": len(cut.columns),
             "of_a": np.append(of_a, np.zeros(6 - count)),
@@ -372,6 +368,8 @@ def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
             "unit": np.append(units, np.zeros(6 - count)),
             "target": np.append(targets, np.zeros(6 - count)),
         }
+        if KINDS[cut.joint.kind].rod:
+            row |= {"rod": cut.joint.length, "of_b": -1, "unit": 1.0 / cut.length}
         first += len(cut.columns)
         rows.append(row)
     return _filled(CUT, rows)

@@ -29,6 +29,13 @@ class BristleFriction(Actuator):
 
     friction: Friction = Friction("")
 
+    @property
+    def bristles(self) -> tuple[float, ...]:
+        """Their numbers in the order of `Actuator` of expressions.c."""
+        row = self.friction
+        viscous, coulomb = row.viscous, row.coulomb
+        return row.bristle_stiffness, row.bristle_damping, viscous, coulomb, row.ratio_at_rest, row.stribeck
+
     def force(self, inputs: tuple[Array, Array], length: Array, speed: Array, state: Array) -> Array:
         """Return the force on the joint's link b, (n,)."""
         row, rate = self.friction, self.state_rate(inputs, length, speed, state)

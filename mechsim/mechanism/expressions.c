@@ -198,19 +198,33 @@ typedef struct {
     Expression effort;
 } Controller;
 
-/* force on a weighted sum of coordinates, as mechsim.mechanism.actuators states */
+/* force on a weighted sum of coordinates, as mechsim.mechanism.actuators states; or friction with bristles if their
+   stiffness, the first of `bristles`, is not 0: then follow their damping, viscous and Coulomb friction, the latter at
+   rest relative to that in motion, and the rate of Stribeck's curve */
 typedef struct {
     Expression control;
     int has_state;
-    double gain[3], bias[3], direct[2], inflow[4], control_range[2], state_range[2], force_range[2];
+    double gain[3], bias[3], direct[2], inflow[4], control_range[2], state_range[2], force_range[2], bristles[6];
 } Actuator;
 
 static double clipped(double value, const double *range) {
     return value < range[0] ? range[0] : value > range[1] ? range[1] : value;
 }
 
+/* Coulomb friction at a rate relative to that in fast motion, by Stribeck's curve unless its rate is 0 */
+static double slowness(double rate, double at_rest, double stribeck) {
+    double relative = stribeck > 0.0 ? rate / stribeck : INFINITY;
+    return 1.0 + (at_rest - 1.0) * exp(-relative * relative);
+}
+
 /* force of an actuator on its length, and the rate of its state */
 static double actuator_force(const Actuator *a, Timed given, double state, double length, double speed, double *flow) {
+    const double *bristles = a->bristles;
+    if (bristles[0] != 0.0) {
+        double limit = bristles[3] * slowness(speed, bristles[4], bristles[5]);
+        *flow = speed - bristles[0] * fabs(speed) * state / limit;
+        return -(bristles[0] * state + bristles[1] * *flow + bristles[2] * speed);
+    }
     double control = clipped(given.value, a->control_range), x = a->has_state ? state : control;
     double rate = control == given.value ? given.rate : 0.0;
     double force = (a->gain[0] + a->gain[1] * length + a->gain[2] * speed) * x;

@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.mechanism.actuators import Actuator, no_control
+from mechsim.mechanism.bristle_friction import BristleFriction
 from mechsim.mechanism.cams import LAWS, SegmentedLaw
 from mechsim.mechanism.expressions import Instruction, Table
 from mechsim.mechanism.load_profile import LoadProfile
@@ -34,6 +35,7 @@ ACTUATOR = np.dtype(
         ("has_state", "i4"),
         *((name, "f8", n) for name, n in (("gain", 3), ("bias", 3), ("direct", 2), ("inflow", 4))),
         *((name, "f8", 2) for name in ("control_range", "state_range", "force_range")),
+        ("bristles", "f8", 6),
     ],
     align=True,
 )
@@ -153,11 +155,11 @@ class Instructions:
         """Add the controls of actuators and return the actuators.
 
         Raises:
-            NotCompiledError: for a kind with a law of its own, as bristles have.
+            NotCompiledError: for a kind with another law.
         """
         table = np.zeros(len(actuators), ACTUATOR)
         for row, actuator in zip(table, actuators, strict=True):
-            if type(actuator) is not Actuator:
+            if type(actuator) not in (Actuator, BristleFriction):
                 raise NotCompiledError(f"the law of {actuator.name}")
             for name in ACTUATOR.names or ():
                 if hasattr(actuator, name) and name != "control":

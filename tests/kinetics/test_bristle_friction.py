@@ -39,7 +39,7 @@ def test_a_block_on_bristles_moves_as_by_scipy_and_in_mujoco(tmp_path):
     assert np.abs(slide.rate - exact.y[1]).max() <= 1e-11
     assert np.abs(run.activation[0] - exact.y[2]).max() <= 1e-11
     assert run.energy_error <= 1e-11
-    assert (run.executed, "the law of" in run.note) == ("numpy", True)
+    assert (run.executed, run.note) == ("C", "")
     assert crosscheck_forward(run, model, initial_values(model, {})).passed
 
 

@@ -25,11 +25,12 @@ typedef struct {
     double point[3], frame[9];
 } Side;
 
-/* a joint that closes a loop: scalar products (column of a, column of b or -1 for a length) and targets */
+/* a joint that closes a loop: scalar products (column of a, column of b or -1 for a length) and targets; or a rod of
+   length `rod` between the points */
 typedef struct {
     Side a, b;
     int rows, first_column, columns, of_a[6], of_b[6];
-    double unit[6], target[6];
+    double unit[6], target[6], rod;
 } Cut;
 
 /* coordinate that moves the sides of a cut differently, and the sign of side b's motion relative to a's */
@@ -297,55 +298,81 @@ static void set_velocities(const Model *m, Work *w, const double *rates) {
     }
 }
 
-/* residual, Jacobian by the free coordinates, and velocity-product term of a row */
-static void set_cut_row(const Model *m, Work *w, const Cut *cut, int i, int row, int moving) {
-    double u[3], v[3], a[3], b[3], wrench[6], va[3], vb[3];
-    column_of(w, &cut->a, cut->of_a[i], u);
-    locate(w, cut->a.link, cut->a.point, a, va);
-    locate(w, cut->b.link, cut->b.point, b, vb);
-    int length = cut->of_b[i] < 0;
-    if (length) memcpy(v, b, sizeof v);
-    else column_of(w, &cut->b, cut->of_b[i], v);
-    for (int j = 0; j < 3; j++) wrench[j] = length ? u[j] * cut->unit[i] : 0.0;
-    cross(v, u, wrench + 3);
-    for (int j = 3; j < 6; j++) wrench[j] *= cut->unit[i];
-    double gap[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-    w->residual[row] = dot(u, length ? gap : v) * cut->unit[i] - cut->target[i];
-    if (m->loaded) memcpy(w->across + 6 * row, wrench, sizeof wrench);
+/* Jacobian by the free coordinates of a row of a cut, from the wrench whose power is the rate of its residual */
+static void set_jacobian_row(const Model *m, Work *w, const Cut *cut, int row, const double *wrench) {
     double *out = w->rows + row * m->free;
+    if (m->loaded) memcpy(w->across + 6 * row, wrench, 6 * sizeof(double));
     memset(out, 0, m->free * sizeof(double));
     for (int c = cut->first_column; c < cut->first_column + cut->columns; c++) {
         const Moved *moved = m->moved + c;
         int column = m->coordinates[moved->coordinate].column;
         if (column >= 0) out[column] = moved->sign * inner(6, wrench, w->unit_twist + 6 * moved->coordinate);
     }
-    if (!moving) return;
+}
+
+/* velocity-product term of the acceleration of a point that moves with a link */
+static void bias_of(const double *twist, const double *bias, const double *point, double *out) {
+    double velocity[3] = {twist[0], twist[1], twist[2]};
+    add_cross(twist + 3, point, velocity);
+    memcpy(out, bias, 3 * sizeof(double));
+    add_cross(bias + 3, point, out);
+    add_cross(twist + 3, velocity, out);
+}
+
+/* residuals, Jacobian and velocity-product terms of a cut's rows from `row` on, without dependent ones if they are
+   known; a rod has the residual (D.D - L^2) / (2 L) with D from a to b */
+static int set_cut_rows(const Model *m, Work *w, const Cut *cut, int row, int moving, int known, int count) {
+    double a[3], b[3], va[3], vb[3], relative[3] = {0.0}, gap[3], spin[3], second[3];
     const double *ta = cut->a.link < 0 ? STILL : w->twist + 6 * cut->a.link, *wa = ta + 3;
     const double *tb = cut->b.link < 0 ? STILL : w->twist + 6 * cut->b.link, *wb = tb + 3;
     const double *da = cut->a.link < 0 ? STILL : w->bias + 6 * cut->a.link;
     const double *db = cut->b.link < 0 ? STILL : w->bias + 6 * cut->b.link;
-    if (length) {
-        /* acceleration of b's point on b relative to that on a, without Coriolis' term */
-        double relative[3], velocity[3], on_a[3] = {ta[0], ta[1], ta[2]};
-        add_cross(wa, b, on_a);
-        for (int j = 0; j < 3; j++) relative[j] = db[j] - da[j], velocity[j] = vb[j] - on_a[j];
-        add_cross(db + 3, b, relative);
-        add_cross(wb, vb, relative);
-        add_cross(b, da + 3, relative);
-        add_cross(on_a, wa, relative);
-        double coriolis[3];
+    locate(w, cut->a.link, cut->a.point, a, moving ? va : NULL);
+    locate(w, cut->b.link, cut->b.point, b, moving ? vb : NULL);
+    for (int j = 0; j < 3; j++) gap[j] = b[j] - a[j];
+    if (moving) {
+        double of_a[3], velocity[3], coriolis[3];
+        int rod = cut->rod > 0.0;
+        /* relative to side a, of whose frame point b is a point for the moment unless it is at the end of a rod */
+        bias_of(tb, db, b, relative);
+        bias_of(ta, da, rod ? a : b, of_a);
+        if (!rod) memcpy(va, ta, sizeof va), add_cross(wa, b, va);
+        for (int j = 0; j < 3; j++) velocity[j] = vb[j] - va[j], relative[j] -= of_a[j];
         cross(wa, velocity, coriolis);
-        w->gamma[row] = (dot(u, relative) - 2.0 * dot(u, coriolis)) * cut->unit[i];
-        return;
+        for (int j = 0; j < 3; j++) {
+            spin[j] = wb[j] - wa[j], second[j] = db[3 + j] - da[3 + j];
+            if (!rod) relative[j] -= 2.0 * coriolis[j];
+        }
+        if (rod) w->gamma[row] = (dot(gap, relative) + dot(velocity, velocity)) * cut->unit[0] / cut->rod;
     }
-    double spin[3], second[3], across[3], turning_u[3], turning_v[3], changing[3];
-    for (int j = 0; j < 3; j++) spin[j] = wb[j] - wa[j], second[j] = db[3 + j] - da[3 + j];
-    cross(v, u, across);
-    cross(wb, v, turning_v);
-    cross(wa, u, turning_u);
-    cross(turning_v, u, changing);
-    add_cross(v, turning_u, changing);
-    w->gamma[row] = dot(across, second) + dot(changing, spin);
+    for (int i = 0; i < cut->rows; i++, row++) {
+        double u[3], v[3], wrench[6] = {0.0};
+        int length = cut->of_b[i] < 0;
+        if (known && w->dependent[row]) continue;
+        w->order[count++] = row;
+        if (cut->rod > 0.0)
+            for (int j = 0; j < 3; j++) u[j] = gap[j] / cut->rod;
+        else column_of(w, &cut->a, cut->of_a[i], u);
+        if (length) memcpy(v, b, sizeof v);
+        else column_of(w, &cut->b, cut->of_b[i], v);
+        for (int j = 0; j < 3; j++) u[j] *= cut->unit[i], wrench[j] = length ? u[j] : 0.0;
+        cross(v, u, wrench + 3);
+        set_jacobian_row(m, w, cut, row, wrench);
+        w->residual[row] = dot(u, length ? gap : v) - cut->target[i];
+        if (cut->rod > 0.0) w->residual[row] = 0.5 * (w->residual[row] - cut->rod * cut->unit[i]);
+        if (!moving || cut->rod > 0.0) continue;
+        if (length) {
+            w->gamma[row] = dot(u, relative);
+            continue;
+        }
+        double turning_u[3], turning_v[3], changing[3];
+        cross(wb, v, turning_v);
+        cross(wa, u, turning_u);
+        cross(turning_v, u, changing);
+        add_cross(v, turning_u, changing);
+        w->gamma[row] = dot(wrench + 3, second) + dot(changing, spin);
+    }
+    return count;
 }
 
 static void set_coupling_row(const Model *m, Work *w, int i, int row, const double *rates) {
@@ -383,12 +410,10 @@ static void set_prescribed_row(const Model *m, Work *w, int i, int row) {
  * they are known; without rates, no velocity-product terms */
 static int set_rows(const Model *m, Work *w, const double *rates, int resting, const int *at_rest, int known) {
     int row = 0, count = 0;
-    for (int c = 0; c < m->cuts; c++)
-        for (int i = 0; i < m->cut[c].rows; i++, row++) {
-            if (known && w->dependent[row]) continue;
-            set_cut_row(m, w, m->cut + c, i, row, rates != NULL);
-            w->order[count++] = row;
-        }
+    for (int c = 0; c < m->cuts; c++) {
+        count = set_cut_rows(m, w, m->cut + c, row, rates != NULL, known, count);
+        row += m->cut[c].rows;
+    }
     for (int i = 0; i < m->couplings; i++, row++) {
         if (known && w->dependent[row]) continue;
         set_coupling_row(m, w, i, row, rates);
@@ -570,18 +595,12 @@ static void act(double *force, const Side *a, const Side *b, double size, const 
     if (a->link >= 0) add_scaled(6, -size, wrench, force + 6 * a->link);
 }
 
-/* Coulomb friction at a rate relative to that in fast motion */
-static double slowness(const Resistance *r, double rate) {
-    double relative = r->stribeck > 0.0 ? rate / r->stribeck : INFINITY;
-    return 1.0 + (r->at_rest - 1.0) * exp(-relative * relative);
-}
-
 static void add_resistance(const Resistance *r, const double *sliding, Work *w) {
     double wrench[6], rate, direction = r->friction < 0 ? 0.0 : sliding[r->friction];
     double value = along_resistance(r, w, &rate, wrench);
     double stretch = r->stiffness != 0.0 ? value - r->rest : 0.0;
     if (r->hinge) stretch -= REVOLUTION * rint(stretch / (REVOLUTION));
-    double lost = r->viscous * rate + r->coulomb * slowness(r, rate) * direction;
+    double lost = r->viscous * rate + r->coulomb * slowness(rate, r->at_rest, r->stribeck) * direction;
     w->potential += 0.5 * r->stiffness * stretch * stretch;
     w->power_lost += lost * rate;
     act(w->force, &r->a, &r->b, -lost - r->stiffness * stretch, wrench);
@@ -956,7 +975,7 @@ static int add_friction_by_load(const Model *m, Work *w, const double *sliding) 
         if (!r->loaded) continue;
         double wrench[6], *moved = w->moved + number * n, *terms = w->terms + 12 * count * (number + 1);
         along_resistance(r, w, rate + number, wrench);
-        ratio[number] = slowness(r, rate[number]);
+        ratio[number] = slowness(rate[number], r->at_rest, r->stribeck);
         memset(w->pull, 0, 6 * m->links * sizeof(double));
         act(w->pull, &r->a, &r->b, -sliding[r->friction], wrench);
         collect(m, w->pull);
