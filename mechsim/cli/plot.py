@@ -41,7 +41,7 @@ def plot(
     row = PLOTS[kind]
     require_taken(kind, row.takes, options)
     stated.exclude(["track"], f"on plot {kind!r}", kind in OF_CRANKS)
-    solver = source.load_moving()
+    solver = source.load(still=True) if kind == "schematic" else source.load_moving()
     if not solver.motion_laws.crank and kind in OF_CRANKS:
         kinds = ", ".join(name for name in PLOTS if name not in OF_CRANKS)
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")

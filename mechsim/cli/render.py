@@ -35,7 +35,13 @@ from mechsim.pictures.render.frame_poses import (
     returns_to_start,
 )
 from mechsim.pictures.render.gltf import write_gltf
-from mechsim.studies.drawn_motion import MAX_SAMPLES, drawn_motion, joint_loads
+from mechsim.studies.drawn_motion import (
+    MAX_SAMPLES,
+    drawn_motion,
+    initial_pose,
+    is_undriven,
+    joint_loads,
+)
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
 from mechsim.studies.scene.own_settings import runs_as_published
@@ -124,12 +130,20 @@ def render(
     picture = output.endswith(".png")
     path = Path(output)
     _check(stated, output, animation, look)
-    if release.requested or _moved_by_forces(source):
+    resting = replace(source, duration=None).load(still=True)
+    undriven = is_undriven(resting)
+    # only its own forces move the file: it is drawn in a run from its start
+    if release.requested or (undriven and resting.forces is not None):
         exclude_without_effect(stated, release)
         free = "on drivers that are free"
         stated.exclude(DRIVEN, free)
         stated.exclude(["arrows"], f"as force or moment {free}", {"force", "moment"} & set(look.arrows))
         return _released(source, output, animation, look, release)
+    if undriven and picture:
+        at_rest = "on the initial pose of a mechanism without a motion law"
+        stated.exclude([*DRIVEN, "overlay", "duration"], at_rest)
+        write_picture(path, resting.mechanism, initial_pose(resting.mechanism), look, **drawn_as(resting))
+        return _written(resting.name, output, None)
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
@@ -170,13 +184,6 @@ def render(
     return _written(
         solver.name, output, _write_animation(path, solver, motion, periodic, look, extra), masses
     )
-
-
-def _moved_by_forces(source: ModelOptions) -> bool:
-    """Return whether only its own forces move a file: it is drawn in a run from its start."""
-    solver = source.load(still=True)
-    undriven = solver.motion_laws.crank and not solver.mechanism.has_crank
-    return undriven and solver.forces is not None
 
 
 def _released(

@@ -338,7 +338,7 @@ def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
     hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
     normals = (_normals(hinges[0], mechanism, aligned) if hinges else None) or {}
-    return normals if all(link.name in normals for link in mechanism.links) else None
+    return normals if {GROUND, *(link.name for link in mechanism.links)} <= normals.keys() else None
 
 
 def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:

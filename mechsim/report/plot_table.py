@@ -20,7 +20,7 @@ from mechsim.mechanism.quantities import numeric_quantity, quantity_names
 from mechsim.mechanism.quantity import Quantity, record_columns, unwrapped
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures import plots
-from mechsim.studies.drawn_motion import drawn_motion
+from mechsim.studies.drawn_motion import drawn_motion, initial_pose, is_undriven
 from mechsim.studies.motions import profile_of
 from mechsim.units import option
 
@@ -67,6 +67,8 @@ class PlotSource:
 
     def motion(self, method: str, samples: int = SAMPLES) -> Motion:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
+        if is_undriven(self.solver):
+            return initial_pose(self.solver.mechanism)
         if method not in self.motions:
             profile = profile_of(self.solver, self.speed, 1.0)
             self.motions[method] = drawn_motion(self.solver, method, profile, samples)
@@ -78,6 +80,8 @@ class PlotSource:
         laws, name = self.solver.motion_laws, self.solver.name
         if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
+        if is_undriven(self.solver):
+            return f"{name} at its start"
         return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"
 
     def study(self) -> "InverseDynamics":

@@ -212,7 +212,13 @@ class Wall:
 
 
 def backdrop(
-    mechanism: Mechanism, camera: Camera, up: Array, low: Array, high: Array, grid_step: float
+    mechanism: Mechanism,
+    camera: Camera,
+    up: Array,
+    low: Array,
+    high: Array,
+    grid_step: float,
+    path: float = 0.0,
 ) -> Wall:
     """Return the plane behind a mechanism, as large as the picture needs.
 
@@ -223,6 +229,7 @@ def backdrop(
         low: smallest coordinates that must lie in front, (3,) in [m].
         high: largest coordinates, (3,) in [m].
         grid_step: edge of a grid cell in [m]; the grid passes through the origin, so that it can be read.
+        path: of the camera, in [m].
     """
     normal, centre, back = _backdrop_axis(mechanism, camera.back, up), camera.position, camera.back
     facing = float(normal @ back)
@@ -231,7 +238,7 @@ def backdrop(
     across = np.eye(3)[(int(np.argmax(np.abs(normal))) + 1) % 3]
     for edge in (across, np.cross(normal, across)):
         point = point + edge * (np.round(point @ edge / grid_step) * grid_step - point @ edge)
-    reach = 0.75 * camera.height * max(1.0, camera.resolution[0] / camera.resolution[1])
+    reach = path + 0.75 * camera.height * max(1.0, camera.resolution[0] / camera.resolution[1])
     half = float(np.ceil(reach / facing / grid_step)) * grid_step
     return Wall(point, normal, (half, half), across)
 

@@ -13,7 +13,7 @@ from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.links import IDENTITY as GROUND_POSE
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
-from mechsim.shapes.body import Canvas, edges, free_sides, hull, stations
+from mechsim.shapes.body import Canvas, edges, free_sides, hull, span, stations
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
 from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of, vector
@@ -134,11 +134,12 @@ def plate(canvas: Canvas, joint: Joint) -> None:
     r = canvas.r
     table, foot, (table_height, foot_height) = _joint_ends(canvas, joint)
     radius = canvas.travel_of(joint)[1] + 3.0 * r
-    canvas.disc(
-        table.link, table, table_height - 0.6 * r, table_height, radius, canvas.colours.get(table.link, STEEL)
-    )
-    if table.link == GROUND:
-        canvas.carry()
+    # a ground wider than the mechanism is its backdrop
+    if table.link != GROUND or radius < 0.5 * span(canvas.mechanism):
+        low, colour = table_height - 0.6 * r, canvas.colours.get(table.link, STEEL)
+        canvas.disc(table.link, table, low, table_height, radius, colour)
+        if table.link == GROUND:
+            canvas.carry()
     low, high = sorted((table_height, foot_height))
     canvas.disc(foot.link, foot, low, high + 1.2 * r, 2.0 * r, canvas.colours.get(foot.link, HOUSING))
     if foot.link == GROUND:

@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.kinematics.loops.record import tracked_points, with_all_joints
+from mechsim.kinematics.loops.start import start_poses
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import dynamic_model, prescribed
-from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion import LinkMotion, Motion
 from mechsim.mechanism.motion_laws import CrankProfile
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motions import driven_as, simulated
@@ -39,6 +42,22 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
         if method == "simulated"
         else simulated(solver, profile, samples=count, method="pose").motion
     )
+
+
+def is_undriven(solver: KinematicSolver) -> bool:
+    """Return whether neither a crank nor motion laws move a mechanism."""
+    return solver.motion_laws.crank and not solver.mechanism.has_crank
+
+
+def initial_pose(mechanism: Mechanism) -> Motion:
+    """Return the initial pose of a mechanism, as a motion of one instant."""
+    rest, zero = np.zeros((1, 3)), np.zeros(1)
+    links = {
+        name: LinkMotion(pose.position[None], pose.rotation[None], rest, rest, rest, rest)
+        for name, pose in start_poses(mechanism)[0].items()
+    }
+    motion = Motion("pose", zero, zero, zero, tracked_points(mechanism, links), links, time=zero)
+    return with_all_joints(mechanism, motion)
 
 
 def stepped(solver: KinematicSolver, profile: CrankProfile, samples: int) -> Motion:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, model_text
 
 import mechsim as ms
 from mechsim.pictures.render.drawing import Source, named, still
@@ -17,6 +17,7 @@ from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes.shape import TriangleMesh
+from mechsim.studies.drawn_motion import initial_pose, is_undriven
 
 SCENE = model_text("file_bodies_scene.xml")
 
@@ -185,3 +186,49 @@ def test_loop_closures_are_marked(tmp_path):
     (closure,) = page_data(solver)["closures"]
     assert closure["link"] == "coupler"
     assert closure["at"] == pytest.approx([0.2, 0.0, 0.04])
+
+
+def test_links_whose_meshes_are_missing_are_drawn_from_their_joints():
+    solver = ms.load(str(FOLDER / "missing_meshes_bar.xml"))
+    assert file_bodies(solver.source) is None
+    drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
+    # the point that stands for a mesh has a radius of 1 mm; the arm is 100 mm long
+    lengths = [np.ptp(shape.bounds[0], axis=0).max() for shape in drawn.shapes["arm"]]
+    assert max(lengths) == pytest.approx(0.1, rel=0.05)
+
+
+def test_the_camera_follows_a_fall():
+    solver = ms.load(str(FOLDER / "falling_arm.xml"), still=True)
+    motion = ms.dynamics.run(solver, duration=1.0, samples=20).motion
+    drawn = Source(solver.mechanism, motion).drawn(Look(**drawn_as(solver)))
+    # the machine is 420 mm long and falls 4.9 m
+    assert drawn.camera.height < 0.6
+    positions = []
+    for frame in (0, 10, 20):
+        drawn.set_frame(frame)
+        positions.append(drawn.camera.position)
+        foot = drawn.camera.pixel(motion.points["foot"].position[frame])
+        assert foot.min() > 0.0
+        assert (foot < drawn.look.size).all()
+        np.testing.assert_array_equal(drawn.data.cam_xpos[0], drawn.camera.position)
+    # without moments and contacts all of it falls by g t^2 / 2
+    for time, position in zip((0.5, 1.0), positions[1:], strict=True):
+        np.testing.assert_allclose(position - positions[0], [0.0, 0.0, -9.81 * time**2 / 2], atol=1e-9)
+
+
+def test_the_initial_pose_is_drawn_without_a_motion_law():
+    solver = ms.load(str(FOLDER / "falling_arm.xml"), still=True)
+    assert [is_undriven(solver), is_undriven(ms.load("four_bar"))] == [True, False]
+    pose = initial_pose(solver.mechanism)
+    # the base is 1 m above the ground, the hip 0.1 m and the foot 0.3 m before it
+    np.testing.assert_allclose(pose.points["foot"].position, [[0.3, 0.0, 1.0]], atol=1e-12)
+    drawn = Source(solver.mechanism, pose).drawn(Look())
+    assert not drawn.drift.any()
+
+
+@pytest.mark.long
+def test_a_schematic_without_a_motion_law_shows_the_initial_pose(mechsim):
+    model = str(FOLDER / "falling_arm.xml")
+    answer = mechsim("plot", model, "--kind", "schematic", "-o", "start.svg", "--json")
+    assert answer.code == 0
+    assert json.loads(answer.out)["kind"] == "schematic"

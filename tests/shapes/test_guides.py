@@ -92,3 +92,10 @@ def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):
     # unloaded, the block is half of the mechanism's size from the other end
     length = slide.mechanism.characteristic_length
     assert np.abs(np.add(end, [0.0, 0.1, 0.0]) - start - [0.0, 0.5 * length, 0.0]).max() < 1e-15
+
+
+def test_a_table_wider_than_its_mechanism_is_not_drawn():
+    mechanism = ms.load("peaucellier_rods").mechanism
+    discs = [shape for shape in link_shapes(mechanism)["ground"] if shape.kind == "cylinder"]
+    # the longest rod is 80 mm; P is 92 mm from the origin of its plane
+    assert max(shape.sizes[0] for shape in discs) < 0.01

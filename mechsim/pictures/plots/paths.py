@@ -84,7 +84,7 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
         elif link.name not in hidden:
             _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
     sliding = travels(mechanism, poses)
-    joints = [joint for joint in mechanism.joints if not hidden.intersection(joint.links)]
+    joints = [j for j in mechanism.joints if not (KINDS[j.kind].floating or hidden.intersection(j.links))]
     for line in [*_pitch_lines(mechanism, shown), *_profiles(mechanism, shown), *_legs(joints, shown)]:
         ax.plot(*(line @ view).T, color=INK, lw=0.9 if len(line) > 2 else 1.8, zorder=2)
     # a profile can be larger than all links

@@ -91,7 +91,8 @@ def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
     """
     model = plainly_compiled(read.spec.copy())
     carried = carriers(model)
-    shown = [i for i in range(model.ngeom) if model.geom_group[i] <= SHOWN] or list(range(model.ngeom))
+    visible = [i for i in range(model.ngeom) if _colour(model, i)[3] > 0.0]
+    shown = [i for i in visible if model.geom_group[i] <= SHOWN] or visible
     bodies: dict[str, list[Shape]] = {}
     for i in shown:
         carrier = carried[model.geom_bodyid[i]]
@@ -199,6 +200,8 @@ GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
 BEHIND = 1.5
 # share of its own colour that the first of overlaid positions keeps
 LIGHTEST_POSITION = 0.1
+# the camera follows a machine that falls or flies this many times its size
+FOLLOWED = 2.0
 
 
 class DrawnModel:
@@ -227,23 +230,28 @@ class DrawnModel:
         balls = np.vstack([balls, *frames.paths.values()])
         radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
+        self.drift = self._drift()
+        if self.drift.any():
+            balls, radii = self._extent(self.drift)
         self.up = cameras.upright(mechanism, look.up)
         self.normals = hinged_normals(mechanism)
         if not (self.normals or look.bodies):
             self.low, self.high, floor = lowered(self.low, self.high, self.up, 2.0 * self.radius)
             balls, radii = add_stands(self.shapes[GROUND], self.up, floor, self.radius, (balls, radii))
-        reach = float((self.high - self.low).max())
+        reach = float(np.ptp(balls, axis=0).max() if self.drift.any() else (self.high - self.low).max())
         self.arrows = [arrows(kind, self.frames.vectors.get(kind, {}), reach) for kind in self.look.arrows]
         for arrow_set in self.arrows:
-            tips = arrow_set.tips(frames.starts)
+            tips = arrow_set.tips({name: start - self.drift for name, start in frames.starts.items()})
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera, look.up, look.angles)
         self._clear_walls()
         lines = bool(look.caption) + (ghost is not None) + len(self.arrows)
         free = foot(look.size, lines) if look.notes else 0.0
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
+        self._start = self.camera.position
         self.grid_step = cameras.nice(self.camera.height / 9.0)
-        self.wall = backdrop(mechanism, self.camera, self.up, self.low, self.high, self.grid_step)
+        path = float(np.ptp(self.drift, axis=0).max())
+        self.wall = backdrop(mechanism, self.camera, self.up, self.low, self.high, self.grid_step, path)
         self.depth = self._depth_of_positions()
         behind = (look.overlay - 1) * self.depth * self.camera.back
         self.wall = replace(self.wall, point=self.wall.point - behind)
@@ -257,7 +265,7 @@ class DrawnModel:
 
     def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
         """Use other frames of the same motion; camera and scales stay."""
-        self.frames, self.ghost = frames, ghost
+        self.frames, self.ghost, self.drift = frames, ghost, np.zeros((len(frames), 3))
         self.arrows = [
             replace(arrow_set, vectors=self.frames.vectors[arrow_set.kind]) for arrow_set in self.arrows
         ]
@@ -274,6 +282,7 @@ class DrawnModel:
     def set_frame(self, frame: int) -> None:
         """Set the links to the poses of a frame; overlaid positions do not move."""
         shown = self.frames_shown(frame)
+        self.camera = replace(self.camera, position=self._start + self.drift[shown[-1]])
         for (name, copy), slot in self._slots.items():
             pose = self.frames.poses[name].select(shown[copy])
             behind = (len(shown) - 1 - copy) * self.depth * self.camera.back
@@ -284,6 +293,7 @@ class DrawnModel:
             self._put(slot, Pose(pose.position - deeper, pose.rotation))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
+        self.data.cam_xpos[self.model.camera(CAMERA).id] = self.camera.position
 
     def _depth_of_positions(self) -> float:
         """The distance of an overlaid position behind the next one in [m], so that the last is in front.
@@ -324,14 +334,23 @@ class DrawnModel:
         }
         return free_sides(self.mechanism, poses)
 
-    def _extent(self) -> tuple[Array, Array]:
-        """Balls that enclose all shapes over all frames: centres (k, 3) and radii (k,)."""
+    def _extent(self, drift: Array | None = None) -> tuple[Array, Array]:
+        """Balls that enclose all shapes over all frames, or moving ones less a drift: centres and radii."""
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
+        if drift is not None:
+            poses = [(link, Pose(p.position - drift, p.rotation)) for link, p in poses if link != GROUND]
         return extent(
             (pose if pose.position.ndim == 1 else pose.select(step), self.shapes[link])
             for link, pose in poses
         )
+
+    def _drift(self) -> Array:
+        """The path of the camera from its start, (n, 3) in [m]: that of a machine that falls or flies far."""
+        middle = np.mean([self.frames.poses[link].position for link in self.links], axis=0)
+        free = (self.look.bodies or not self.shapes[GROUND]) and self.look.overlay == 1
+        length = float(np.ptp(self._extent(middle - middle[0])[0], axis=0).max())
+        return (middle - middle[0]) * (free and FOLLOWED * length < float((self.high - self.low).max()))
 
     def _clear_walls(self) -> None:
         """Keep walls clear of the mechanism, except a wall that supports it."""
@@ -349,6 +368,8 @@ class DrawnModel:
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
         scenery.prepare(spec, self.camera, middle)
+        # the floor lies below all of a fall
+        spec.visual.map.zfar += 4.0 * float(np.abs(self.drift).max()) / self.camera.height
         scenery.add_light(spec, self.camera, middle, self.wall.normal, shadow=self.stands_on_wall)
         # a slanted wall looks as white as a frontal one
         emission = 0.25 * (1.0 - float(self.wall.normal @ self.camera.back))
@@ -372,7 +393,7 @@ class DrawnModel:
     def stands_on_wall(self) -> bool:
         """Whether the backdrop supports the mechanism; on a distant wall a shadow only confuses."""
         # a ghost would cast a second shadow
-        if self.look.overlay > 1 or self.ghost:
+        if self.look.overlay > 1 or self.ghost or self.drift.any():
             return False
         if self.normals:
             return abs(float(self.normals[GROUND] @ self.wall.normal)) > 0.9

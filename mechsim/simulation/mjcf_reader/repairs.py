@@ -101,11 +101,12 @@ def _same_file(missing: str, name: str) -> bool:
 
 
 def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
-    """Replace geoms by points without contacts; bodies with mass from geoms get a placeholder inertia."""
+    """Replace geoms by invisible points; bodies with mass from geoms get a placeholder inertia."""
     for geom in geoms:
         body = geom.parent
         geom.type = mujoco.mjtGeom.mjGEOM_SPHERE
         geom.size = np.array([1e-3, 0.0, 0.0])
+        geom.rgba = np.zeros(4)
         geom.meshname = geom.hfieldname = geom.material = ""
         geom.contype = geom.conaffinity = 0
         if body.id and not body.explicitinertial:
