@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from mechsim.studies.scene.tune_model import tune as tune
     from mechsim.studies.sensitivity.sensitivity import moved as moved
     from mechsim.studies.sensitivity.sensitivity import sensitivity as sensitivity
-    from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study as tolerance_study
+    from mechsim.studies.sensitivity.sensitivity import tolerance_study as tolerance_study
     from mechsim.studies.sweep.sweeping import sweep as sweep
     from mechsim.studies.trace import trace as trace
     from mechsim.studies.validate import Validation as Validation
@@ -124,8 +124,7 @@ _NAMES = {
     "studies.reduction.reduce_model": "reduce",
     "studies.robots.joint_map": "joint_map",
     "studies.scene.tune_model": "tune",
-    "studies.sensitivity.sensitivity": "moved sensitivity",
-    "studies.sensitivity.tolerance_analysis": "tolerance_study",
+    "studies.sensitivity.sensitivity": "moved sensitivity tolerance_study",
     "studies.sweep.sweeping": "sweep",
     "studies.validate": "Validation validate",
     "io.gallery": "list",

@@ -9,9 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from mechsim._version import __version__
-from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.command import Result, Stated, command, output_file
 from mechsim.cli.output import in_colour, print_json, wrapped
-from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.mechanism.finding import HARMLESS, Finding

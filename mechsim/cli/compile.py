@@ -6,11 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, output_file, writable
 from mechsim.cli.load_options import InitialOptions, released_model
 from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import print_text
-from mechsim.cli.output_paths import output_file, writable
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
 from mechsim.codegen.fmu import FmuModel, Standard, fmu_archive

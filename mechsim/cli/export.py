@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim.cli.command import Result, Without, command
+from mechsim.cli.command import Result, Without, command, output_file, writable
 from mechsim.cli.options import (
     DriveOptions,
     Sets,
@@ -14,7 +14,6 @@ from mechsim.cli.options import (
     load_model,
     require_other_drivers,
 )
-from mechsim.cli.output_paths import output_file, writable
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation.settings import SettingOptions

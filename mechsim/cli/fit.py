@@ -8,10 +8,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.options import SPEED, ModelOptions, changed_parameters
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver

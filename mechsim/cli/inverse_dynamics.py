@@ -7,7 +7,16 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import (
+    PLOTS,
+    TABLES,
+    Result,
+    Stated,
+    Without,
+    command,
+    one_of_each,
+    table_or_plot_file,
+)
 from mechsim.cli.dynamics_report import (
     Verbose,
     print_comparison,
@@ -23,7 +32,6 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_text, without_noise
-from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError, require_once
 from mechsim.kinetics import DynamicModel, actuated, fluctuation

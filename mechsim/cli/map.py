@@ -6,10 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim.cli.closed_model import ClosedModelOptions, closed_model
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, command, output_file
 from mechsim.cli.options import joint_ranges
 from mechsim.cli.output import Value, print_table, print_text
-from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap

@@ -2,10 +2,9 @@
 
 from typing import Annotated, Any
 
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, plot_file
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, Speed
-from mechsim.cli.output_paths import plot_file
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import (
     ReleaseOptions,
@@ -19,7 +19,6 @@ from mechsim.cli.load_options import (
 )
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import number
-from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver

@@ -7,8 +7,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.closed_model import ClosedModelOptions, closed_model
-from mechsim.cli.command import Result, command
-from mechsim.cli.output_paths import output_file
+from mechsim.cli.command import Result, command, output_file
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations

@@ -7,16 +7,19 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, table_file
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, print_table, print_text, without_noise
-from mechsim.cli.output_paths import table_file
 from mechsim.errors import InputError
 from mechsim.mechanism.quantities import quantity_names
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
-from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
-from mechsim.studies.sensitivity.tolerance_analysis import ToleranceStudy, tolerance_study
+from mechsim.studies.sensitivity.sensitivity import (
+    Sensitivity,
+    ToleranceStudy,
+    derivative_table,
+    tolerance_study,
+)
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, parsed_tolerances, written_tolerances
 from mechsim.units import crank_speed, option
 

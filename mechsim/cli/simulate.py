@@ -8,13 +8,12 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.command import Result, Stated, command, option_names
+from mechsim.cli.command import Result, Stated, command, option_names, table_file
 from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
 from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, with_policy
 from mechsim.cli.output import number, print_text
-from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline, motion_law_of_crank
 from mechsim.errors import AssemblyError, InputError, MobilityError

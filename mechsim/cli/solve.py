@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.command import JSON_OPTION, Result, Stated, command
+from mechsim.cli.command import JSON_OPTION, Result, Stated, command, table_file
 from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance, most_severe
 from mechsim.cli.options import (
     SPEED,
@@ -28,7 +28,6 @@ from mechsim.cli.output import (
     print_table,
     without_noise,
 )
-from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver

@@ -8,13 +8,21 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.command import Result, Without, command
+from mechsim.cli.command import (
+    PLOTS,
+    TABLES,
+    Result,
+    Without,
+    command,
+    one_of_each,
+    table_file,
+    table_or_plot_file,
+)
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, print_text, without_noise
-from mechsim.cli.output_paths import PLOTS, TABLES, one_of_each, table_file, table_or_plot_file
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.compare.checks import Verdict
 from mechsim.errors import InputError

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
-from mechsim.cli.output_paths import output_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, require_once
 from mechsim.mechanism.masses import masses_of, with_inertia

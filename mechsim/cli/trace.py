@@ -1,19 +1,20 @@
-"""Command `mechsim trace`: every assembly of a mechanism as closed curves."""
+"""Command `mechsim trace`: every assembly of a mechanism as closed curves, as tables and as plain data."""
 
 import math
 from typing import Annotated, Any
 
+import numpy as np
+
 from mechsim import files
-from mechsim.cli.command import Result, Without, command
+from mechsim.cli.command import Result, Without, command, table_file
 from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import Value, number, print_table, print_text
-from mechsim.cli.output_paths import table_file
 from mechsim.cli.progress import progress
 from mechsim.errors import several
 from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve
 from mechsim.mechanism.limits import Ranges
 from mechsim.mechanism.links import VIRTUAL_PREFIX
-from mechsim.report.assemblies import curve_table, trace_record
+from mechsim.numerics.arrays import Array
 from mechsim.studies.trace import STARTS, AssemblyTrace
 from mechsim.studies.trace import trace as trace_assemblies
 from mechsim.units import option
@@ -113,3 +114,50 @@ def _quantity(value: float, unit: str) -> str:
     if unit == "m":
         return f"{number(value * 1e3, CURVE_DIGITS)} mm"
     return f"{number(round(math.degrees(value), 6), CURVE_DIGITS)} deg"
+
+
+# number of rows of a curve in a table
+SAMPLES = 361
+
+
+def curve_table(trace: AssemblyTrace) -> dict[str, Array]:
+    """Return all curves one after another, at evenly spaced arc lengths with both ends.
+
+    The column `component` numbers them from 1.
+    """
+    tables = [dict(curve.samples(SAMPLES).columns()) for curve in trace.curves]
+    counted = [np.full(len(table["arc"]), i + 1.0) for i, table in enumerate(tables)]
+    columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    return {"component": np.concatenate(counted), **columns}
+
+
+def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
+    """Return the trace as plain data; components are counted from 1."""
+    return {
+        "mechanism": trace.mechanism.name,
+        "starts": trace.starts,
+        "seed": trace.seed,
+        "closed": trace.closed,
+        "components": [
+            {
+                "component": i + 1,
+                "own": i == 0,
+                "starts_ended": curve.starts_ended,
+                "length": curve.length,
+                "turns": curve.turns,
+                "dead_centres": curve.dead_centres,
+                "turning_points": curve.turning_points,
+            }
+            for i, curve in enumerate(trace.curves)
+        ],
+        "branch_points": [
+            {
+                "angle": branch_point.angle,
+                "places": [{"component": i + 1, "arc": arc} for i, arc in branch_point.locations],
+            }
+            for branch_point in trace.branch_points
+        ],
+        "left_out": list(trace.left_out),
+        "complete_at": trace.complete_at,
+        "reason": trace.reason,
+    }

@@ -6,17 +6,15 @@ import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import PLOTS, Result, command, one_of_each, table_or_plot_file
 from mechsim.cli.options import Model, Sets, Speed, load_model
 from mechsim.cli.output import Value, number, print_table, print_text
-from mechsim.cli.output_paths import PLOTS, one_of_each, table_or_plot_file
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.numerics.resources import Budget
 from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
-from mechsim.studies.tradeoff.methods import DEFAULTS
-from mechsim.studies.tradeoff.subject import COMPARED, subject_of
+from mechsim.studies.tradeoff.methods import COMPARED, DEFAULTS, subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, command_of, write_csv
 from mechsim.units import crank_speed, option

@@ -11,12 +11,11 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import units
-from mechsim.cli.command import JSON_OPTION, Result, Stated, command
+from mechsim.cli.command import JSON_OPTION, Result, Stated, command, output_folder
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json
-from mechsim.cli.output_paths import output_folder
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
     print_agreement,

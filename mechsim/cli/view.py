@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mechsim.cli.command import Result, Stated, Without, command
+from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import (
     ReleaseOptions,
@@ -19,7 +19,6 @@ from mechsim.cli.load_options import (
     released_model,
 )
 from mechsim.cli.options import SPEED, ModelOptions, load_parametric
-from mechsim.cli.output_paths import output_file
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.mechanism.mechanism import require_axis, require_polynomials

@@ -1,27 +1,104 @@
-"""A mechanism solved by generated C code: `mechsim.compile`."""
+"""A mechanism solved by generated C code, which is compiled and called through ctypes: `mechsim.compile`."""
 
+import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.codegen.assembly import assembly
-from mechsim.codegen.build import Configurations, Library, shared_library
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header, javascript
-from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code
+from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code, template
 from mechsim.errors import AssemblyError, InputError
 from mechsim.io.readers import load
 from mechsim.kinematics.loops.motion import instants_of_laws
 from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
 from mechsim.kinematics.path_instants import path_instants
 from mechsim.mechanism.motion import LinkMotion, Motion
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers
+from mechsim.numerics import c_library
+from mechsim.numerics.arrays import Array, numbers
 from mechsim.numerics.resources import require_memory
+
+# number of values of a link's motion
+LINK_NUMBERS = sum(LINK.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Configurations:
+    """Configurations solved by generated code.
+
+    Attributes:
+        count: number of configurations solved before a failure.
+        status: status of the last call, an index of `solver_code.STATUSES`.
+        motion: coordinates, rates and accelerations, (n, 3, coordinates).
+        links: values of `kinematics.LINK` for each link, (n, links, 24).
+        map: derivatives of the coordinates by the drivers, (n, coordinates, drivers).
+        torques: torques or forces of the drivers, (n, drivers) in [N m] or [N]; empty if undetermined.
+    """
+
+    count: int
+    status: int
+    motion: Array
+    links: Array
+    map: Array
+    torques: Array
+
+
+def shared_library(code: SolverCode) -> Path:
+    """Return the shared library of a solver, from the cache or newly compiled.
+
+    Raises:
+        MissingToolError: if there is no C compiler, or it fails.
+    """
+    library_code = template("library.c", {"TORQUES": code.inertias is not None})
+    text = library_code.replace("@", code.prefix + "_").replace("HEADER", c_header(code))
+    return c_library.shared_library(code.prefix, text)
+
+
+@dataclass(frozen=True, slots=True)
+class Library:
+    """A compiled solver.
+
+    Attributes:
+        code: the solver's code.
+        path: path of the shared library.
+    """
+
+    code: SolverCode
+    path: Path
+
+    def solve(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
+        """Return configurations at driver values, rates and accelerations, (n, drivers) each, in sequence."""
+        sizes, n = self.code.sizes, len(drivers)
+        motion = np.empty((n, 3, sizes["COORDINATES"]))
+        links = np.empty((n, sizes["LINKS"], LINK_NUMBERS))
+        by_drivers = np.empty((n, sizes["COORDINATES"], sizes["DRIVERS"]))
+        has_torques = self.code.inertias is not None
+        torques = np.empty((n if has_torques else 0, sizes["DRIVERS"]))
+        status = ctypes.c_int()
+        inputs = [
+            np.ascontiguousarray(values, dtype=np.float64) for values in (drivers, rates, accelerations)
+        ]
+        arrays = [*inputs, motion, links, by_drivers]
+        extra = [self.code.inertias, self.code.gravity, torques] if has_torques else []
+        function = ctypes.CDLL(str(self.path)).solve_all
+        count = function(
+            n,
+            *(_pointer(values) for values in arrays),
+            ctypes.byref(status),
+            *(_pointer(v) for v in extra if v is not None),
+        )
+        return Configurations(count, status.value, motion, links, by_drivers, torques)
+
+
+def _pointer(values: Array) -> ctypes.c_void_p:
+    return values.ctypes.data_as(ctypes.c_void_p)
+
 
 # bytes of a configuration for each coordinate and link: 24 numbers per link, stored twice; remedy in messages
 BYTES, FEWER = 400.0, "give {most} at the most"

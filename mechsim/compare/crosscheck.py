@@ -26,8 +26,7 @@ from mechsim.mechanism.finding import POSITION_TOLERANCE
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import Motion, Solver
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws
-from mechsim.numerics.arrays import REVOLUTION, Array
-from mechsim.numerics.inputs import require
+from mechsim.numerics.arrays import REVOLUTION, Array, require
 
 # a simulation is in another assembly mode if its distance from that mode is below this fraction of its
 # distance from its own (validation/robustness/assembly_detector.py)

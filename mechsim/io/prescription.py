@@ -20,8 +20,7 @@ from mechsim.mechanism.link_poses import spin_rod
 from mechsim.mechanism.links import GROUND, IDENTITY, ORIGIN, Pose, Vector, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws, State, make_motion_laws, steady
-from mechsim.numerics.arrays import REVOLUTION
-from mechsim.numerics.inputs import number
+from mechsim.numerics.arrays import REVOLUTION, number
 from mechsim.units import Unit, WrittenUnits
 
 if TYPE_CHECKING:

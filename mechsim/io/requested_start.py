@@ -7,7 +7,7 @@ from mechsim.errors import InputError
 from mechsim.io.toml_values import suggestion
 from mechsim.kinematics.loops.start import with_requested_start
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.inputs import number
+from mechsim.numerics.arrays import number
 
 
 def started_near(

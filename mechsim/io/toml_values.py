@@ -16,7 +16,7 @@ from mechsim.errors import InputError, cut
 from mechsim.files import is_table, read
 from mechsim.io.toml_keys import Key, root
 from mechsim.mechanism.expressions import FUNCTIONS, evaluate_number, variables
-from mechsim.numerics.inputs import HUGE, number
+from mechsim.numerics.arrays import HUGE, number
 from mechsim.units import Unit
 
 if TYPE_CHECKING:

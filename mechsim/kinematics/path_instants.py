@@ -9,8 +9,7 @@ from mechsim import units
 from mechsim.errors import InputError
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import MotionLaws
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE, number, numbers
+from mechsim.numerics.arrays import HUGE, Array, number, numbers
 
 EXAMPLE = "t=[0, 0.1, 0.2]"
 

@@ -2,7 +2,7 @@
 
 The wrenches that joints transmit are linear in the frictions, and the frictions are sums of magnitudes of
 these wrenches (`mechsim.mechanism.joint_friction`). The solution is unique if its map is a contraction
-(`mechsim.numerics.friction_balance`).
+(`mechsim.numerics.complementarity`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array, cross
-from mechsim.numerics.friction_balance import ROUNDED, balanced_friction
+from mechsim.numerics.complementarity import ROUNDED, balanced_friction
 
 # share of a self-stress that changes the magnitude of a load, above rounding
 FELT = 1e-6

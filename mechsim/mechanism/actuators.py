@@ -23,8 +23,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.arrays import HUGE, Array
 
 Range = tuple[float, float]
 NO_LIMIT: Range = (-np.inf, np.inf)

@@ -6,8 +6,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.mechanism.joints import End
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE, numbers
+from mechsim.numerics.arrays import HUGE, Array, numbers
 
 # relative asymmetry, and relative negative eigenvalue, that are rounding of a file
 ROUNDED = 1e-9

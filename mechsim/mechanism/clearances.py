@@ -7,7 +7,7 @@ from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import PLANAR, REVOLUTE
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.nonlinear_springs import SoftStop
-from mechsim.numerics.inputs import HUGE, number
+from mechsim.numerics.arrays import HUGE, number
 
 # contact law -> hysteresis factor h of `SoftStop` by the coefficient of restitution. Sources: Lankarani and
 # Nikravesh 1990; P. Flores, M. Machado, M. T. Silva and J. M. Martins, On the continuous contact force models

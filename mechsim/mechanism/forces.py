@@ -18,7 +18,7 @@ from mechsim.mechanism.joint_kinds import KINDS, kinds_that
 from mechsim.mechanism.links import GROUND, ORIGIN, Vector
 from mechsim.mechanism.load_profile import LoadProfile
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.inputs import HUGE, at_least_zero, number, numbers, require
+from mechsim.numerics.arrays import HUGE, at_least_zero, number, numbers, require
 
 if TYPE_CHECKING:
     from mechsim.mechanism.actuators import Actuator

@@ -37,8 +37,7 @@ from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import at_least_zero, number
+from mechsim.numerics.arrays import Array, at_least_zero, number
 
 # number of magnitudes whose sum is the load of a coordinate
 TERMS = 3

@@ -12,8 +12,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import KINDS, KindName, coordinates, kinds_that
 from mechsim.mechanism.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, VIRTUAL_PREFIX, Pose, Vector, vector
-from mechsim.numerics.arrays import Array, polynomial
-from mechsim.numerics.inputs import at_least_zero, number, numbers, require
+from mechsim.numerics.arrays import Array, at_least_zero, number, numbers, polynomial, require
 
 if TYPE_CHECKING:
     from mechsim.mechanism.curves import CouplingFunction

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.numerics.arrays import ROUNDING, Array
-from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.arrays import HUGE, ROUNDING, Array
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]

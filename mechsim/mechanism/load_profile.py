@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.mechanism.expressions import Instruction, Table
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import HUGE, REVOLUTION, Array
 from mechsim.numerics.differences import extrapolated_derivative
-from mechsim.numerics.inputs import HUGE
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

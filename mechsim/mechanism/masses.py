@@ -9,8 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.links import Inertia, Rods, Vector, combine, rows, vector
 from mechsim.mechanism.mechanism import Mechanism, described
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE, number
+from mechsim.numerics.arrays import HUGE, Array, number
 
 Source = Literal["given", "rod", "zero"]
 # largest number of link names in a line of text; of more links it states the number

@@ -17,8 +17,7 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import MAX_GUESS_ERROR, Coupling, End, Gear, Joint, guessed_frame
 from mechsim.mechanism.links import GROUND, IDENTITY, MAX_COORDINATE, VIRTUAL_PREFIX, Link, Pose, Vector
 from mechsim.mechanism.motion import short_repr
-from mechsim.numerics.arrays import REVOLUTION, Array
-from mechsim.numerics.inputs import number, numbers, require
+from mechsim.numerics.arrays import REVOLUTION, Array, number, numbers, require
 
 if TYPE_CHECKING:
     from mechsim.mechanism.contacts import Contact

@@ -14,9 +14,8 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.mechanism.expressions import Instruction, instructions_of, parse_expression
 from mechsim.mechanism.limits import MAX_REVOLUTIONS, require_revolutions
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, number, units_remedy
 from mechsim.numerics.collocation import quintic_spline
-from mechsim.numerics.inputs import number, units_remedy
 
 if TYPE_CHECKING:
     from mechsim.numerics.balls import Ball

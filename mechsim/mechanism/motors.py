@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from mechsim.errors import InputError
 from mechsim.mechanism.expressions import Expression, Instruction, compiled
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.arrays import HUGE, Array
 
 # value or rate of a coordinate, such as crank.q or P.x.v; not a number such as 2.5
 _STATE = re.compile(r"(?<![\w.])([^\W\d][\w.]*)\.(q|v)(?![\w.])")

@@ -14,8 +14,7 @@ from mechsim.errors import InputError
 from mechsim.mechanism.coupling_functions import TabledFunction
 from mechsim.mechanism.expressions import Expression, Instruction, Table, compiled
 from mechsim.mechanism.links import Vector
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE, at_least_zero, number
+from mechsim.numerics.arrays import HUGE, Array, at_least_zero, number
 
 # phases of a stop: without penetration, under pressure, and, below zero, left behind by a joint that retreats
 # faster. The magnitude of the others is the approach rate v0 if the law depends on it

@@ -1,11 +1,15 @@
-"""Arrays: their type, tolerances of rounding, error norms, polynomials, angles that differ by revolutions."""
+"""Arrays: type, checked numbers, rounding, error norms, polynomials, angles that differ by revolutions."""
 
 from collections.abc import Iterable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.errors import InputError
+
 Array = NDArray[np.float64]
+Kind = TypeVar("Kind")
 REVOLUTION = 2.0 * np.pi
 # spacing of floating-point numbers at 1
 EPS = 2.0**-52
@@ -96,3 +100,43 @@ def shifted_into(angles: Array, ends: tuple[float, float], start: float, period:
             if low <= shifted.min() and shifted.max() <= high:
                 return shifted
     return angles
+
+
+# largest magnitude of a number; larger ones are errors of the unit or the exponent, and their squares
+# overflow
+HUGE = 1e30
+
+
+def number(value: object) -> float:
+    """Return a real number as a float; NaN for text, None, lists and other values."""
+    values = numbers(value)
+    return float(values) if values.ndim == 0 else float("nan")
+
+
+def numbers(value: object) -> NDArray[np.float64]:
+    """Return real numbers, nested or not, as an array of their shape; a single NaN for other values."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and array.size == 0):
+            return array.astype(np.float64)
+    except (TypeError, ValueError):
+        pass
+    return np.array(np.nan)
+
+
+def at_least_zero(what: str, value: float) -> None:
+    """Raise InputError for a negative, huge or no number."""
+    if not 0.0 <= number(value) < HUGE:
+        raise InputError(f"{what} is {value}; give a finite number, 0 or more, below {HUGE:g}")
+
+
+def units_remedy(value: object, example: str) -> str:
+    """Return the end of an error message for text instead of a number in SI; empty for other values."""
+    return f"; convert text by {example}" if isinstance(value, str) else ""
+
+
+def require(what: str, value: object, kind: type[Kind]) -> Kind:
+    """Return a value of a type; raise InputError for any other."""
+    if not isinstance(value, kind):
+        raise InputError(f"{what} is of type {type(value).__name__}; give one of type {kind.__name__}")
+    return value

@@ -14,8 +14,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers
+from mechsim.numerics.arrays import Array, numbers
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

@@ -24,8 +24,7 @@ from mechsim.kinematics.designs import DesignFamily
 from mechsim.report.page import METHODS, about_this_run, environment, tightest
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
-from mechsim.studies.sensitivity.sensitivity import derivative_table
-from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
+from mechsim.studies.sensitivity.sensitivity import derivative_table, tolerance_study
 from mechsim.studies.validate import Validation
 
 # rows of a table on the page, which has one side of A4; the JSON file has all

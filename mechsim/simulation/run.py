@@ -13,7 +13,7 @@ from mechsim.mechanism.mechanism import Mechanism, starting_at
 from mechsim.mechanism.motion_laws import CRANK, CrankProfile, MotionLaws, constant
 from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.inputs import number, require, units_remedy
+from mechsim.numerics.arrays import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import at_initial_state, parameter_profile

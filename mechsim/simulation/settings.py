@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.mechanism.links import VIRTUAL_PREFIX
-from mechsim.numerics import inputs
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, number, numbers
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings
@@ -89,10 +88,10 @@ def check_setting(name: str, value: Any, rule: Mapping[str, Any]) -> None:
     """Raise InputError for a value that the declaration of a setting does not allow."""
     if "options" in rule and value not in rule["options"]:
         raise InputError(f"there is no {name} {value!r}; choose from {', '.join(rule['options'])}")
-    if "least" in rule and not rule["least"] <= inputs.number(value) < np.inf:
+    if "least" in rule and not rule["least"] <= number(value) < np.inf:
         raise InputError(rule["remedy"].format(name=name, value=value))
     if "count" in rule:
-        values = inputs.numbers(value)
+        values = numbers(value)
         if values.shape != (rule["count"],) or not np.isfinite(values).all():
             raise InputError(f"{name} is {value}; give {rule['count']} finite numbers")
 

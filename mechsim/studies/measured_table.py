@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim import files, units
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.arrays import HUGE, Array
 
 if TYPE_CHECKING:
     from mechsim.studies.sensitivity.moved_family import MovedFamily

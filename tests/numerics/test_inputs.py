@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.numerics.inputs import number, numbers, require, units_remedy
+from mechsim.numerics.arrays import number, numbers, require, units_remedy
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2), True + True])

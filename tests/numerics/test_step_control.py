@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.numerics.step_control import StepControl
+from mechsim.numerics.path_segments import StepControl
 
 CONTROL = StepControl()
 

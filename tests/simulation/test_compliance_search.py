@@ -10,8 +10,8 @@ import mechsim as ms
 from mechsim import catalog
 from mechsim.cli import app
 from mechsim.simulation import Settings, simulate
+from mechsim.simulation.position_tolerance import improving_compliance
 from mechsim.simulation.settings import COMPLIANCE
-from mechsim.simulation.tolerance import improving_compliance
 
 # a slow five-bar under gravity: the loop-closure error is proportional to the square of the period
 FIVE_BAR = model_text("compliance_search_five_bar.xml")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mechsim.numerics.convergence import refine
-from mechsim.simulation import tolerance
-from mechsim.simulation.tolerance import NextSteps
+from mechsim.simulation import position_tolerance
+from mechsim.simulation.position_tolerance import TARGET_FRACTION, NextSteps
 
 
 def refined(error, limit, first, **limits):
@@ -18,7 +18,7 @@ def refined(error, limit, first, **limits):
         requested.append(steps)
         return SimpleNamespace(steps=steps, estimate=error(steps), outcome="failed")
 
-    following = NextSteps(tolerance.TARGET_FRACTION * limit, **limits)
+    following = NextSteps(TARGET_FRACTION * limit, **limits)
     return refine(attempt, first, following, limit).best, requested
 
 
@@ -43,14 +43,14 @@ def test_two_attempts_without_an_estimate_end_the_refinement():
 
 
 def test_the_maximum_number_of_steps_is_respected(monkeypatch):
-    monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
+    monkeypatch.setattr(position_tolerance, "MAX_STEPS", 500)
     assert max(refined(lambda n: n**-1.0, 1e-9, 20)[1]) == 500
 
 
 @pytest.mark.parametrize(("needed", "last"), [(1900, 1900), (2100, 500)])
 def test_the_limit_is_exceeded_only_if_success_is_predicted(needed, last, monkeypatch):
-    monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
-    limit = needed**-4.0 / tolerance.TARGET_FRACTION
+    monkeypatch.setattr(position_tolerance, "MAX_STEPS", 500)
+    limit = needed**-4.0 / TARGET_FRACTION
     run, requested = refined(lambda n: n**-4.0, limit, 490, max_steps=2000)
     assert requested[-1] == pytest.approx(last, rel=1e-3)
     assert (run.estimate <= limit) == (last > 500)

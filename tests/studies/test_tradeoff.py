@@ -12,13 +12,15 @@ from mechsim import catalog
 from mechsim.cli import main
 from mechsim.numerics.resources import Budget
 from mechsim.studies.tradeoff.methods import (
+    COMPARED,
     DEFAULTS,
     LOW_COMPLIANCE,
     STEPS,
     BuiltModel,
+    Subject,
     stepping_methods,
+    subject_of,
 )
-from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff
 

@@ -24,8 +24,14 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import Settings, driven_run
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, stepping_methods
-from mechsim.studies.tradeoff.subject import Subject, subject_of
+from mechsim.studies.tradeoff.methods import (
+    STEPS,
+    BuiltModel,
+    Subject,
+    build_model,
+    stepping_methods,
+    subject_of,
+)
 
 TURNS = 10.0
 RPM, FRACTION = (1.0, 20_000.0), (1e-3, 1e-8)

@@ -17,9 +17,8 @@ from mechsim.mechanism.joints import joint_coordinate
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import short_repr
-from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, wrapped
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, numbers, wrapped
 from mechsim.numerics.collocation import Interpolant, Piecewise
-from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
 
 Extremum = Literal["highest", "lowest"]

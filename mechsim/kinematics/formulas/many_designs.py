@@ -14,8 +14,7 @@ from mechsim.kinematics.vector_method.trig_polynomial import SignedRoot, TrigPol
 from mechsim.mechanism.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.mechanism.links import ORIGIN, Pose
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.arrays import REVOLUTION, Array
-from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.arrays import HUGE, REVOLUTION, Array
 from mechsim.numerics.jets import Jet
 
 # distance of a root from the unit circle below which it is real, and below which this is uncertain

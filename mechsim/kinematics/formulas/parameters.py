@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.errors import InputError
 from mechsim.mechanism.links import AXES
-from mechsim.numerics.inputs import HUGE, numbers
+from mechsim.numerics.arrays import HUGE, numbers
 from mechsim.units import Unit
 
 

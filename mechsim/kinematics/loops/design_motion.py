@@ -24,9 +24,8 @@ from mechsim.mechanism.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import LoopSystem, loop_solver
 from mechsim.numerics.newton import newton
-from mechsim.numerics.path_segments import ClosedNodes, Segment
+from mechsim.numerics.path_segments import ClosedNodes, Segment, StepControl
 from mechsim.numerics.rank import least_norm, significant
-from mechsim.numerics.step_control import StepControl
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]

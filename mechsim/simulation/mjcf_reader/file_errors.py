@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, cut
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import HUGE
+from mechsim.numerics.arrays import HUGE, Array
 
 # maximum number of characters quoted from a message of MuJoCo
 MAX_SHOWN = 300

@@ -23,8 +23,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.quantities import quantity
 from mechsim.mechanism.quantity import record_columns
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import number
+from mechsim.numerics.arrays import Array, number
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader, values_of_function
 from mechsim.studies.agreement.comparison import (
     candidate_check,

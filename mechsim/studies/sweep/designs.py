@@ -16,8 +16,7 @@ from mechsim.kinematics.designs import DesignFamily
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.links import AXES
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers
+from mechsim.numerics.arrays import Array, numbers
 from mechsim.numerics.resources import require_memory
 from mechsim.units import Unit
 

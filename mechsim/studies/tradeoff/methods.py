@@ -1,4 +1,4 @@
-"""Stepping methods that `mechsim tradeoff` compares, each a curve over the number of steps, and their models.
+"""Stepping methods of `mechsim tradeoff`, each a curve over the number of steps, and the compared mechanism.
 
 A method determines everything except the step: integrator, time constant of the loops (in steps, or as a
 fraction of a revolution), compliance, impedance, refsafe and diagexact.
@@ -8,11 +8,16 @@ import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from mechsim.compare.quantities import QUANTITIES, motion_scales
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
-from mechsim.mechanism.motion_laws import CrankProfile
+from mechsim.mechanism.motion_laws import CrankProfile, within_range
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.convergence import half_extent
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import from_spec
 from mechsim.simulation.driven_run import first_state
@@ -143,3 +148,56 @@ def build_model(mechanism: Mechanism, profile: CrankProfile) -> BuiltModel:
     spec = assembled(mechanism, Scene(level="motion"))
     closed = from_spec(spec, tuple(mechanism.points), CRANK)
     return BuiltModel(closed, profile, first_state(closed, profile))
+
+
+# compared quantities; the drive is compared with its profile
+COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")
+# ratio of the crank speed to its target above which a run counts as diverged
+MAX_SPEED_RATIO = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The mechanism on which the trade-off is measured.
+
+    Attributes:
+        name: name of the mechanism.
+        built: its model.
+        solver: its exact motion, with which trials are compared.
+        stroke: half the largest extent of a point's path, in [m].
+        speed: largest crank speed, in [rad/s].
+    """
+
+    name: str
+    built: BuiltModel
+    solver: KinematicSolver
+    stroke: float
+    speed: float
+
+    def errors(self, motion: Motion | None) -> dict[str, float]:
+        """Return the largest errors by quantity.
+
+        Position and loop residual are in strokes, velocity and acceleration in strokes and crank speeds,
+        angle and drive in [rad]; all are infinite for a diverged motion. The drive error is the distance of
+        the crank from its profile. The other errors are measured at the actual crank angle.
+        """
+        if motion is None or not worst(motion.speed) <= MAX_SPEED_RATIO * self.speed:
+            return dict.fromkeys(COMPARED, np.inf)
+        exact = self.solver.solve(motion.angle, motion.speed, motion.acceleration)
+        scales = motion_scales(self.stroke, self.speed)
+        errors = {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
+        assert motion.time is not None
+        return errors | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
+
+
+def subject_of(solver: KinematicSolver, speed: float) -> Subject:
+    """Return a mechanism as a subject, with its formulas or the loop equations as the reference.
+
+    Raises:
+        AssemblyError: if the crank cannot make its whole motion.
+    """
+    profile = within_range(solver.mechanism, solver.crank_range(), speed)
+    angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
+    solver = solver.starting_at(angles)
+    stroke = half_extent(solver.positions(angles).values())
+    return Subject(solver.name, build_model(solver.mechanism, profile), solver, stroke, abs(speed))

@@ -10,8 +10,7 @@ import numpy as np
 from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.tradeoff.methods import LOW_COMPLIANCE, STEPS, stepping_methods
-from mechsim.studies.tradeoff.subject import Subject
+from mechsim.studies.tradeoff.methods import LOW_COMPLIANCE, STEPS, Subject, stepping_methods
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
 
 # number of timing rounds including the first trials, and fraction of the budget left for the later rounds

@@ -13,8 +13,7 @@ from mechsim.files import atomic_path
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation.settings import OWN_OPTIONS, Settings
-from mechsim.studies.tradeoff.methods import DEFAULTS, SteppingMethod
-from mechsim.studies.tradeoff.subject import COMPARED, Subject
+from mechsim.studies.tradeoff.methods import COMPARED, DEFAULTS, SteppingMethod, Subject
 
 # errors in strokes for which the fastest settings are listed
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)

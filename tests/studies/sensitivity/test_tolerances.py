@@ -10,8 +10,7 @@ import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.io.readers import parametric_model
 from mechsim.studies.sensitivity.moved_family import MovedFamily
-from mechsim.studies.sensitivity.sensitivity import derivative_table
-from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
+from mechsim.studies.sensitivity.sensitivity import derivative_table, tolerance_study
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
 
