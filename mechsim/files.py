@@ -22,6 +22,7 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError, OutputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
+from mechsim.units import table_in_si
 
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
@@ -363,6 +364,11 @@ def read(path: str | Path) -> Table:
         raise InputError(f"{path} holds no table of numbers with a header: {first_line}") from error
     except MemoryError:
         raise InputError(f"{path} needs more than the memory; give a shorter table") from None
+
+
+def read_in_si(path: str | Path) -> Table:
+    """Read a table whose headers may have units (`units.table_in_si`), as `read`."""
+    return table_in_si(read(path), str(path))
 
 
 def csv_head(names: Iterable[str]) -> str:

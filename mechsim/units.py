@@ -7,7 +7,7 @@ dataclass that users can set in this form.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -445,3 +445,36 @@ def parse_coordinate(
     if unit == "rad" and not unit_in(text) and abs(value) > 2.0 * np.pi:
         raise InputError(f"{name}: {text} rad is more than a turn; write {text}deg, or {text}rad if meant")
     return value
+
+
+def table_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array]:
+    """Return the columns of a table in SI, without the units of headers such as `P.x [mm]`; others are SI.
+
+    Raises:
+        InputError: for a unit that is unknown or does not suit a time or angle, or two columns of one name.
+    """
+    columns: dict[str, Array] = {}
+    for header, values in table.items():
+        name, factor = _column_in_si(header, where)
+        if name in columns:
+            raise InputError(f"{where} has the column {name!r} twice; leave one out")
+        columns[name] = factor * np.asarray(values, dtype=np.float64)
+    return columns
+
+
+# the columns of instants: whatever else has their name has their unit; and a header with its unit
+_COLUMNS: dict[str, Unit] = {"t": "s", "time": "s", "angle": "rad"}
+_UNIT_OF_COLUMN = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
+
+
+def _column_in_si(header: str, where: str) -> tuple[str, float]:
+    """Return the name in a header such as `P.x [mm]`, and the factor that converts its values to SI."""
+    match = _UNIT_OF_COLUMN.fullmatch(header)
+    if match is None:
+        return header, 1.0
+    name, written = match.groups()
+    for unit in (_COLUMNS[name],) if name in _COLUMNS else get_args(Unit):
+        with suppress(InputError):
+            return name, parse(f"1 {written}", unit)
+    expected = "[s]" if name in ("t", "time") else "[mm] or [deg]"
+    raise InputError(f"{where} has the column {header!r}, whose unit does not suit; write it as {expected}")

@@ -72,7 +72,7 @@ def motor_of(text: str) -> Motor | Controller:
 def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
     """Return loads from a table: angle [rad] or t [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
     # the column t may also be called time
-    columns = {"t" if name == "time" else name: column for name, column in files.read(path).items()}
+    columns = {"t" if name == "time" else name: column for name, column in files.read_in_si(path).items()}
     instants = "angle" if "angle" in columns else "t"
     if instants not in columns:
         raise InputError(

@@ -191,7 +191,7 @@ def _poses(solver: KinematicSolver, options: RunOptions, scene: Scene) -> Run:
     if options.method == "step":
         raise InputError("--at solves poses; leave out --method step")
     assert options.poses is not None
-    rows = driver_path(solver, files.read(options.poses), options.poses, uniform=True)
+    rows = driver_path(solver, files.read_in_si(options.poses), options.poses, uniform=True)
     last = max(round(rows.motion_laws.duration), 1)
     run = run_in_mujoco(solver, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
     return replace(run, motion=select_instants(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))

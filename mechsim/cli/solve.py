@@ -127,7 +127,7 @@ def solve(
         from mechsim.io.driver_positions import poses_of_table
 
         options.check(solver, stated)
-        poses = poses_of_table(solver, files.read(options.poses), options.poses)
+        poses = poses_of_table(solver, files.read_in_si(options.poses), options.poses)
         return _whole(solver, poses, output, output_units(units, solver))
     require_motion(solver)
     options.check(solver, stated)

@@ -285,12 +285,13 @@ def read_column(path: str, name: str, axes: Sequence[str], expected: str) -> tup
     Raises:
         InputError: for a file without a table, axis or such a column, or with two axes.
     """
-    table = files.read(path)
+    table = files.read_in_si(path)
     axis_columns = [name_ for name_ in axes if name_ in table]
     value_columns = [name_ for name_ in table if name_ not in axes]
     if len(axis_columns) != 1 or not value_columns or (len(value_columns) > 1 and name not in value_columns):
         raise InputError(
-            f"{path} has columns {', '.join(table)}; as {expected} and its value in SI, or one called {name}"
+            f"{path} has columns {', '.join(table)}; as {expected} and its value, or one called {name}, in "
+            "SI or with a unit: value [deg]"
         )
     return (
         axis_columns[0],

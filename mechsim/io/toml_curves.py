@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import read
+from mechsim.files import read_in_si
 from mechsim.io.toml_cams import GuidedJoint, cam_joints, cam_of
 from mechsim.io.toml_links import MASSLESS
 from mechsim.io.toml_values import Values, written_function
@@ -130,7 +130,7 @@ def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> GuideCurve:
 
 def _tabled(path: str, closed: bool) -> tuple[PlainFunction, ...]:
     """Return splines through a table with x, y, maybe z and s, by default the length of the chords."""
-    columns = read(path)
+    columns = read_in_si(path)
     names = [axis for axis in "xyz" if axis in columns]
     if names[:2] != ["x", "y"] or not {*columns} <= {*"sxyz"}:
         raise InputError(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
-from mechsim.files import is_table, read
+from mechsim.files import is_table, read_in_si
 from mechsim.io.toml_keys import Key, root
 from mechsim.mechanism.expressions import FUNCTIONS, evaluate_number, variables
 from mechsim.numerics.arrays import HUGE, number
@@ -374,10 +374,10 @@ def tabled_function(
     from mechsim.mechanism.coupling_functions import TabledFunction
 
     file = str(values.source.sibling(text))
-    columns = read(file)
+    columns = read_in_si(file)
     variable = next((name for name in over if name in columns), over[0])
     if {*columns} != {variable, value}:
-        expected = f"{' or '.join(over)}, and {value}, in SI"
+        expected = f"{' or '.join(over)}, and {value}, each in SI or with its unit in brackets"
         raise values.source.error(path, f"has columns {', '.join(columns)}; give {expected}")
     positions, targets = (tuple(columns[name].tolist()) for name in (variable, value))
     return TabledFunction(file, positions, targets, periodic, variable)

@@ -1,6 +1,5 @@
 """Measured motion: a table with columns named like our quantities, some with standard deviations."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 # prefixes or suffixes of columns with standard deviations
 DEVIATION_SIGNS = ("±", "+-")
-_UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
 
 
 @dataclass(frozen=True)
@@ -53,13 +51,9 @@ def table_columns(table: Mapping[str, ArrayLike], where: str) -> dict[str, Table
         InputError: for an unknown unit, two columns of one name, numbers that are not finite, standard
             deviations without a column, or standard deviations that are not above 0.
     """
-    columns: dict[str, Array] = {}
-    for header, values in table.items():
-        name, factor = column_in_si(header, where)
-        if name in columns:
-            raise InputError(f"{where} has the column {name!r} twice; leave one out")
-        columns[name] = factor * np.asarray(values, dtype=np.float64)
-        _require_rows(columns[name], np.abs(columns[name]) <= HUGE, name, where, "remove the row")
+    columns = units.table_in_si(table, where)
+    for name, values in columns.items():
+        _require_rows(values, np.abs(values) <= HUGE, name, where, "remove the row")
     result = {name: TableColumn(values) for name, values in columns.items() if deviation_of(name) is None}
     for name, values in columns.items():
         quantity_name = deviation_of(name)
@@ -81,23 +75,6 @@ def _require_rows(values: Array, valid: NDArray[np.bool_], name: str, where: str
         row = int(np.argmin(valid))
         problem = f"{values[row]:g}" if np.isfinite(values[row]) else "no finite number"
         raise InputError(f"{where}: column {name} is {problem} in row {row + 1}; {remedy}")
-
-
-def column_in_si(header: str, where: str) -> tuple[str, float]:
-    """Return the name in a header such as `P.x [mm]`, and the factor that converts its values to SI.
-
-    Raises:
-        InputError: for an unknown unit.
-    """
-    match = _UNIT.fullmatch(header)
-    if match is None:
-        return header, 1.0
-    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N", "N m", "s", "A"):
-        try:
-            return match[1], units.parse(f"1 {match[2]}", unit)
-        except InputError:
-            continue
-    raise InputError(f"{where} has the column {header!r}, whose unit is not known; write it as [mm] or [deg]")
 
 
 def deviation_of(name: str) -> str | None:

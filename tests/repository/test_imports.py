@@ -46,7 +46,7 @@ ALLOWED_IMPORTS = {
     "testing": {"numerics", "mechanism", "kinematics", "kinetics", "compare", "studies", "io", "files"},
     "__main__": {"cli"},
     "errors": set(),
-    "files": {"numerics", "mechanism"},
+    "files": {"numerics", "mechanism", "units"},
     "units": set(),
 }
 EVERYWHERE = {"errors", "_version", ""}

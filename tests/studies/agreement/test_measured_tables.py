@@ -68,5 +68,5 @@ def test_fit_and_validate_read_a_table_equally(tmp_path):
         ms.fit("slider_crank", table, ["rod"]).values["rod"], abs=1e-12
     )
     assert fitted.values["rod"] - 0.2 == pytest.approx(0.2 * cause.value, rel=0.02)
-    with pytest.raises(InputError, match=r"'B\.x \[inchworm\]', whose unit is not known"):
+    with pytest.raises(InputError, match=r"'B\.x \[inchworm\]', whose unit does not suit"):
         ms.fit("slider_crank", {"angle": [0.0, 1.0], "B.x [inchworm]": [1.0, 2.0]}, ["rod"])
