@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from mechsim.mechanism import load_profile as load_profile
     from mechsim.mechanism import masses as masses
     from mechsim.mechanism import motors as motors
-    from mechsim.mechanism.bushings import Bushing as Bushing
     from mechsim.mechanism.clearances import Clearance as Clearance
     from mechsim.mechanism.forces import Forces as Forces
     from mechsim.mechanism.forces import Friction as Friction
@@ -51,6 +50,7 @@ if TYPE_CHECKING:
     from mechsim.mechanism.motion import Motion as Motion
     from mechsim.mechanism.motion_laws import MotionLaws as MotionLaws
     from mechsim.mechanism.motors import Controller as Controller
+    from mechsim.mechanism.nonlinear_springs import Bushing as Bushing
     from mechsim.mechanism.scene import Scene as Scene
     from mechsim.pictures import plots as plots
     from mechsim.pictures.render import Look as Look
@@ -100,7 +100,7 @@ _NAMES = {
     "_version": "__version__",
     "codegen.compiled": "compile",
     "errors": "AssemblyError InputError MechsimError",
-    "mechanism.bushings": "Bushing",
+    "mechanism.nonlinear_springs": "Bushing",
     "mechanism.clearances": "Clearance",
     "mechanism.forces": "Forces Friction JointSpring Load Spring",
     "mechanism.joints": "Coupling End Gear Joint",

@@ -230,6 +230,11 @@ def json_names(record: type) -> dict[str, str]:
     return {key: name or key for key, _, name in items}
 
 
+def attributes(record: object, *names: str) -> dict[str, Any]:
+    """Return some attributes of a record, for JSON."""
+    return {name: getattr(record, name) for name in names}
+
+
 def plain(value: Any) -> Any:
     """Return a value for JSON: records and mappings as objects, arrays as lists, NaN and infinity as None."""
     if is_dataclass(value):

@@ -39,9 +39,9 @@ from mechsim.kinetics.crank_turns import TURNS_BUDGET
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.forward_dynamics import BUDGET
 from mechsim.kinetics.gaps import released
-from mechsim.mechanism.progress import Progress
 from mechsim.mechanism.quantities import quantity_names
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import Progress
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward
 from mechsim.studies.release import Release
@@ -171,18 +171,11 @@ def _result(
     """Return data and text of a run from an initial state."""
     model = release.model
     data: dict[str, Any] = {
-        "outcome": result.outcome,
-        "reason": result.reason,
+        **files.attributes(result, "outcome", "reason", "energy_error", "events", "openings", "singular"),
+        **files.attributes(result, "steps", "executed", "note"),
         "duration": float(result.time[-1]),
-        "energy_error": result.energy_error,
         "work": float(result.work[-1]),
         "lost": float(result.lost[-1]),
-        "events": list(result.events),
-        "openings": result.openings,
-        "singular": list(result.singular),
-        "steps": result.steps,
-        "executed": result.executed,
-        "note": result.note,
         "final": _final(result),
         "quantities": dict(quantities),
         "passed": None if verdict is None else verdict.passed,

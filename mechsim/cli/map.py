@@ -10,7 +10,7 @@ from mechsim.cli.command import Result, command, output_file
 from mechsim.cli.options import joint_ranges
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.files import atomic_path
+from mechsim.files import atomic_path, attributes
 from mechsim.simulation.joint_map import JointMap
 from mechsim.studies.robots.joint_map import (
     TOLERANCE,
@@ -64,11 +64,7 @@ def map_joints(
         "points": len(table.input),
         "reached": table.reached,
         "locked": dict(table.locked),
-        "differences": {
-            "output": comparison.output,
-            "jacobian": comparison.jacobian,
-            "jacobian_derivative": comparison.jacobian_derivative,
-        },
+        "differences": attributes(comparison, "output", "jacobian", "jacobian_derivative"),
         "passed": comparison.passed,
     }
     if table.polynomials is not None:

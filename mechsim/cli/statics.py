@@ -122,8 +122,7 @@ def statics(
         "checks": checks,
     }
     if loaded is not None:
-        names = ("load", "displacement", "stable", "limit_points")
-        data["curve"] = {name: getattr(loaded, name).tolist() for name in names}
+        data["curve"] = files.attributes(loaded, "load", "displacement", "stable", "limit_points")
     return _with_masses(model, Result(data, text, agreed), verbose)
 
 
@@ -223,17 +222,9 @@ def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
-    return {
-        "q": dict(equilibrium.q),
-        "stable": equilibrium.stable,
-        "dimension": equilibrium.dimension,
-        "singular": equilibrium.singular,
-        "reached": equilibrium.reached,
-        "everywhere": equilibrium.everywhere,
-        "potential": equilibrium.potential,
-        "modes": [_mode_facts(mode) for mode in equilibrium.modes],
-        "stops": dict(equilibrium.stops),
-    }
+    names = ("q", "stable", "dimension", "singular", "reached", "everywhere", "potential", "stops")
+    modes = [_mode_facts(mode) for mode in equilibrium.modes]
+    return files.attributes(equilibrium, *names) | {"modes": modes}
 
 
 def _mode_facts(mode: Mode) -> dict[str, Any]:
@@ -243,13 +234,9 @@ def _mode_facts(mode: Mode) -> dict[str, Any]:
     shape: dict[str, float | list[float]] = {
         name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
     }
-    return {
-        "frequency": mode.frequency,
-        "damping_ratio": mode.damping_ratio,
-        "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
-        "error": mode.error,
-        "shape": shape,
-    }
+    eigenvalue = [mode.eigenvalue.real, mode.eigenvalue.imag]
+    numbers = files.attributes(mode, "frequency", "damping_ratio", "error")
+    return numbers | {"eigenvalue": eigenvalue, "shape": shape}
 
 
 @command

@@ -9,6 +9,7 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
+from mechsim.files import attributes
 from mechsim.io import catalog
 from mechsim.papers.coupler_line import Synthesis, synthesize_looper
 from mechsim.units import option
@@ -56,12 +57,7 @@ def synthesize(
 
 
 def _as_dict(design: Synthesis) -> dict[str, Any]:
-    return {
-        "frame": design.frame,
-        "frame_angle": design.frame_angle,
-        "rocker": design.rocker,
-        "deviation": design.deviation,
-    }
+    return attributes(design, "frame", "frame_angle", "rocker", "deviation")
 
 
 def _row(design: Synthesis) -> tuple[str, ...]:

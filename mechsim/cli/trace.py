@@ -135,18 +135,14 @@ def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
     """Return the trace as plain data; components are counted from 1."""
     return {
         "mechanism": trace.mechanism.name,
-        "starts": trace.starts,
-        "seed": trace.seed,
-        "closed": trace.closed,
+        **files.attributes(trace, "starts", "seed", "closed", "left_out", "complete_at", "reason"),
         "components": [
             {
                 "component": i + 1,
                 "own": i == 0,
-                "starts_ended": curve.starts_ended,
-                "length": curve.length,
-                "turns": curve.turns,
-                "dead_centres": curve.dead_centres,
-                "turning_points": curve.turning_points,
+                **files.attributes(
+                    curve, "starts_ended", "length", "turns", "dead_centres", "turning_points"
+                ),
             }
             for i, curve in enumerate(trace.curves)
         ],
@@ -157,7 +153,4 @@ def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
             }
             for branch_point in trace.branch_points
         ],
-        "left_out": list(trace.left_out),
-        "complete_at": trace.complete_at,
-        "reason": trace.reason,
     }

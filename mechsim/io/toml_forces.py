@@ -11,7 +11,6 @@ from mechsim.io.toml_links import end_of
 from mechsim.io.toml_motors import actuators_of, expression_controllers, require_motor_keys
 from mechsim.io.toml_springs import nonlinear_springs_of, point_of, springs_of
 from mechsim.io.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
-from mechsim.mechanism.bushings import Bushing, diagonal
 from mechsim.mechanism.clearances import Clearance, hertz_stiffness
 from mechsim.mechanism.forces import (
     WEIGHT,
@@ -27,7 +26,7 @@ from mechsim.mechanism.load_profile import LoadProfile, constant
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.meshes import mesh_of
 from mechsim.mechanism.motors import ConstantTorque, Controller, DCMotor, Geared, Motor, TorqueSpeedLine
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, diagonal
 from mechsim.units import Unit
 
 # smallest and largest plausible rest length of a spring, in sizes of the mechanism

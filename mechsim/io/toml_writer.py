@@ -15,7 +15,6 @@ from mechsim.io.law_text import MotionLaw, WrittenLoad
 from mechsim.io.toml_forces import FRICTION_NUMBERS
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.actuators import NO_LIMIT, Actuator, no_control
-from mechsim.mechanism.bushings import Bushing
 from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.mechanism.forces import Forces, Location
 from mechsim.mechanism.joint_friction import BRISTLES
@@ -25,7 +24,7 @@ from mechsim.mechanism.load_profile import LoadProfile
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import MotionLaws
 from mechsim.mechanism.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, SoftStop, SpringLaw
 
 if TYPE_CHECKING:
     from mechsim.mechanism.curves import CouplingFunction
@@ -142,19 +141,21 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     table |= {("armature", *name.split(".")): inertia for name, inertia in forces.armature.items()}
     table |= {("motors", actuator.name): _actuator(actuator) for actuator in forces.actuators}
     for friction in (friction for friction in forces.friction if not friction.coupling):
-        values = _fields(friction, "viscous", "coulomb", "static", "stribeck", *BRISTLES, *FRICTION_NUMBERS)
+        values = files.attributes(
+            friction, "viscous", "coulomb", "static", "stribeck", *BRISTLES, *FRICTION_NUMBERS
+        )
         table["friction", friction.joint] = {name: value for name, value in values.items() if value}
     named = {spring.name for spring in forces.nonlinear_springs}
     numbers = (i for i in count(1) if f"spring{i}" not in named)
     for i, spring in zip(numbers, forces.springs, strict=False):
         ends = {"a": _point(spring.a), "b": _point(spring.b)}
-        table["springs", f"spring{i}"] = ends | _fields(spring, "stiffness", "rest", "damping")
+        table["springs", f"spring{i}"] = ends | files.attributes(spring, "stiffness", "rest", "damping")
     for spring in forces.nonlinear_springs:
         if isinstance(spring.law, SpringLaw):
             table["springs", spring.name] = _nonlinear_spring(spring, spring.law)
     table |= {("bushings", bushing.name): _bushing(bushing) for bushing in forces.bushings}
     springs = {("joint_springs", item.joint): item for item in forces.joint_springs}
-    table |= {key: _fields(spring, "stiffness", "rest") for key, spring in springs.items()}
+    table |= {key: files.attributes(spring, "stiffness", "rest") for key, spring in springs.items()}
     for i, load in enumerate(forces.loads, 1):
         force = _components(load.force, f"the load on {load.location}")
         table["loads", f"load{i}"] = {"at": _point(load.location), "force": force}
@@ -168,7 +169,7 @@ def _nonlinear_spring(spring: NonlinearSpring, law: SpringLaw) -> dict[str, Any]
     if not isinstance(spring.ends, str):
         ends = {side: _point(end) for side, end in zip("ab", spring.ends, strict=True)}
     force = _without_names(law) if law.table is None else _absolute(law.table.text)
-    table = ends | _fields(law, "stiffness", "rest", "damping", "preload") | {"force": force}
+    table = ends | files.attributes(law, "stiffness", "rest", "damping", "preload") | {"force": force}
     return _stated(table, stiffness=0.0, rest=0.0, damping=0.0, preload=0.0, force="")
 
 
@@ -186,7 +187,7 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
         "gear": dict(actuator.gear),
         "rotor": actuator.inertia,
     }
-    table |= _fields(actuator, "gain", "bias", "direct", "start")
+    table |= files.attributes(actuator, "gain", "bias", "direct", "start")
     if actuator.inflow is not None:
         table["inflow"] = actuator.inflow
     for name in ("control_range", "state_range", "force_range"):
@@ -196,18 +197,14 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
     return table
 
 
-def _fields(element: object, *names: str) -> dict[str, Any]:
-    return {name: getattr(element, name) for name in names}
-
-
 def _motor(motor: Motor) -> dict[str, Any]:
     if isinstance(motor, Geared):
         return _motor(motor.motor) | {"gear": motor.ratio}
     if isinstance(motor, ConstantTorque):
         return {"kind": "constant", "torque": motor.value}
     if isinstance(motor, TorqueSpeedLine):
-        return {"kind": "line", **_fields(motor, "stall", "no_load")}
-    return {"kind": "dc", **_fields(motor, "voltage", "resistance", "constant")}
+        return {"kind": "line", **files.attributes(motor, "stall", "no_load")}
+    return {"kind": "dc", **files.attributes(motor, "voltage", "resistance", "constant")}
 
 
 def _components(profile: LoadProfile, what: str) -> Sequence[float | str]:
@@ -245,14 +242,14 @@ def _stated(entries: dict[str, Any], **defaults: Any) -> dict[str, Any]:
 
 
 def _link(link: Link) -> dict[str, Any]:
-    inertia = None if link.inertia is None else _fields(link.inertia, "mass", "centre", "moments")
-    table = _fields(link, "outline", "polygon") | {"inertia": inertia}
+    inertia = None if link.inertia is None else files.attributes(link.inertia, "mass", "centre", "moments")
+    table = files.attributes(link, "outline", "polygon") | {"inertia": inertia}
     return _stated(table, outline=(), polygon=False, inertia=None)
 
 
 def _joint(joint: Joint) -> dict[str, Any]:
     ends = {"a": _end(joint.a), "b": _end(joint.b)}
-    table = {"kind": joint.kind, **ends, **_fields(joint, "cross_angle", "lead", "length")}
+    table = {"kind": joint.kind, **ends, **files.attributes(joint, "cross_angle", "lead", "length")}
     return _stated(table, cross_angle=np.pi / 2, lead=0.0, length=0.0)
 
 
@@ -269,7 +266,7 @@ def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
         for spring in () if solver.forces is None else solver.forces.nonlinear_springs:
             if spring.ends == name and isinstance(spring.law, SoftStop):
                 entry["upper" if spring.law.side > 0.0 else "lower"] = spring.law.limit
-                entry |= _fields(spring.law, "stiffness", "damping")
+                entry |= files.attributes(spring.law, "stiffness", "damping")
         if entry:
             limits |= entry if name == joint.name else {name.removeprefix(f"{joint.name}."): entry}
     return {"limits": limits} if limits else {}
@@ -279,7 +276,7 @@ def _clearance(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
     clearances = () if solver is None or solver.forces is None else solver.forces.clearances
     fields = "radius", "restitution", "stiffness", "exponent", "law"
     defaults = {"restitution": None, "stiffness": 0.0, "exponent": 1.5, "law": "lankarani-nikravesh"}
-    tables = {item.joint: _stated(_fields(item, *fields), **defaults) for item in clearances}
+    tables = {item.joint: _stated(files.attributes(item, *fields), **defaults) for item in clearances}
     return {"clearance": tables[joint.name]} if joint.name in tables else {}
 
 
@@ -293,7 +290,7 @@ def _end(end: End) -> dict[str, Any]:
 
 
 def _gear(gear: Gear) -> dict[str, Any]:
-    table = _fields(gear, "driver", "driven", "ratio", "phase", "pressure_angle")
+    table = files.attributes(gear, "driver", "driven", "ratio", "phase", "pressure_angle")
     return _stated(table, pressure_angle=0.0)
 
 
@@ -330,7 +327,7 @@ def _coupling(coupling: Coupling) -> dict[str, Any]:
         table = {"radii": belt.radii, "crossed": coupling.ratio < 0.0, "phase": coupling.coefficients[0]}
         table |= {"length": belt.length, "tensioner": pulley, "backlash": coupling.backlash}
         return _stated(sides | table, crossed=False, phase=0.0, length=0.0, backlash=0.0, tensioner={})
-    table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle", "backlash")
+    table = sides | files.attributes(coupling, "coefficients", "zeros", "turns", "pressure_angle", "backlash")
     table |= _function(coupling.function)
     defaults = {"driver": {}, "zeros": (0.0, 0.0), "turns": False, "pressure_angle": None, "backlash": 0.0}
     return _stated(table, coefficients=(), periodic=False, **defaults)

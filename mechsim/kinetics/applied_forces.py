@@ -15,12 +15,11 @@ from mechsim.errors import InputError
 from mechsim.kinematics.vector_method.rotations import dot, rotation_vector
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
-from mechsim.mechanism.bushings import Bushing
 from mechsim.mechanism.forces import Friction, Location, Spring
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint, joint_coordinate
 from mechsim.mechanism.links import IDENTITY
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, Phases
 from mechsim.numerics.arrays import Array, cross, wrapped
 
 # joint rate per radian of the crank, in [rad] or characteristic lengths, at or below which the joint

@@ -14,7 +14,6 @@ import numpy as np
 
 from mechsim.kinematics.loops.constraints import Cut
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion
-from mechsim.mechanism.bushings import Bushing
 from mechsim.mechanism.forces import Friction, Location, located
 from mechsim.mechanism.instructions import (
     CONTROLLER,
@@ -29,7 +28,7 @@ from mechsim.mechanism.instructions import (
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Vector
-from mechsim.mechanism.nonlinear_springs import SoftStop
+from mechsim.mechanism.nonlinear_springs import Bushing, SoftStop
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.c_library import loaded_library
 

@@ -48,8 +48,8 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, short_repr
 from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import Phases
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import EPS, Array
+from mechsim.numerics.resources import Progress, no_progress
 
 # an initial value: in SI, text with units, or the numbers of a rotation or angular velocity
 Initial = float | str | Sequence[float]

@@ -45,10 +45,10 @@ from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.link_forces import kinetic_energy
 from mechsim.kinetics.right_hand_side import RightHandSide, crossing
 from mechsim.mechanism.finding import Outcome
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import STIFF_NODES, GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
+from mechsim.numerics.resources import Progress, no_progress
 
 # what evaluates the equations of motion
 Executed = Literal["C", "numpy"]

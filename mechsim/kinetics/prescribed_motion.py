@@ -26,9 +26,8 @@ from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.force_record import ForceRecord, Reaction, wrench_columns
 from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion, join, select_instants, short_repr
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array, cross, require
-from mechsim.numerics.resources import require_memory
+from mechsim.numerics.resources import Progress, no_progress, require_memory
 
 # number of instants solved together, and bytes per instant and element of the matrix of the balance
 BATCH_SIZE, STORED_NUMBERS = 4096, 80.0

@@ -22,10 +22,9 @@ from mechsim.numerics.arrays import HUGE, at_least_zero, number, numbers, requir
 
 if TYPE_CHECKING:
     from mechsim.mechanism.actuators import Actuator
-    from mechsim.mechanism.bushings import Bushing
     from mechsim.mechanism.clearances import Clearance
     from mechsim.mechanism.motors import Controller, Motor
-    from mechsim.mechanism.nonlinear_springs import NonlinearSpring
+    from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
 LinkPoint = tuple[str, Vector]

@@ -1,4 +1,4 @@
-"""Limits of memory, checked before work starts, and budgets of time."""
+"""Limits of memory, checked before work starts, budgets of time, and the progress of long work."""
 
 import os
 from collections.abc import Callable
@@ -142,3 +142,11 @@ class ProcessorBudget(Budget):
     def ended(self) -> str:
         """Start of a sentence about the exhausted budget."""
         return f"not converged within the budget of {self.seconds:g} s of processor time"
+
+
+# called with a text and the finished fraction, 0 to 1
+Progress = Callable[[str, float], None]
+
+
+def no_progress(_: str, __: float) -> None:
+    """Ignore the progress."""

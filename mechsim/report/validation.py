@@ -21,7 +21,7 @@ from mechsim.files import atomic_path, stem_of
 from mechsim.kinematics.designs import DesignFamily, placed_designs
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion
-from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import quantity_text
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot

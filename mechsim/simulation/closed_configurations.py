@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
-from mechsim.mechanism.progress import Progress
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.numerics.graphs import components
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
+from mechsim.numerics.resources import Progress
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import ROUNDING, Array
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.closed_configurations import (
     BATCH,
     StraightPath,

@@ -10,8 +10,8 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import CouplingConstraint, RodPair, chained, rates

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mechsim.files import attributes
 from mechsim.mechanism.finding import Outcome
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.masses import LinkMass
@@ -61,13 +62,8 @@ class Run(RunRecord):
     def summary(self) -> dict[str, Any]:
         """Return the output of `mechsim simulate --json`."""
         return {
-            "outcome": self.outcome,
-            "tolerance": self.tolerance,
+            **attributes(self, "outcome", "tolerance", "steps", "seconds", "method", "note"),
             "estimate": self.estimate if np.isfinite(self.estimate) else None,
-            "steps": self.steps,
-            "seconds": self.seconds,
-            "method": self.method,
-            "note": self.note,
             "settings": self.settings.as_dict() | {"timestep": self.timestep} if self.settings else {},
         }
 

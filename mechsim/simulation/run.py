@@ -11,10 +11,9 @@ from mechsim.errors import InputError
 from mechsim.mechanism.limits import require_steps
 from mechsim.mechanism.mechanism import Mechanism, starting_at
 from mechsim.mechanism.motion_laws import CRANK, CrankProfile, MotionLaws, constant
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import number, require, units_remedy
-from mechsim.numerics.resources import ProcessorBudget
+from mechsim.numerics.resources import ProcessorBudget, Progress, no_progress
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import at_initial_state, parameter_profile
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run

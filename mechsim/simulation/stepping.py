@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.mechanism.limits import MAX_STEPS
 from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.resources import require_memory
+from mechsim.numerics.resources import Progress, no_progress, require_memory
 from mechsim.simulation import recording
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.model_loops import ModelLoops

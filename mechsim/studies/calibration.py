@@ -16,8 +16,8 @@ from mechsim.io.readers import parametric_model
 from mechsim.kinematics.designs import Dimension
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.motion import short_repr
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array, wrapped
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, read_measured, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
 from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names

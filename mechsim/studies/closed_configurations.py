@@ -8,8 +8,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import closed_configurations
 from mechsim.simulation.closed_configurations import Sample
 from mechsim.studies.robots.mujoco_models import quantity_of_joint, started_model

@@ -22,8 +22,8 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import EPS, Array
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia

@@ -21,10 +21,10 @@ from mechsim.kinetics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.kinetics.state_quantities import motion_of
 from mechsim.kinetics.statics import Equilibrium
 from mechsim.mechanism.motion import Motion
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.mechanism.quantities import coordinate_units, moving_points, numeric_quantity
 from mechsim.mechanism.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
 from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.resources import Progress, no_progress
 
 # largest displacement of a coordinate, in [rad] or characteristic lengths, and number of times it can be
 # halved

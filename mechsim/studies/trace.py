@@ -18,10 +18,10 @@ from mechsim.kinematics.loops.start import all_closed, assembled, poses_around_b
 from mechsim.mechanism.links import GROUND, IDENTITY
 from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.mechanism.motion import short_repr
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
+from mechsim.numerics.resources import Progress, no_progress
 
 # distance of features below which a pose lies on a curve
 ON_CURVE = 1e-7

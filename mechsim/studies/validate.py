@@ -32,9 +32,8 @@ from mechsim.mechanism.finding import Finding, Outcome, by_severity, counted_fin
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.motion_laws import CrankProfile, State, interval_around, swing
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import REVOLUTION
-from mechsim.numerics.resources import ProcessorBudget
+from mechsim.numerics.resources import ProcessorBudget, Progress, no_progress
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import NotSteppedError

@@ -15,11 +15,11 @@ from mechsim.kinetics.contacts import ContactMode, Contacts
 from mechsim.kinetics.equations_of_motion import equations_of_motion
 from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.right_hand_side import RightHandSide
-from mechsim.mechanism.bushings import Bushing, diagonal
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Inertia, Link
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.nonlinear_springs import Bushing, diagonal
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 

@@ -9,13 +9,12 @@ import pytest
 import mechsim as ms
 from mechsim.io.law_text import control_law
 from mechsim.mechanism.actuators import Actuator
-from mechsim.mechanism.bushings import Bushing, diagonal
 from mechsim.mechanism.coupling_functions import TabledFunction
 from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.mechanism.joints import End
 from mechsim.mechanism.load_profile import function, table
 from mechsim.mechanism.motors import Controller, TorqueSpeedLine
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, SoftStop, SpringLaw, diagonal
 from mechsim.numerics import c_library
 from mechsim.simulation import velocity_products
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, prepared

@@ -20,12 +20,11 @@ import numpy as np
 from mujoco import batch
 
 from mechsim import catalog, load
-from mechsim.mechanism.bushings import Bushing, diagonal
 from mechsim.mechanism.forces import Forces, Friction
 from mechsim.mechanism.joints import End
 from mechsim.mechanism.load_profile import table
 from mechsim.mechanism.motors import Controller
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, SoftStop, diagonal
 from mechsim.mechanism.scene import Scene
 from mechsim.simulation import Settings, constant, loop_jacobian, simulate
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, prepared

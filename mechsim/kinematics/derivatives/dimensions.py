@@ -9,13 +9,12 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.kinematics.designs import DesignFamily, Dimension
-from mechsim.mechanism.bushings import Bushing
 from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.mechanism.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.mechanism.joints import Coupling, End, Joint
 from mechsim.mechanism.links import Inertia, Link
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics.arrays import Array
 
 # fields with numbers on which motions and forces depend, besides those of curves and cams (NUMBERS); load

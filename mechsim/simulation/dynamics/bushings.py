@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.mechanism.bushings import Bushing
+from mechsim.mechanism.nonlinear_springs import Bushing
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.state import rotation_vector_rates
 

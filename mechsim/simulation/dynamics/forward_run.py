@@ -17,10 +17,10 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, leading_joint
 from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import OPEN, Phases, SoftStop
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.custom_model import with_functions
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared

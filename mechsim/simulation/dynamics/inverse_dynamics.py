@@ -9,9 +9,9 @@ import numpy as np
 
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import join, replace_instants, weighted_sums
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian, recording
 from mechsim.simulation.dynamics.applied_forces import (
     Fields,

@@ -15,13 +15,12 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
-from mechsim.mechanism.bushings import Bushing
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.link_poses import virtual_body
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.nonlinear_springs import Phases, phases_of
+from mechsim.mechanism.nonlinear_springs import Bushing, Phases, phases_of
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel

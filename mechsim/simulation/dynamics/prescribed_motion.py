@@ -11,7 +11,7 @@ from mechsim.mechanism.forces import Forces, forces_of
 from mechsim.mechanism.masses import masses_of
 from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws, constant
-from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
 from mechsim.simulation.custom_model import at_initial_state, parameter_profile

@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 
 from mechsim.mechanism.actuators import Actuator
-from mechsim.mechanism.bushings import Bushing
 from mechsim.mechanism.forces import Forces, Friction, JointSpring, Location, Spring, located
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
@@ -21,7 +20,7 @@ from mechsim.mechanism.link_poses import plane_normals
 from mechsim.mechanism.links import ORIGIN
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motors import ConstantTorque, DCMotor, Geared, Motor
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring
+from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring
 from mechsim.simulation.mjcf.joints import finite_limits, model_names, part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 from mechsim.simulation.state import quaternion

@@ -15,8 +15,8 @@ from mechsim.io.readers import load, open_model, parametric_model
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import join
 from mechsim.mechanism.motion_laws import MotionLaws
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
 from mechsim.studies.certify.segments import (
     Bools,

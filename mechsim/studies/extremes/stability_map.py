@@ -14,8 +14,8 @@ from mechsim.mechanism.finding import Outcome
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.mechanism.scene import Scene
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.run import simulate
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import assembled

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from mechsim import files
-from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.studies.reduction.search import By, Reduction, reduce_scene, with_comment
 from mechsim.studies.scene.errors import UNITS, tolerance_in_si
 from mechsim.studies.scene.open_scene import open_scene, scene_file
@@ -54,20 +54,16 @@ class ReducedModel:
         result = self.reduction
         first, second = result.errors
         return {
+            **files.attributes(result, "speedup", "tried", "undone", "by"),
             "left_out": [
-                {"what": item.candidate.what, "category": item.candidate.category, "error": item.error}
+                files.attributes(item.candidate, "what", "category") | {"error": item.error}
                 for item in result.left_out
             ],
             "error": max(first.by(result.by), second.by(result.by)),
-            "speedup": result.speedup,
             "motion": first,
             "second_motion": second,
             "ms_per_s": {"full": 1e3 * result.time, "reduced": 1e3 * result.time / result.speedup},
-            "tried": result.tried,
-            "undone": list(result.undone),
-            "tolerance": self.tolerance,
-            "by": result.by,
-            "unit": self.unit,
+            **files.attributes(self, "tolerance", "unit"),
         }
 
 

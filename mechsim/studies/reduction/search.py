@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet, to_xml
 from mechsim.studies.reduction.candidates import CATEGORIES
 from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate, with_candidate

@@ -13,8 +13,8 @@ from mechsim.io.driver_positions import driver_path
 from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.joint_map import AXES, STEP, JointMap, map_over_grid
 from mechsim.simulation.state import rotation_vector_rates
 from mechsim.studies.robots.mujoco_models import ranges_in_si, started_model

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import plausible_order, refine
-from mechsim.numerics.resources import Budget
+from mechsim.numerics.resources import Budget, Progress, no_progress
 from mechsim.simulation.driven_run import stiffness_cause
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP, PlainSettings
 from mechsim.studies.scene.errors import By, cubic_interpolation, deviation

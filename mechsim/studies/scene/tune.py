@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mechsim.mechanism.progress import Progress, no_progress
 from mechsim.numerics.convergence import half_extent
-from mechsim.numerics.resources import Budget
+from mechsim.numerics.resources import Budget, Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference

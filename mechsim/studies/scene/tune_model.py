@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import atomic_path
+from mechsim.files import atomic_path, attributes
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import constant
-from mechsim.mechanism.progress import Progress, no_progress
+from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.joints import CRANK
@@ -112,10 +112,7 @@ class TunedModel:
         result = self.report
         return {
             "mechanism": result.scene.mechanism.name,
-            "by": result.by,
-            "tolerance": result.tolerance,
-            "unit": result.unit,
-            "reached": result.reached,
+            **attributes(result, "by", "tolerance", "unit", "reached", "seconds"),
             "summary": result.sentences,
             "published": _as_dict(result, result.published)
             | {"error": result.published_error, "reached": result.satisfied},
@@ -132,7 +129,6 @@ class TunedModel:
             },
             "put_in": list(self.included),
             "diff": self.diff,
-            "seconds": result.seconds,
             "tried": [_as_dict(result, trial) for trial in result.tried],
         }
 

@@ -14,8 +14,7 @@ from mechsim import units
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.progress import Progress, no_progress
-from mechsim.numerics.resources import require_memory
+from mechsim.numerics.resources import Progress, no_progress, require_memory
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.sweep.designs import (
     Designs,

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.mechanism.progress import Progress, no_progress
-from mechsim.numerics.resources import Budget
+from mechsim.numerics.resources import Budget, Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.tradeoff.methods import LOW_COMPLIANCE, STEPS, Subject, stepping_methods
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.files import atomic_path
+from mechsim.files import atomic_path, attributes
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation.settings import OWN_OPTIONS, Settings
@@ -128,9 +128,7 @@ class Tradeoff:
             "quantity": quantity,
             "stroke": self.subject.stroke,
             "trials": len(self.points),
-            "left_out": self.left_out,
-            "untried": list(self.untried),
-            "seconds": self.seconds,
+            **attributes(self, "left_out", "untried", "seconds"),
             "recommended": [
                 {
                     "limit": max_error,
