@@ -29,7 +29,7 @@ from mechsim.cli.dynamics_report import (
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, pairs
-from mechsim.cli.output import Value, number, print_table, print_text, without_noise
+from mechsim.cli.output import DEGREES, DRAWN, Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress, sections
 from mechsim.compare.checks import Verdict
 from mechsim.errors import FrictionError, InputError
@@ -147,7 +147,8 @@ def forward(
     extents = {
         quantity.name: _extent(column) | {"unit": quantity.unit} for quantity, column in values.items()
     }
-    return with_masses(model, _result(release, result, extents, verdict, verbose), verbose)
+    reported = _result(release, result, extents, verdict, verbose, drawn=options.output is not None)
+    return with_masses(model, reported, verbose)
 
 
 def _verdict(
@@ -167,6 +168,7 @@ def _result(
     quantities: Mapping[str, dict[str, Any]],
     verdict: Verdict | None,
     verbose: bool,
+    drawn: bool,
 ) -> Result:
     """Return data and text of a run from an initial state."""
     model = release.model
@@ -209,6 +211,7 @@ def _result(
         print_comparison(verdict, verbose=verbose)
         if result.events or result.segments[0].sticking:
             print_text(_comparison(result, verdict is not None))
+        print_text("" if drawn else DRAWN)
 
     # a run without a number of turns may come to rest
     expected = ("done",) if turns else ("done", "stopped")
@@ -224,9 +227,11 @@ def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[
     ends = {name: float(joint.rate[-1]) for name, joint in joints.items()}
     rows: list[tuple[Value, ...]] = []
     for quantity, extent in [*extents.items(), *quantities.items()]:
+        by, unit = DEGREES.converted(extent["unit"])
         numbers = without_noise([extent["least"], extent["largest"], extent["final"]])
-        rows.append((quantity, *numbers, extent["unit"], ends.get(quantity)))
-    head = ("quantity", "min", "max", "final", "unit", "final rate")
+        end = ends.get(quantity)
+        rows.append((quantity, *(x / by for x in numbers), unit, None if end is None else end / by))
+    head = ("quantity", "min", "max", "final", "unit", "final rate [unit/s]")
     rows += [
         (f"drive {name}", float(effort.min()), float(effort.max()), float(effort[-1]), unit, None)
         for name, effort in result.driving.items()

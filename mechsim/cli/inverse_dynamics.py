@@ -31,7 +31,7 @@ from mechsim.cli.dynamics_report import (
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import ModelOptions
-from mechsim.cli.output import number, print_text, without_noise
+from mechsim.cli.output import DRAWN, number, print_text, without_noise
 from mechsim.cli.progress import progress, sections
 from mechsim.errors import FrictionError, InputError, require_once
 from mechsim.kinetics import DynamicModel, actuated, fluctuation
@@ -167,13 +167,15 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
         if steady is not None:
             # 0 if the mean torque is rounding noise
             mean = without_noise([steady.torque, float(np.abs(study.forces.torque).max())])[0]
-            print_text(
+            sentence = (
                 f"speed fluctuation: coefficient {number(steady.coefficient)} under a constant torque of "
                 f"{number(mean)} N m and a flywheel of {number(steady.flywheel)} kg m2"
             )
+            print_text(sentence if mean or steady.flywheel else "")
         for name, contact in contacts.items():
             print_text(contact.sentence(name))
         print_comparison(verdict, note, verbose=verbose)
+        print_text("" if options.output else DRAWN)
 
     data = {
         "contacts": contacts,

@@ -58,6 +58,10 @@ class OutputUnits:
 
 
 SI_UNITS = OutputUnits("m", "rad")
+# units of tables that are printed for reading
+DEGREES = OutputUnits("m", "deg")
+# last line of a command of dynamics without -o
+DRAWN = "-o FILE.svg draws it"
 
 
 def in_units(

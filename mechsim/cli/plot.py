@@ -25,7 +25,7 @@ def plot(
 ) -> Result:
     """Plot motions, curves, errors or quantities: .svg, .pdf or .png.
 
-    Forces, runs, vibrations and assemblies are drawn by `-o` of `mechsim dynamics` and `mechsim trace`.
+    Forces, runs and vibrations are drawn by `-o` of `mechsim dynamics`.
 
     Examples:
     mechsim plot four_bar --kind curve -o curve.svg

@@ -13,6 +13,7 @@ from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import Value, print_table, print_text, without_noise
 from mechsim.errors import InputError
 from mechsim.mechanism.quantities import quantity_names
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import (
     Sensitivity,
@@ -151,12 +152,14 @@ def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
     }
 
 
-def _instant_head(table: Sensitivity) -> str:
-    return "at [rad]" if table.moved.over[0] == "angle" else "at [s]"
+def _instants(table: Sensitivity) -> tuple[str, float]:
+    """Return the heading of a column of instants, and the factor from SI."""
+    return ("at [deg]", 360.0 / REVOLUTION) if table.moved.over[0] == "angle" else ("at [s]", 1.0)
 
 
 def _print_derivatives(table: Sensitivity) -> None:
     _, instants = table.moved.over
+    heading, factor = _instants(table)
     rows: list[tuple[Value, ...]] = []
     for quantity, own in table.values.items():
         largest = float(np.abs(own).max())
@@ -165,18 +168,19 @@ def _print_derivatives(table: Sensitivity) -> None:
             # 0 if a change as large as the dimension changes the quantity by rounding errors only
             dimension = abs(table.dimensions[name].value) or 1.0
             derivative = without_noise([float(values[i]), largest / dimension])[0]
-            rows.append((quantity, name, derivative, table.unit(quantity, name), float(instants[i])))
-    print_table(f"{table.name}: derivatives", ("of", "by", "largest", "unit", _instant_head(table)), rows)
+            rows.append((quantity, name, derivative, table.unit(quantity, name), factor * float(instants[i])))
+    print_table(f"{table.name}: derivatives", ("of", "by", "largest", "unit", heading), rows)
 
 
 def _print_tolerances(study: ToleranceStudy) -> None:
     """Print the deviation of each quantity and path, and its contributions."""
+    heading, factor = _instants(study.table)
     rows: list[tuple[Value, ...]] = []
     for quantity in study.table.values:
         largest = _deviations(study, quantity)
         shares = sorted(largest["shares"].items(), key=lambda pair: -pair[1])[:MAX_SHARES]
         contributions = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share > 0.0)
         numbers = (largest["worst"], largest["rss"], largest["deviation"])
-        rows.append((quantity, *numbers, largest["unit"], largest["at"], contributions))
-    head = ("of", "worst", "rss", "std", "unit", _instant_head(study.table), "contributions")
+        rows.append((quantity, *numbers, largest["unit"], factor * largest["at"], contributions))
+    head = ("of", "worst", "rss", "std", "unit", heading, "contributions")
     print_table(f"{study.table.name}: largest deviations, to first order", head, rows)

@@ -22,7 +22,7 @@ from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
-from mechsim.cli.output import number, print_table, print_text, without_noise
+from mechsim.cli.output import DEGREES, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.compare.checks import Verdict
 from mechsim.errors import InputError
@@ -217,7 +217,8 @@ def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
     for name in mechanism.drivers or tuple(equilibrium.q)[:1]:
         scale = mechanism.characteristic_length if units[name] == "m" else 1.0
         value = without_noise([equilibrium.q[name], scale])[0]
-        texts.append(f"{name} {number(value)} {units[name]}")
+        by, unit = DEGREES.converted(units[name])
+        texts.append(f"{name} {number(value / by)} {unit}")
     return ", ".join(texts)
 
 

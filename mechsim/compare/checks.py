@@ -117,9 +117,10 @@ class Check:
 
     @property
     def columns(self) -> tuple[str, str, str, str, str, str, str]:
-        """The check as a row of `check_table`."""
+        """The check as a row of `check_table`, with angles in degrees."""
         worst = f"{self.worst:.2e}" if self.worst else "0"
-        numbers = worst, f"{self.instant:.4g}", f"{self.tolerance:.1e}"
+        instant = float(np.rad2deg(self.instant)) if self.at_unit == "rad" else self.instant
+        numbers = worst, f"{instant:.4g}", f"{self.tolerance:.1e}"
         return self.title, *numbers, self.unit, "PASS" if self.passed else "FAIL", self.reason
 
     def __str__(self) -> str:
@@ -160,12 +161,13 @@ class Verdict:
 
 def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return the heading and the rows of a table of checks."""
-    units = sorted({check.at_unit for check in checks})
+    at_units = [check.at_unit.replace("rad", "deg") for check in checks]
+    units = sorted({*at_units})
     heading = f"at [{units[0]}]" if len(units) == 1 else "at"
     rows: list[tuple[str, ...]] = []
-    for check in checks:
+    for check, unit in zip(checks, at_units, strict=True):
         quantity, worst, instant, *rest = check.columns
-        rows.append((quantity, worst, instant if len(units) == 1 else f"{instant} {check.at_unit}", *rest))
+        rows.append((quantity, worst, instant if len(units) == 1 else f"{instant} {unit}", *rest))
     return ("quantity", "worst", heading, "tolerance", "unit", "", "reason"), rows
 
 

@@ -144,6 +144,26 @@ def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]
     return np.vstack(centres), np.concatenate(radii)
 
 
+# a machine that moves this many times its length over all of its poses falls or flies
+FOLLOWED = 2.0
+
+
+def drift(poses: Mapping[str, Pose], shapes: Mapping[str, Sequence[Shape]]) -> Array:
+    """Return the path of a camera that follows a machine, (n, 3) in [m] from its start; 0 unless it flies."""
+    path = np.mean([pose.position for link, pose in poses.items() if link != GROUND], axis=0)
+    path = path - path[0]
+    own, whole = (
+        float(np.ptp(extent((pose, shapes[link]) for link, pose in moved.items())[0], axis=0).max())
+        for moved in (relative(poses, path), relative(poses, np.zeros(3)))
+    )
+    return path * (FOLLOWED * own < whole)
+
+
+def relative(poses: Mapping[str, Pose], path: Array) -> dict[str, Pose]:
+    """Return the poses of moving links less a path, (n, 3) in [m]."""
+    return {link: Pose(p.position - path, p.rotation) for link, p in poses.items() if link != GROUND}
+
+
 def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
     """Return the smallest and largest displacement of every joint that slides along or across its axis."""
     displacements: dict[str, tuple[float, float]] = {}

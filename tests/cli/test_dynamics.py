@@ -33,6 +33,11 @@ def test_a_prescribed_crank_is_reported_as_json_and_table(capsys, monkeypatch, t
     assert plot.read_bytes().startswith(b"<?xml")
 
 
+def test_a_turn_without_mean_torque_and_flywheel_has_no_speed_fluctuation_in_its_text(capsys, monkeypatch):
+    _, out, _ = run(capsys, monkeypatch, "four_bar", "--samples", "12", "--method", "none")
+    assert "speed fluctuation" not in out
+
+
 def test_couplings_are_reported_with_their_transmission(capsys, monkeypatch, tmp_path):
     csv = tmp_path / "out.csv"
     arguments = ("--samples", "8", "--json", "-o", str(csv))

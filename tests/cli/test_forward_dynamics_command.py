@@ -47,6 +47,8 @@ def test_a_run_ends_at_an_event_and_writes_its_columns(tmp_path, command):
     code, out, _ = command(*arguments)
     assert code == 0
     assert "done at" in out
+    (crank,) = (line.split() for line in out.splitlines() if line.split()[:1] == ["crank"])
+    assert crank[3:5] == ["30", "deg"]
     header = table.read_text().splitlines()[0].split(",")
     assert {"t", "B.x", "rocker.q", "rocker.v", "rocker.a"} <= {*header}
     data = np.genfromtxt(table, delimiter=",", names=True)

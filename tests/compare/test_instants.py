@@ -59,7 +59,8 @@ def test_verdicts_on_a_crank_report_crank_angles():
     verdict = ms.crosscheck(run, late_motion(linkage.solve_as(run.motion), np.pi / 3))
     check = next(item for item in verdict.checks if item.kind == "position")
     assert (check.instant, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
-    assert "at [rad]" in verdict_html(verdict)
+    assert "at [deg]" in verdict_html(verdict)
+    assert check.columns[2] == "60"
 
 
 def test_force_checks_on_motion_laws_report_times(swinging):
@@ -99,7 +100,7 @@ def test_mixed_instants_are_printed_with_their_units():
     angle = check_of("position", "A", np.ones(1), np.array([0.5]), allowed)
     time = check_of("position", "B", np.ones(1), RecordInstants(np.array([2.0]), "s"), allowed)
     head, rows = check_table([angle, time])
-    assert (head[2], [row[2] for row in rows]) == ("at", ["0.5 rad", "2 s"])
+    assert (head[2], [row[2] for row in rows]) == ("at", ["28.65 deg", "2 s"])
     assert check_table([time])[0][2] == "at [s]"
 
 

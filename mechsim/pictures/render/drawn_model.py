@@ -23,7 +23,7 @@ from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import GREY, arrows
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
+from mechsim.shapes.body import drift, extent, free_sides, link_colours, relative, rod_radius, travels
 from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
@@ -200,8 +200,6 @@ GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
 BEHIND = 1.5
 # share of its own colour that the first of overlaid positions keeps
 LIGHTEST_POSITION = 0.1
-# the camera follows a machine that falls or flies this many times its size
-FOLLOWED = 2.0
 
 
 class DrawnModel:
@@ -230,7 +228,9 @@ class DrawnModel:
         balls = np.vstack([balls, *frames.paths.values()])
         radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
-        self.drift = self._drift()
+        self.drift = np.zeros((len(frames), 3))
+        if (look.bodies or not self.shapes[GROUND]) and look.overlay == 1:
+            self.drift = drift(frames.poses, self.shapes)
         if self.drift.any():
             balls, radii = self._extent(self.drift)
         self.up = cameras.upright(mechanism, look.up)
@@ -334,23 +334,16 @@ class DrawnModel:
         }
         return free_sides(self.mechanism, poses)
 
-    def _extent(self, drift: Array | None = None) -> tuple[Array, Array]:
-        """Balls that enclose all shapes over all frames, or moving ones less a drift: centres and radii."""
+    def _extent(self, path: Array | None = None) -> tuple[Array, Array]:
+        """Balls that enclose all shapes over all frames, or those that follow a path: centres and radii."""
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
-        if drift is not None:
-            poses = [(link, Pose(p.position - drift, p.rotation)) for link, p in poses if link != GROUND]
+        if path is not None:
+            poses = [*relative(dict(poses), path).items()]
         return extent(
             (pose if pose.position.ndim == 1 else pose.select(step), self.shapes[link])
             for link, pose in poses
         )
-
-    def _drift(self) -> Array:
-        """The path of the camera from its start, (n, 3) in [m]: that of a machine that falls or flies far."""
-        middle = np.mean([self.frames.poses[link].position for link in self.links], axis=0)
-        free = (self.look.bodies or not self.shapes[GROUND]) and self.look.overlay == 1
-        length = float(np.ptp(self._extent(middle - middle[0])[0], axis=0).max())
-        return (middle - middle[0]) * (free and FOLLOWED * length < float((self.high - self.low).max()))
 
     def _clear_walls(self) -> None:
         """Keep walls clear of the mechanism, except a wall that supports it."""

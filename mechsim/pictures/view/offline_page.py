@@ -20,7 +20,17 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
+from mechsim.shapes.body import (
+    drift,
+    edges,
+    extent,
+    free_sides,
+    point_colours,
+    relative,
+    rod_radius,
+    stations,
+    travels,
+)
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
 from mechsim.shapes.springs import spring_ends
@@ -87,6 +97,9 @@ def _data(view: View) -> dict[str, Any]:
     if not (planar or view.bodies):
         floor -= 2.0 * radius
         balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
+    path = drift(poses, shapes) if view.bodies or not shapes[GROUND] else np.zeros((1, 3))
+    if path.any():
+        balls, radii = extent((pose, shapes[link]) for link, pose in relative(poses, path).items())
     colours = point_colours(mechanism)
     return {
         "name": mechanism.name,
@@ -108,6 +121,8 @@ def _data(view: View) -> dict[str, Any]:
         "anchors": {link.name: drawn.ends(link.name)[0].point for link in drawn.links},
         "vertical": _short(up),
         "cameras": _cameras(view, balls, radii),
+        "path": float(np.ptp(path, axis=0).max()),
+        "middle": _short(np.mean([poses[link.name].position[0] for link in drawn.links], axis=0)),
         "floor": {"normal": _short(normal), "at": floor},
         "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],

@@ -7,12 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 from browser import Browser, in_browser
-from model_files import model_text
+from model_files import FOLDER, model_text
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import dynamic_model
 from mechsim.pictures.view.offline_page import page
+from mechsim.report.driver_views import release_view
 from mechsim.report.views import mechanism_view
+from mechsim.studies.release import Release
 
 LINKAGE = ms.catalog.make("four_bar")
 
@@ -237,3 +240,21 @@ def test_a_table_and_a_picture_can_be_saved(window, path_of_page):
     assert x == pytest.approx(1e3 * LINKAGE.positions([np.deg2rad(angle)])["A"][0, 0], abs=1e-3)
     data_url = window.run("picture().toDataURL('image/png')")
     assert len(data_url) > 20_000
+
+
+@in_browser
+def test_the_view_follows_a_fall(window, tmp_path):
+    model = dynamic_model(ms.load(str(FOLDER / "falling_arm.xml"), still=True))
+    path = tmp_path / "fall.html"
+    path.write_text(page(release_view(Release(model=model), None)), encoding="utf-8")
+    window.complaints.clear()
+    window.open(path, 1280, "light")
+    for time in (0.0, 0.5, 1.0):
+        window.run(f"setSlider(0, {time})")
+        # all of it falls by g t^2 / 2, and the arm of 420 mm fills more than a tenth of the width
+        assert window.run("followed.toArray()") == pytest.approx([0.0, 0.0, -9.81 * time**2 / 2], abs=1e-6)
+        shown = "bodies[link].position.clone().project(camera).toArray().slice(0, 2)"
+        pixels = window.run(f"state.grid.links.map(link => {shown})")
+        assert np.abs(pixels).max() < 1.0
+    assert window.run("camera.right - camera.left") < 4.2
+    assert not window.complaints

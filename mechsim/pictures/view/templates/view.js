@@ -224,7 +224,7 @@ function drawSprings() {
 /* a floor, or a wall behind a planar mechanism, with a grid and the shadow of the links */
 let floorLines = null, shade = null;
 function addFloor() {
-  const view = DATA.cameras[0], size = Math.max(view.width, view.height), extent = 3 * size;
+  const view = DATA.cameras[0], size = Math.max(view.width, view.height), extent = 3 * size + 4 * DATA.path;
   const normal = new THREE.Vector3(...DATA.floor.normal);
   const spacing = 10 ** Math.round(Math.log10(size / 8)), divisions = 2 * Math.round(extent / spacing / 2);
   const centre = new THREE.Vector3(...view.centre), at = centre.clone().addScaledVector(normal, DATA.floor.at - centre.dot(normal));
@@ -297,9 +297,20 @@ function framing(width, height) {
   return 0.82 * Math.min(width / view.width, height / view.height);  // pixels a metre
 }
 
+/* the camera follows a machine that falls or flies: its path from the first pose */
+const followed = new THREE.Vector3();
+function followPath() {
+  if (!(DATA.path > 0)) return;
+  const links = state.grid.links, middle = new THREE.Vector3();
+  for (const link of links) middle.addScaledVector(bodies[link].position, 1 / links.length);
+  const step = middle.sub(new THREE.Vector3(...DATA.middle)).sub(followed);
+  followed.add(step);
+  for (const at of [camera.position, controls.target]) at.add(step);
+}
+
 function lookFrom(which) {
   state.camera = which;
-  const view = DATA.cameras[which], centre = new THREE.Vector3(...view.centre), far = 2 * (view.width + view.height + view.depth);
+  const view = DATA.cameras[which], centre = new THREE.Vector3(...view.centre).add(followed), far = 2 * (view.width + view.height + view.depth + 4 * DATA.path);
   // orbits rotate about the vertical, so that the horizon stays level; for a vertical view, a small tilt defines the up direction
   const vertical = new THREE.Vector3(...DATA.vertical), back = new THREE.Vector3(...view.back), along = back.dot(vertical);
   if (Math.abs(along) > 0.9999) back.addScaledVector(new THREE.Vector3(...view.up), -1e-4 * Math.sign(along)).normalize();
@@ -491,6 +502,7 @@ function update() {
   if (grid.live) showDimensions(grid.live.shapeAt(grid.solutionAt(state.values)));
   if (state.poses) {
     grid.links.forEach((link, l) => setPose(bodies[link], state.poses, 7 * l));
+    followPath();
     setGhost(grid, state.poses);
     scene.updateMatrixWorld();
     drawSprings();
