@@ -5,7 +5,6 @@ dimensions, as to positions. Both are compared with designs in Python; dimension
 omitted.
 """
 
-import ast
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from mechsim.io.file_expressions import FileExpressions, expressions_of, paramet
 from mechsim.io.toml_values import is_quantity
 from mechsim.kinematics.designs import DesignFamily, Dimension
 from mechsim.mechanism.design_arrays import side_numbers, structure
-from mechsim.mechanism.expressions import evaluate_number, parse_expression
+from mechsim.mechanism.expressions import FUNCTIONS, evaluate_number, instructions_of, parse_expression
 from mechsim.mechanism.joints import End
 from mechsim.mechanism.links import vector
 from mechsim.mechanism.mechanism import Mechanism
@@ -180,7 +179,7 @@ def _statements(file: FileExpressions, designs: DesignFamily, varying: Sequence[
         if name in moving:
             value = f"d[{moving[name]!r}] / {file.values.in_si(1.0, file.units[name])!r}"
         elif designs.derived.get(name):
-            value = _javascript(parse_expression(text), angle)
+            value = _javascript(text, angle)
         else:
             value = repr(float(file.values.parameters[name]))
         lines.append(f"p[{name!r}] = {value};")
@@ -205,7 +204,7 @@ def translated_vectors(file: FileExpressions, names: Sequence[str]) -> Vectors:
     def formula(value: Any, unit: Unit) -> Formula:
         scale = values.in_si(1.0, unit)
         if isinstance(value, str) and not is_quantity(value):
-            text = f"{_javascript(parse_expression(value), angle)} * {scale!r}"
+            text = f"{_javascript(value, angle)} * {scale!r}"
             return Formula(
                 text, lambda si: scale * evaluate_number(value, parameters(si).__getitem__, angle), value
             )
@@ -233,35 +232,28 @@ def _entries(document: Mapping[str, Any]) -> list[tuple[tuple[str, str], Any, Un
     return entries
 
 
-_SYMBOLS: Mapping[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
+_SYMBOLS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/"}
 
 
-def _javascript(node: ast.AST, angle: float) -> str:
+def _javascript(expression: str, angle: float) -> str:
     """Return an expression of parameters in JavaScript; `angle` is the unit of its angles in [rad]."""
-    match node:
-        case ast.Constant(value=value):
-            return repr(value)
-        case ast.Name(id="pi"):
-            return "Math.PI"
-        case ast.Name(id=name):
-            return f"p[{name!r}]"
-        case ast.UnaryOp(op=op, operand=operand):
-            return f"({'-' if isinstance(op, ast.USub) else ''}{_javascript(operand, angle)})"
-        case ast.BinOp(left=left, op=op, right=right):
-            first, second = _javascript(left, angle), _javascript(right, angle)
-            return (
-                f"Math.pow({first}, {second})"
-                if isinstance(op, ast.Pow)
-                else f"({first} {_SYMBOLS[type(op)]} {second})"
-            )
-        case ast.Call(func=ast.Name(id=name), args=args):
-            arguments = [_javascript(argument, angle) for argument in args]
-            if name in ("sin", "cos", "tan"):
-                return f"Math.{name}({arguments[0]} * {angle!r})"
-            scale = f" / {angle!r}" if name in ("asin", "acos", "atan", "atan2") else ""
-            return f"(Math.{name}({', '.join(arguments)}){scale})"
-        case _:
-            raise ValueError(ast.dump(node))
+    stack: list[str] = []
+    for name, value, operands in instructions_of(parse_expression(expression), {}):
+        split = len(stack) - operands
+        arguments, unit = stack[split:], FUNCTIONS[name].unit if name in FUNCTIONS else ""
+        if not operands:
+            text = repr(value) if name == "number" else f"p[{value!r}]"
+        elif name == "Neg":
+            text = f"(-{arguments[0]})"
+        elif name in _SYMBOLS:
+            text = f"({arguments[0]} {_SYMBOLS[name]} {arguments[1]})"
+        elif unit == "angle":
+            text = f"Math.{name}({arguments[0]} * {angle!r})"
+        else:
+            scale = f" / {angle!r}" if unit in ("inverse", "ratio") else ""
+            text = f"(Math.{name.lower()}({', '.join(arguments)}){scale})"
+        stack[split:] = [text]
+    return stack[0]
 
 
 # --- other mechanisms

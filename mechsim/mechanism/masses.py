@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.links import Inertia, Rods, Vector, combine, rows, vector
 from mechsim.mechanism.mechanism import Mechanism, described
-from mechsim.numerics.arrays import HUGE, Array, number
+from mechsim.numerics.arrays import HUGE, Array, distinct, number
 
 Source = Literal["given", "rod", "zero"]
 # largest number of link names in a line of text; of more links it states the number
@@ -177,7 +177,7 @@ def _link_inertia(
     mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float
 ) -> Inertia:
     ends = mechanism.ends(name)
-    points = _distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
+    points = distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
     if len(points) == 1:
         axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
         arm = 0.5 * PIN_LENGTH * diameter * axis
@@ -205,14 +205,6 @@ def _spanning_tree(points: Array) -> list[tuple[int, int]]:
         pairs.append(pair)
         joined.append(pair[1])
     return pairs
-
-
-def _distinct(points: list[Vector], gap: float) -> list[Array]:
-    kept: list[Array] = []
-    for point in np.array(points):
-        if all(np.linalg.norm(point - other) > gap for other in kept):
-            kept.append(point)
-    return kept
 
 
 def _length(start: Vector, end: Vector) -> float:

@@ -36,6 +36,15 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+def distinct(points: ArrayLike, gap: float) -> list[Array]:
+    """Return points (n, k) without those that coincide with an earlier one, within a gap."""
+    kept: list[Array] = []
+    for point in np.array(points, dtype=np.float64):
+        if all(np.linalg.norm(point - other) > gap for other in kept):
+            kept.append(point)
+    return kept
+
+
 def worst(errors: ArrayLike) -> float:
     """Return the largest absolute value of errors; infinity if one is NaN, 0 if there is none."""
     sizes = np.abs(np.asarray(errors, dtype=np.float64))

@@ -20,7 +20,7 @@ from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Link
 from mechsim.mechanism.masses import RELATIVE_DIAMETER
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, distinct
 from mechsim.shapes.body import hull
 from mechsim.shapes.guides import contact_points
 
@@ -139,7 +139,7 @@ def _flat_plate(mechanism: Mechanism, link: Link, hole: float) -> Plate | None:
     def flat(points: Any) -> Array:
         return (np.array(points).reshape(-1, 3) - every[0]) @ axes.T
 
-    centres = _distinct(flat(bored), gap)
+    centres = np.reshape(distinct(flat(bored), gap), (-1, 2))
     construction = [cross(point, hole) for point in flat(tracked)]
     for end in slides:
         (middle,), along = flat(end.point), 2.0 * hole * (axes @ np.array(end.axis)) / MILLIMETRES
@@ -156,7 +156,7 @@ def _flat_plate(mechanism: Mechanism, link: Link, hole: float) -> Plate | None:
         outlines.append(closed_line(flat(link.outline)))
     return Plate(
         link.name,
-        tuple(outlines) or (_rounded(_distinct(flat(every), gap), EDGE * hole),),
+        tuple(outlines) or (_rounded(np.array(distinct(flat(every), gap)), EDGE * hole),),
         centres,
         np.vstack([np.zeros((0, 4)), *construction]),
         hole,
@@ -202,15 +202,6 @@ def _plane(normal: Array, spread: Sequence[Array], tolerance: float) -> Array:
     x = next((v for v in flat if np.linalg.norm(v) > tolerance), np.linalg.svd(normal[None])[2][1])
     x = x / np.linalg.norm(x)
     return np.array([x, np.cross(normal, x)])
-
-
-def _distinct(points: Array, tolerance: float) -> Array:
-    """Return points without those that coincide with an earlier one."""
-    kept: list[Array] = []
-    for point in points:
-        if all(np.linalg.norm(point - other) > tolerance for other in kept):
-            kept.append(point)
-    return np.array(kept).reshape(-1, 2)
 
 
 def _rounded(points: Array, distance: float) -> Array:

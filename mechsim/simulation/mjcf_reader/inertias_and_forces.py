@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.mechanism.actuators import NO_LIMIT, Actuator, Range
 from mechsim.mechanism.forces import Forces, Friction, JointSpring
-from mechsim.mechanism.links import Inertia, Link, vector
+from mechsim.mechanism.links import Inertia, Link, combine, rows, vector
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_names, listed
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
@@ -50,34 +50,22 @@ def with_inertias(
     for i, carrier in enumerate(carriers):
         if carrier.link in bodies:
             bodies[carrier.link].append(i)
-    combined = {name: _combined(model, ids, carriers) for name, ids in bodies.items()}
-    if not any(mass > 0.0 for mass, _, _ in combined.values()):
+    if not any(model.body_mass[i] > 0.0 for own in bodies.values() for i in own):
         return tuple(links)
 
-    def inertia(name: str, mass: float, centre: Array, moments: Array) -> Inertia:
-        massless = not mass > raised * len(bodies[name]) * (1.0 + ROUNDING)
-        rows = (vector(moments[0]), vector(moments[1]), vector(moments[2]))
-        return Inertia(mass, vector(centre), rows, negligible=massless)
+    def inertia(own: Sequence[int]) -> Inertia:
+        """Return the inertia of the bodies on one link, in its frame."""
+        parts: list[Inertia] = []
+        for i in own if any(model.body_mass[i] > 0.0 for i in own) else ():
+            axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
+            moments = rows(axes @ np.diag(model.body_inertia[i]) @ axes.T)
+            parts.append(
+                Inertia(float(model.body_mass[i]), vector(carriers[i].point(model.body_ipos[i])), moments)
+            )
+        whole = combine(parts)
+        return replace(whole, negligible=not whole.mass > raised * len(own) * (1.0 + ROUNDING))
 
-    return tuple(replace(link, inertia=inertia(link.name, *combined[link.name])) for link in links)
-
-
-def _combined(
-    model: mujoco.MjModel, bodies: Sequence[int], carriers: Sequence[Carrier]
-) -> tuple[float, Array, Array]:
-    """Return mass, centre (3,) and moments about it (3, 3) of the bodies on one link, in its frame."""
-    masses = np.array([model.body_mass[i] for i in bodies])
-    centres = np.array([carriers[i].point(model.body_ipos[i]) for i in bodies]).reshape(-1, 3)
-    total = float(masses.sum())
-    if not total > 0.0:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    centre, moments = masses @ centres / total, np.zeros((3, 3))
-    for i, mass, body_centre in zip(bodies, masses, centres, strict=True):
-        axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
-        arm = body_centre - centre
-        moments += axes @ np.diag(model.body_inertia[i]) @ axes.T
-        moments += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return total, centre, 0.5 * (moments + moments.T)
+    return tuple(replace(link, inertia=inertia(bodies[link.name])) for link in links)
 
 
 def forces_of_model(model: mujoco.MjModel, locked: Container[str]) -> Forces:

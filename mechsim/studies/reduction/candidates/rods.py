@@ -6,6 +6,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
+from mechsim.mechanism.links import Inertia, combine, rows, vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
@@ -120,16 +121,13 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
     if body == 0 or not mass > 0.0:
         return
     axes = rotation_matrix(model.body_iquat[body])
-    own_mass, total_mass = float(model.body_mass[body]), float(model.body_mass[body]) + mass
-    total_centre = (own_mass * model.body_ipos[body] + mass * centre) / total_mass
-    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T + moments
-    for component_mass, component_centre in ((own_mass, model.body_ipos[body]), (mass, centre)):
-        arm = component_centre - total_centre
-        inertia += component_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    values, vectors = np.linalg.eigh(inertia)
+    own = rows(axes @ np.diag(model.body_inertia[body]) @ axes.T)
+    before = Inertia(float(model.body_mass[body]), vector(model.body_ipos[body]), own)
+    whole = combine([before, Inertia(mass, vector(centre), rows(moments))])
+    values, vectors = np.linalg.eigh(whole.matrix)
     if np.linalg.det(vectors) < 0.0:
         vectors[:, 0] *= -1.0
-    model.body_mass[body], model.body_ipos[body], model.body_inertia[body] = total_mass, total_centre, values
+    model.body_mass[body], model.body_ipos[body], model.body_inertia[body] = whole.mass, whole.centre, values
     model.body_iquat[body] = quaternion(vectors)
 
 
