@@ -55,14 +55,14 @@ def with_inertias(
 
     def inertia(own: Sequence[int]) -> Inertia:
         """Return the inertia of the bodies on one link, in its frame."""
-        parts: list[Inertia] = []
+        inertias: list[Inertia] = []
         for i in own if any(model.body_mass[i] > 0.0 for i in own) else ():
             axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
             moments = rows(axes @ np.diag(model.body_inertia[i]) @ axes.T)
-            parts.append(
+            inertias.append(
                 Inertia(float(model.body_mass[i]), vector(carriers[i].point(model.body_ipos[i])), moments)
             )
-        whole = combine(parts)
+        whole = combine(inertias)
         return replace(whole, negligible=not whole.mass > raised * len(own) * (1.0 + ROUNDING))
 
     return tuple(replace(link, inertia=inertia(bodies[link.name])) for link in links)
