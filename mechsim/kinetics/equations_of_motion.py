@@ -32,7 +32,6 @@ from mechsim.kinetics.link_forces import (
 from mechsim.kinetics.load_friction import (
     ConstrainedMotion,
     frictions_in_motion,
-    loaded_coordinates,
 )
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
@@ -184,9 +183,8 @@ class EquationsOfMotion:
         frictions: list[DryFriction] = []
         for friction in self.model.forces.friction:
             joint = self.model.mechanism.joint(friction.joint)
-            loaded = loaded_coordinates(friction, self.model.mechanism)
             for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
-                loads = tuple(item.number for item in loaded if item.coordinate == i)
+                loads = tuple(row for row in friction.loaded(joint) if row[1] == i)
                 if magnitude or loads:
                     frictions.append(DryFriction(joint, i, magnitude, friction, loads))
         return tuple(frictions)

@@ -22,14 +22,14 @@ from mechsim.numerics.rank import significant
 class DryFriction:
     """A Coulomb friction: a joint, the index of its coordinate, and its magnitude in [N m] or [N].
 
-    The magnitude is without the frictions by the load, which are `loads` of `friction`, by number.
+    The magnitude is without the frictions by the load, which are `loads`, rows of `Friction.loaded`.
     """
 
     joint: Joint
     coordinate: int
     magnitude: float
     friction: Friction
-    loads: tuple[int, ...] = ()
+    loads: tuple[tuple[int, int, float], ...] = ()
 
 
 def spatial_inertias(unit: UnitMotion, masses: Array, centres: Array, moments: Array) -> Array:

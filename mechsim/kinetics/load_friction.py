@@ -1,7 +1,7 @@
 """Coulomb friction that knows its load: frictions and reactions of a state are one problem.
 
 The wrenches that joints transmit are linear in the frictions, and the frictions are sums of magnitudes of
-these wrenches (`mechsim.mechanism.joint_friction`). The solution is unique if its map is a contraction
+these wrenches (`mechsim.mechanism.joint_friction`). The answer is the only stable solution
 (`mechsim.numerics.complementarity`).
 """
 
@@ -26,9 +26,8 @@ from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array, cross
-from mechsim.numerics.complementarity import ROUNDED, balanced_friction
+from mechsim.numerics.complementarity import balanced_friction
 
 # share of a self-stress that changes the magnitude of a load, above rounding
 FELT = 1e-6
@@ -38,18 +37,13 @@ NO_LOAD = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class LoadedCoordinate:
-    """A friction by the load: its number among those of its joint, and the coordinate that it opposes."""
+    """A friction by the load: its number in its joint, the coordinate that it opposes, its constant part."""
 
     friction: Friction
     joint: Joint
     number: int
     coordinate: int
-
-    @property
-    def constant(self) -> float:
-        """Friction without a load, in [N] or [N m]; of a screw it does not vary."""
-        kind = KINDS[self.joint.kind]
-        return 0.0 if kind.mixed else self.friction.sizes(kind)[self.coordinate][1]
+    constant: float
 
     def unit_forces(self, direction: Array) -> list[Array]:
         """Return the forces (n,) along the joint's coordinates of a unit friction against a direction."""
@@ -58,49 +52,35 @@ class LoadedCoordinate:
         return [-direction if i == self.coordinate else zero for i in range(count)]
 
 
-def loaded_coordinates(friction: Friction, mechanism: Mechanism) -> list[LoadedCoordinate]:
-    """Return the frictions by the load of a joint."""
-    joint = mechanism.joint(friction.joint)
-    if not friction.varies:
-        return []
-    numbered = enumerate(friction.loads(joint, np.eye(3)[2:]))
-    return [
-        LoadedCoordinate(friction, joint, number, index)
-        for number, (index, terms) in numbered
-        if friction.static or terms.any()
-    ]
-
-
 @dataclass(frozen=True, slots=True)
 class LoadFriction:
     """Frictions by the load at n instants.
 
     Attributes:
         magnitude: magnitude of each, (n, k) in [N] or [N m].
-        radius: spectral radius of the map, (n,); below 1 the frictions exist and are unique. With any
-            radius a single friction has one stable solution or none, as of a self-locking gear.
+        radius: spectral radius of the map, (n,); below 1 the frictions exist and are unique.
         undetermined: whether self-stresses change the load of each, (n, k).
-        jammed: whether no frictions were solution that balance the forces, (n,).
+        solutions: number of stable solutions, (n,); none if friction jams the mechanism.
     """
 
     magnitude: Array
     radius: Array
     undetermined: NDArray[np.bool_]
-    jammed: NDArray[np.bool_]
+    solutions: NDArray[np.int_]
 
     def require_determined(self, coordinates: Sequence[LoadedCoordinate], labels: Sequence[str]) -> None:
         """Raise FrictionError at the first instant, labelled, without unique frictions."""
         loose: NDArray[np.bool_] = np.asarray(self.undetermined.any(1), dtype=np.bool_)
-        several: NDArray[np.bool_] = (self.radius >= 1.0) & (len(coordinates) > 1)
-        wrong = loose | several | self.jammed
+        wrong = loose | (self.solutions != 1)
         if not wrong.any():
             return
         i = int(np.argmax(wrong))
         names = ", ".join(dict.fromkeys(item.joint.name for item in coordinates))
-        if self.jammed[i]:
+        if not self.solutions[i]:
             raise FrictionError(
-                f"{labels[i]}: friction jams the mechanism, since no friction in {names} balances the forces "
-                f"(its loads grow by {self.radius[i]:.3g} of the friction); reduce a coefficient",
+                f"{labels[i]}: friction jams the mechanism, since no stable friction in {names} "
+                f"balances the forces (its loads grow by {self.radius[i]:.3g} of the friction); reduce a "
+                "coefficient",
                 "jammed",
             )
         if loose[i]:
@@ -111,7 +91,7 @@ class LoadFriction:
                 "undetermined",
             )
         raise FrictionError(
-            f"{labels[i]}: several frictions in {names} may balance the forces (loads grow by "
+            f"{labels[i]}: several stable frictions in {names} balance the forces (loads grow by "
             f"{self.radius[i]:.3g} of the friction, 1 or more); reduce a coefficient",
             "undetermined",
         )
@@ -159,7 +139,7 @@ def friction_by_load(
     loads = np.stack(terms, 1)
     base, response = loads[..., 0], loads[..., 1:]
     constant = [(ratio - 1.0) * item.constant for item, ratio in zip(coordinates, ratios, strict=True)]
-    magnitude, radius, residual = balanced_friction(np.stack(constant, 1), base, response)
+    magnitude, radius, solutions = balanced_friction(np.stack(constant, 1), base, response)
     final = base + np.einsum("nktcj,nj->nktc", response, magnitude)
     amount = np.sqrt((final**2).sum(-1))
     clear = amount > NO_LOAD * amount.max((1, 2), keepdims=True)
@@ -167,7 +147,7 @@ def friction_by_load(
     stress = np.stack(stresses, 1)
     felt = np.abs(np.einsum("nktc,nktcs->nkts", along, stress))
     undetermined = (felt > FELT * scale[:, None, None, None]).any((2, 3))
-    return LoadFriction(magnitude, radius, undetermined, ~(residual <= ROUNDED))
+    return LoadFriction(magnitude, radius, undetermined, solutions)
 
 
 def with_load_friction(
@@ -185,7 +165,8 @@ def with_load_friction(
     Raises:
         FrictionError: at instants without unique frictions.
     """
-    coordinates = [item for row in forces.friction for item in loaded_coordinates(row, unit.mechanism)]
+    joints = [(friction, unit.mechanism.joint(friction.joint)) for friction in forces.friction]
+    coordinates = [LoadedCoordinate(*pair, *row) for pair in joints for row in pair[0].loaded(pair[1])]
     if not coordinates:
         return acting
     if np.iscomplexobj(unit.position):
@@ -310,11 +291,8 @@ def frictions_in_motion(
     Raises:
         FrictionError: at states without unique frictions.
     """
-    numbered = [(f, number) for f, friction in enumerate(frictions) for number in friction.loads]
-    items = [
-        LoadedCoordinate(frictions[f].friction, frictions[f].joint, number, frictions[f].coordinate)
-        for f, number in numbered
-    ]
+    numbered = [(f, row) for f, friction in enumerate(frictions) for row in friction.loads]
+    items = [LoadedCoordinate(frictions[f].friction, frictions[f].joint, *row) for f, row in numbered]
     forces = np.stack([motion.force, *(-sliding[f] * directions[f] for f, _ in numbered)])
     accelerations, multipliers = motion.solved(forces)
     unit_wrenches = [friction_wrenches(friction, motion.unit) for friction in frictions]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 
 import mechsim as ms
 from mechsim import dynamics
@@ -201,25 +201,65 @@ def test_runs_under_friction_by_the_load_agree_with_mujoco(name):
     assert not crosscheck_forward(run, wrong, initial_values(wrong, initial)).passed
 
 
-@pytest.mark.long
-def test_a_run_ends_with_its_record_where_friction_stops_being_unique(file):
-    moment, mass = 3.0, 10.0
+def ladder(file, floor, wall):
     text = model_text("friction_in_motion_ladder.toml", x=1.2, y=1.6, angle=np.rad2deg(np.arctan2(1.6, -1.2)))
-    path = file(text.replace("0.4 }", "1.0 }").replace("0.3 }", "1.0 }"))
+    return file(text.replace("0.4 }", f"{floor} }}").replace("0.3 }", f"{wall} }}"))
+
+
+def sliding_ladder(angle, rate, floor, wall):
+    """Return angular accelerations of all signs of both normal forces for which a load that is off decays."""
+    c, s = np.cos(angle), np.sin(angle)
+    along = np.array([np.sign(s * rate), -np.sign(c * rate)])
+    # 10 kg at the middle, 3 kg m2, unknown angular acceleration and normal forces
+    free = np.array([[-10.0 * s, 0.0, -1.0], [10.0 * c, -1.0, 0.0], [-3.0, -c, s]])
+    frictions = np.array([[1.0, 0.0], [0.0, 1.0], [s, -c]]) * along
+    driving = 10.0 * np.array([c * rate**2, s * rate**2 - 9.81, 0.0])
+    result = []
+    for signs in np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]):
+        loads = np.diag(signs * np.array([floor, wall])) @ np.eye(3)[1:]
+        solution = np.linalg.solve(free - frictions @ loads, driving)
+        growth = np.linalg.eigvals(loads @ np.linalg.solve(free, frictions)).real.max()
+        if (signs * solution[1:] >= 0.0).all() and growth < 1.0:
+            result.append(solution[0])
+    return result
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("floor", "wall"), [(1.2, 1.2), (0.5, 3.0)])
+def test_frictions_whose_loads_grow_slide_while_one_stable_solution_balances_them(floor, wall, file):
+    """Normal forces change their sign within steps: an error of 6e-9 m, which grows to 8e-8 m."""
+    start, rate = np.arctan2(1.6, 1.2), 3.75
+
+    def motion(t, state):
+        (acceleration,) = sliding_ladder(*state, floor, wall)
+        return state[1], acceleration
+
+    model = dynamics.dynamic_model(ms.load(ladder(file, floor, wall), still=True))
+    initial = {"floor.q": 1.2, "floor.v": -6.0}
+    run = ms.dynamics.run(model, initial=initial, duration=0.1, samples=10)
+    exact = solve_ivp(
+        motion, (0.0, 0.1), (start, rate), t_eval=run.time, rtol=1e-10, atol=1e-12, max_step=1e-3
+    )
+    assert run.motion.joints["floor"].value == pytest.approx(2.0 * np.cos(exact.y[0]), abs=2e-7)
+    assert run.energy_error <= 1e-11
+    verdict = crosscheck_forward(run, model, initial_values(model, initial))
+    assert verdict.passed, verdict
+
+
+@pytest.mark.long
+def test_a_run_ends_with_its_record_where_friction_jams_the_motion(file):
     with np.errstate(all="ignore"):
-        run = ms.dynamics.run(path, initial={"floor.q": 1.2, "floor.v": -6.0}, duration=0.6, samples=20)
-
-    def growth(angle):
-        """Loads by a unit of each friction: N_floor = m (g + y'') - F_wall, N_wall = m x'' - F_floor."""
-        sine, cosine, share = np.sin(angle), np.cos(angle), 2.0 * mass / (moment + mass)
-        others = abs(share * cosine**2 - 1.0) * abs(share * sine**2 - 1.0)
-        return share * sine * cosine + np.sqrt(others)
-
-    limit = brentq(lambda angle: growth(angle) - 1.0, 1.0, 1.2)
-    assert run.outcome == "undetermined"
+        run = ms.dynamics.run(
+            ladder(file, 0.5, 3.0), initial={"floor.q": 1.2, "floor.v": -6.0}, duration=0.6, samples=20
+        )
+    assert run.outcome == "jammed"
     assert len(run.time) == 21
-    assert run.motion.joints["floor"].value[-1] == pytest.approx(2.0 * np.cos(limit), rel=1e-6)
-    assert run.energy_error <= 1e-9
+    assert run.energy_error <= 1e-11
+    # the motion has a stable solution until there, and none right after
+    angle = np.arccos(run.motion.joints["floor"].value[-1] / 2.0)
+    rate = run.motion.joints["floor"].rate[-1] / (-2.0 * np.sin(angle))
+    assert len(sliding_ladder(angle - 1e-6, rate, 0.5, 3.0)) == 1
+    assert not sliding_ladder(angle + 1e-6, rate, 0.5, 3.0)
 
 
 @pytest.mark.parametrize("seed", range(4))

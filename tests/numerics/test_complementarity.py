@@ -1,11 +1,11 @@
-"""Linear complementarity problems against their three conditions."""
+"""Linear complementarity problems against their three conditions, and frictions by hand."""
 
 from itertools import product
 
 import numpy as np
 import pytest
 
-from mechsim.numerics.complementarity import complementary
+from mechsim.numerics.complementarity import balanced_friction, complementary
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -40,3 +40,39 @@ def test_opposed_gaps_that_both_close_have_no_solution(excess):
 def test_a_gap_that_no_force_moves_stays_closed_only_if_it_does_not_close():
     assert complementary(np.zeros((1, 1)), np.array([-1.0])) is None
     assert complementary(np.zeros((1, 1)), np.array([1.0])) == pytest.approx([0.0])
+
+
+def balanced(base, response):
+    """Return the answer for x_k = abs(base_k + sum of response_kj x_j)."""
+    count = len(base)
+    terms, changes = np.zeros((1, count, 1, 3)), np.zeros((1, count, 1, 3, count))
+    terms[0, :, 0, 0], changes[0, :, 0, 0] = base, response
+    friction, radius, solutions = balanced_friction(np.zeros((1, count)), terms, changes)
+    return friction[0], radius[0], solutions[0]
+
+
+def test_a_single_friction_has_its_smaller_solution_or_none():
+    # x = |1 - 2 x|: 1/3, and 1, from which a load that is off grows
+    friction, radius, solutions = balanced([1.0], [[-2.0]])
+    assert (friction[0], radius, solutions) == (pytest.approx(1 / 3, rel=1e-14), 2.0, 1)
+    assert balanced([1.0], [[2.0]])[2] == 0
+
+
+@pytest.mark.parametrize(("a", "expected"), [(0.9, 1), (1.1, 2)])
+def test_frictions_that_unload_each_other_have_two_solutions_beyond_the_contraction(a, expected):
+    # x = |1 - a y|, y = |1 - a x|: below 1 both 1 / (1 + a); above, that is unstable, and
+    # (1 + a) / (1 + a^2), (a - 1) / (1 + a^2) either way round are stable
+    friction, _, solutions = balanced([1.0, 1.0], [[0.0, -a], [-a, 0.0]])
+    assert solutions == expected
+    if expected == 1:
+        assert friction == pytest.approx(np.full(2, 1 / (1 + a)), rel=1e-13)
+
+
+@pytest.mark.parametrize("a", [0.5, 3.0])
+def test_a_friction_that_loads_what_unloads_it_is_unique_at_any_size(a):
+    # x = |10 - a y|, y = |1 + a x| with 10 > a y: x = (10 - a) / (1 + a^2)
+    friction, radius, solutions = balanced([10.0, 1.0], [[0.0, -a], [a, 0.0]])
+    x = (10 - a) / (1 + a**2)
+    assert radius == pytest.approx(a)
+    assert solutions == 1
+    assert friction == pytest.approx([x, 1 + a * x], rel=1e-13)

@@ -965,7 +965,7 @@ static int contracts(int count, const double *terms, double *power, double *next
 }
 
 /* adds friction by the load, x_i = sum over t of |base_it + sum over j of change_ijt x_j|, by a fixed point from
-   the last one, as numerics/friction_balance.py; 0 without a unique solution */
+   the last one, as numerics/complementarity.py; 0 without a unique solution */
 static int add_friction_by_load(const Model *m, Work *w, const double *sliding) {
     int n = m->free, count = m->loaded, number = 0;
     double *x = w->magnitude, *next = x + count, *rate = next + count, *ratio = rate + count;

@@ -1,7 +1,7 @@
-"""Friction by the load of joints, iterated with MuJoCo's own reactions.
+"""Friction by the load of joints, by MuJoCo's own reactions.
 
-The reactions of a state, or the forces of couplings, give the friction of each joint, which changes them. The
-iteration stops when the frictions no longer change; their changes shrink by a constant ratio.
+The reactions of a state, or the forces of couplings, give the friction of each joint, which changes them.
+They are linear in the frictions, so that MuJoCo's reactions under a unit of each give the equations.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,18 +11,18 @@ import numpy as np
 
 from mechsim.errors import FrictionError
 from mechsim.mechanism.force_record import ForceRecord
-from mechsim.mechanism.joint_friction import Friction
+from mechsim.mechanism.joint_friction import TERMS, Friction
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.complementarity import balanced_friction
 from mechsim.simulation.dynamics.applied_forces import Fields, add_force
 from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
 from mechsim.simulation.recording import link_motions, point_rates, resting
 
-# relative change of the frictions at which the iteration ends, and its largest number: with a ratio of 0.9 it
-# needs 290
-CONVERGED, MAX_ITERATIONS = 1e-13, 400
+# largest difference of frictions from those by MuJoCo's reactions under them, relative to the largest
+BALANCED = 1e-9
 # rate relative to the largest one of a joint's coordinate at which it stands still: rounding
 STILL = 1e-7
 
@@ -35,6 +35,7 @@ class RubbingCoordinate:
         friction: of the joint.
         joint: the joint.
         number: of this friction among those of the joint.
+        coulomb: friction without a load.
         axis: axis of the joint on side a, (n, 3).
         along: direction of the friction of a unit magnitude on link b, against the motion, (n, 3).
         speed: rate of the coordinate, (n,), 0 or more.
@@ -45,26 +46,25 @@ class RubbingCoordinate:
     friction: Friction
     joint: Joint
     number: int
+    coulomb: float
     axis: Array
     along: Array
     speed: Array
     turns: bool
     point: Array = field(repr=False)
 
-    def magnitude(self, forces: ForceRecord, present: Array) -> Array:
-        """Return the friction by reactions, (n,); the present friction loads the thread of a screw."""
+    def terms(self, forces: ForceRecord, present: Array) -> Array:
+        """Return terms of the load, (n, TERMS, 3); the present friction loads the thread of a screw."""
         if self.friction.coupling:
-            return self.friction.coefficient * np.abs(forces.gears[self.friction.coupling])
+            force = self.friction.coefficient * forces.gears[self.friction.coupling]
+            return force[:, None, None] * np.eye(TERMS)[:, :1] * np.eye(3)[0]
         reaction = forces.reactions[self.joint.name]
         moment = reaction.moment
         if KINDS[self.joint.kind].helical and not self.number:
             moment = moment + present[:, None] * self.along
         wrench = np.concatenate([reaction.force, moment], 1)
         _, maps = self.friction.loads(self.joint, self.axis)[self.number]
-        terms = (maps @ wrench[:, None, :, None])[..., 0]
-        kind, ratio = KINDS[self.joint.kind], self.friction.ratio(self.speed)
-        constant = 0.0 if kind.mixed else self.friction.sizes(kind)[0][1]
-        return ratio * np.sqrt((terms**2).sum(2)).sum(1) + (ratio - 1.0) * constant
+        return self.friction.ratio(self.speed)[:, None, None] * (maps @ wrench[:, None, :, None])[..., 0]
 
     def apply(self, loaded: LoadedModel, fields: Fields, forces: AppliedForces, magnitude: Array) -> None:
         """Add the friction, (n,) in [N] or [N m], to applied forces."""
@@ -78,18 +78,22 @@ class RubbingCoordinate:
 
 def rubbing_coordinates(loaded: LoadedModel, fields: Fields) -> list[RubbingCoordinate]:
     """Return the coordinates with friction by their load at the states of MuJoCo's fields."""
-    result: list[RubbingCoordinate] = []
-    for friction in loaded.forces.friction:
-        if friction.varies:
-            joint = loaded.mechanism.joint(friction.joint)
-            for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
-                if friction.static or maps.any():
-                    result.append(_coordinate(loaded, fields, friction, joint, number, index))
-    return result
+    joints = [(friction, loaded.mechanism.joint(friction.joint)) for friction in loaded.forces.friction]
+    return [
+        _coordinate(loaded, fields, friction, joint, *row)
+        for friction, joint in joints
+        for row in friction.loaded(joint)
+    ]
 
 
 def _coordinate(
-    loaded: LoadedModel, fields: Fields, friction: Friction, joint: Joint, number: int, index: int
+    loaded: LoadedModel,
+    fields: Fields,
+    friction: Friction,
+    joint: Joint,
+    number: int,
+    index: int,
+    coulomb: float,
 ) -> RubbingCoordinate:
     kind = KINDS[joint.kind]
     links = {GROUND: resting(len(fields["qacc"])), **link_motions(loaded.model, loaded.track, fields)}
@@ -108,7 +112,7 @@ def _coordinate(
     speed = np.sqrt((rate**2).sum(1))
     slow = speed <= STILL * speed.max(initial=0.0)
     along = -rate / np.where(slow, np.inf, speed)[:, None]
-    return RubbingCoordinate(friction, joint, number, frame[..., 2], along, speed, turns, point)
+    return RubbingCoordinate(friction, joint, number, coulomb, frame[..., 2], along, speed, turns, point)
 
 
 def friction_of_state(
@@ -124,19 +128,28 @@ def friction_of_state(
         name: of the mechanism.
 
     Raises:
-        FrictionError: if the iteration does not converge.
+        FrictionError: unless there is one stable solution.
     """
-    magnitudes = np.zeros((len(coordinates[0].speed), len(coordinates)))
-    for _ in range(MAX_ITERATIONS):
-        forces = forces_under(magnitudes)
-        columns = zip(coordinates, magnitudes.T, strict=True)
-        after = np.stack([item.magnitude(forces, magnitude) for item, magnitude in columns], 1)
-        change = np.abs(after - magnitudes).max(1, initial=0.0)
-        magnitudes = after
-        if (change <= CONVERGED * np.abs(magnitudes).max(1, initial=0.0)).all():
-            return magnitudes
-    raise FrictionError(
-        f"{name}: the frictions by MuJoCo's reactions do not converge within {MAX_ITERATIONS} iterations; "
-        "reduce a coefficient of friction",
-        "jammed",
-    )
+
+    def terms_under(frictions: Array) -> Array:
+        forces = forces_under(frictions)
+        columns = zip(coordinates, frictions.T, strict=True)
+        return np.stack([item.terms(forces, friction) for item, friction in columns], 1)
+
+    count, n = len(coordinates), len(coordinates[0].speed)
+    constant = np.stack([(item.friction.ratio(item.speed) - 1.0) * item.coulomb for item in coordinates], 1)
+    base = terms_under(np.zeros((n, count)))
+    unit = np.sqrt((base**2).sum(3)).sum(2).max(1, keepdims=True)
+    unit = np.where(unit > 0.0, unit, 1.0)
+    changes = [terms_under(unit * row) - base for row in np.eye(count)]
+    response = np.stack(changes, -1) / unit[..., None, None, None]
+    magnitudes, _, solutions = balanced_friction(constant, base, response)
+    after = constant + np.sqrt((terms_under(magnitudes) ** 2).sum(3)).sum(2)
+    right = np.abs(after - magnitudes).max(1) <= BALANCED * np.abs(magnitudes).max(1)
+    if not (right & (solutions == 1)).all():
+        outcome = "jammed" if not solutions.all() else "undetermined"
+        raise FrictionError(
+            f"{name}: no friction, or several, balance MuJoCo's reactions; reduce a coefficient of friction",
+            outcome,
+        )
+    return magnitudes

@@ -12,11 +12,12 @@ import numpy as np
 
 from mechsim.mechanism.force_record import Reaction
 from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.joint_friction import Friction
+from mechsim.mechanism.joint_friction import TERMS, Friction
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.complementarity import newton
 from mechsim.numerics.rank import pseudo_inverse
 from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, native, together
 from mechsim.simulation.dynamics.friction import DryJoint
@@ -30,8 +31,9 @@ from mechsim.simulation.model_loops import ModelLoops
 PLACEHOLDER = 1e-12
 # relative change of the frictions of one state at which they have converged, and largest number of iterations
 CONVERGED, MAX_ITERATIONS = 1e-12, 100
-# friction relative to that of the loads without any at which its derivative is measured
-SMALL = 1e-3
+# change of frictions relative to the largest by which their derivatives are measured, number of steps between
+# these, and spectral radius of their bounds above which they are measured at each step
+SMALL, MEASURED, STRONG = 1e-3, 20, 0.5
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 # where the magnitude of a friction is that acts by controls
@@ -79,14 +81,13 @@ class UpdatedFriction:
 
     def __init__(self, model: LoadedModel, loops: ModelLoops, dry: list[DryJoint]) -> None:
         self.model, self.loops, self.dry = model, loops, dry
-        self.stored = [
-            item for friction in model.forces.friction if friction.varies for item in self._stored(friction)
-        ]
+        self.stored = [item for friction in model.forces.friction for item in self._stored(friction)]
         self.evaluated = model.looking(native=False)
         self.data = mujoco.MjData(self.evaluated)
         self.loads = np.zeros(len(self.stored))
-        # change of a single friction by the load that it causes, negative as of a gear that drives its load
-        self.derivative = 0.0
+        # changes of the terms of each load by a unit of each friction, (k, TERMS, 3, k)
+        count = len(self.stored)
+        self.response = np.zeros((count, TERMS, 3, count))
         self.fastest = 0.0
         # frictions by the load at the start of each step
         self.history = list[Array]()
@@ -97,9 +98,7 @@ class UpdatedFriction:
         kind, names = KINDS[joint.kind], model_names(mechanism)
         tendons = [stepped.tendon(i).name for i in range(stepped.ntendon)]
         stored: list[StoredFriction] = []
-        for number, (index, maps) in enumerate(friction.loads(joint, np.eye(3)[2:])):
-            if not (friction.static or maps.any()):
-                continue
+        for number, index, _ in friction.loaded(joint):
             own = [other for other in self.model.forces.friction if other.joint == joint.name]
             constant = sum(other.sizes(kind)[index][1] for other in own)
             name = "" if kind.ball else names.get(joint.coordinates[index], joint.coordinates[index])
@@ -122,6 +121,9 @@ class UpdatedFriction:
             self._converge(data)
         else:
             before, last = self.history[-2:][0], self.loads
+            bounds = np.sqrt((self.response**2).sum(2)).sum(1)
+            if len(self.history) % MEASURED == 0 or np.abs(np.linalg.eigvals(bounds)).max() > STRONG:
+                self._measure(data, last)
             self._improve(data, 2.0 * last - before)
             self.set(1.5 * self.loads - 0.5 * last)
         self.history.append(self.loads)
@@ -129,21 +131,30 @@ class UpdatedFriction:
     def _converge(self, data: mujoco.MjData) -> None:
         """Set the friction that the constraint forces of a state under this friction cause."""
         self._improve(data, self.loads)
-        if len(self.loads) == 1 and self.loads.any():
-            base, self.loads = self.loads, SMALL * self.loads
-            self.set(self.loads)
-            self.derivative = min(0.0, float((self._loads(data) - base)[0] / self.loads[0]))
+        self.loads = SMALL * self.loads
         for _ in range(MAX_ITERATIONS):
             before = self.loads
+            self._measure(data, before)
             self._improve(data, before)
             if np.abs(self.loads - before).max() <= CONVERGED * np.abs(self.loads).max():
                 break
         self.set(self.loads)
 
+    def _measure(self, data: mujoco.MjData, friction: Array) -> None:
+        """Set the changes of the terms of the loads by each friction."""
+        step = SMALL * friction.max()
+        if step > 0.0:
+            changed = [self._terms(data, friction + row)[0] for row in step * np.eye(len(friction))]
+            self.response = (np.stack(changed, -1) - self._terms(data, friction)[0][..., None]) / step
+
     def _improve(self, data: mujoco.MjData, friction: Array) -> None:
-        """Set the loads by a step of Newton's method from a friction, with the derivative `derivative`."""
-        self.set(friction)
-        self.loads = friction + (self._loads(data) - friction) / (1.0 - self.derivative)
+        """Set the loads to those that terms at a friction and their changes balance."""
+        friction = np.maximum(friction, 0.0)
+        terms, constant = self._terms(data, friction)
+        base = terms - self.response @ friction
+        solution, balanced = newton(constant[None], base[None], self.response[None], self.loads[None])
+        loads = constant + np.sqrt((terms**2).sum(2)).sum(1)
+        self.loads = solution[0] if balanced[0] else loads
 
     def set(self, loads: Array) -> None:
         """Set the friction in MuJoCo's model from frictions by the load."""
@@ -157,27 +168,29 @@ class UpdatedFriction:
             else:
                 getattr(self.loops.model, array)[index] = magnitude
 
-    def _loads(self, data: mujoco.MjData) -> Array:
-        """Return the frictions by the load that the constraint forces of a state cause."""
+    def _terms(self, data: mujoco.MjData, friction: Array) -> tuple[Array, Array]:
+        """Return terms of the loads under a friction, (k, TERMS, 3), and frictions besides them, (k,)."""
+        self.set(friction)
         mujoco.mj_forward(self.loops.model, data)
         reactions, couplings = self._reactions(data)
-        rubbing, loads = self._on_dofs(data, FRICTION), np.zeros(len(self.stored))
+        rubbing, constant = self._on_dofs(data, FRICTION), np.zeros(len(self.stored))
+        terms = np.zeros((len(self.stored), TERMS, 3))
         for k, item in enumerate(self.stored):
             if item.friction.coupling:
-                loads[k] = item.friction.coefficient * abs(float(couplings[item.friction.coupling][0]))
+                force = float(couplings[item.friction.coupling][0])
+                terms[k, 0, 0] = item.friction.coefficient * force
                 continue
             joint = self.model.mechanism.joint(item.friction.joint)
             axis = self._axis(data, joint)
             moment = reactions[joint.name].moment[0]
             if KINDS[joint.kind].helical and not item.number:
                 # the friction of the thread is part of its load
-                moment = moment + np.sign(rubbing[item.index]) * self.loads[k] * axis
+                moment = moment + np.sign(rubbing[item.index]) * friction[k] * axis
             _, maps = item.friction.loads(joint, axis[None])[item.number]
-            terms = maps[0] @ np.concatenate([reactions[joint.name].force[0], moment])
             ratio = self._ratio(data, item)
-            constant = 0.0 if KINDS[joint.kind].mixed else item.constant
-            loads[k] = ratio * np.sqrt((terms**2).sum(1)).sum() + (ratio - 1.0) * constant
-        return loads
+            terms[k] = ratio * (maps[0] @ np.concatenate([reactions[joint.name].force[0], moment]))
+            constant[k] = (ratio - 1.0) * (0.0 if KINDS[joint.kind].mixed else item.constant)
+        return terms, constant
 
     def _ratio(self, data: mujoco.MjData, item: StoredFriction) -> float:
         """Return a friction at the present rate relative to that in fast motion."""
