@@ -131,6 +131,7 @@ def _failed(error: BaseException) -> int:
 
 # messages of the command-line library, and their text in the style of mechsim's other errors
 USAGE_TEXTS = (
+    (r"^(No such option: --initial).*$", r"\1; mechsim dynamics forward starts from an initial state"),
     (r"\. Did you mean", "; did you mean"),
     (r" \(Possible options: (.*)\)$", r"; did you mean \1?"),
     (r"^Got unexpected extra argument(?:s|\(s\))? \((.*)\)$", r"unexpected argument \1"),

@@ -106,6 +106,8 @@ class NewtonResult(Generic[Q, L]):
         return _largest(self.linearised.rhs)
 
 
+# a state that a polynomial predicts beyond a dead centre can be so far away that its residual is infinite
+@np.errstate(over="ignore", invalid="ignore")
 def newton(
     system: ConstraintSystem[Q, L],
     q: Q,

@@ -192,9 +192,10 @@ def _evaluated(
     links, points = link_motions(model, track, fields), point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
-    if crank_acceleration is None and (has_dry_friction(model) or followers(loops) or functions):
+    nonlinear = any(row.nonlinear for row in (*loops.couplings, *loops.rods))
+    if crank_acceleration is None and (has_dry_friction(model) or nonlinear):
         # while friction sticks or reverses, soft loops oscillate about the motion; the force of a follower is
-        # constant over each step
+        # constant over each step; MuJoCo's constraints of rods and polynomials omit the velocity-product term
         crank_acceleration = qacc[:, loops.crank].copy()
         driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:

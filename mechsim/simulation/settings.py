@@ -228,13 +228,12 @@ class Settings:
         """The compliance in effect."""
         return COMPLIANCE if self.compliance is None else self.compliance
 
-    def apply(self, loops: ModelLoops, timestep: float, *, velocity_products: bool = False) -> Settings:
+    def apply(self, loops: ModelLoops, timestep: float) -> Settings:
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
 
         Args:
             loops: of the model.
             timestep: in [s].
-            velocity_products: whether constraints will include the velocity-product terms of couplings.
 
         Returns:
             The settings with all automatic choices made.
@@ -270,10 +269,6 @@ class Settings:
         virtual = [i for i in range(model.nbody) if model.body(i).name.startswith(VIRTUAL_PREFIX)]
         others = np.delete(model.body_invweight0, virtual, 0)
         model.body_invweight0[virtual] = np.minimum(model.body_invweight0[virtual], others.max(0))
-        if not velocity_products:
-            # these omit the velocity-product terms of polynomials and rods; a short time constant corrects it
-            nonlinear = [row.equality for row in (*loops.couplings, *loops.rods) if row.nonlinear]
-            model.eq_solref[nonlinear] = self.solref or self._solref(timestep, LEAST_CONSTANT)
         set_armature(
             model,
             np.array([loops.crank]),

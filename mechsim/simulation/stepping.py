@@ -113,8 +113,10 @@ def step(
         require_memory(
             f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most"
         )
-    renewed = bool(functions_in_loops(loops))
-    used = settings.apply(loops, timestep, velocity_products=renewed)
+    kept = {row.equality for row in recording.followers(loops)}
+    nonlinear = (row.equality for row in (*loops.couplings, *loops.rods) if row.nonlinear)
+    renewed = not kept.issuperset(nonlinear)
+    used = settings.apply(loops, timestep)
     model = loops.model
     if driven:
         _add_drive_inertia(loops)
@@ -222,7 +224,9 @@ def _renewed_rollout(
     inputs: tuple[Array | None, Array | None],
     progress: Progress,
 ) -> Rollout:
-    """Step a model whose couplings get their Taylor polynomials at the state before each step.
+    """Step a model with the velocity-product terms of its rods and couplings, which MuJoCo omits.
+
+    Couplings by functions get their Taylor polynomials at the state before each step.
 
     A polynomial of degree 4 is exact to the fifth power of the motion in a step. With RK4 the error falls
     with the fourth power of the step, where steps end at the ends of a cam's segments: 2e-7, 1e-8, 5e-10 and

@@ -124,3 +124,22 @@ def test_of_a_rod_between_balls_only_the_spin_is_locked(tmp_path, name):
     exact = [brentq(stretch, -0.8, 0.8, args=(angle,), xtol=1e-15) for angle in angles]
     np.testing.assert_allclose(motion.joints["C"].value, exact, atol=1e-13)
     assert simulate(solver, method="pose", samples=5).outcome == "passed"
+
+
+@pytest.mark.long
+def test_the_range_of_an_rssr_with_a_locked_spin_ends_where_the_rod_is_too_short(tmp_path):
+    """A(q) and B(p) are L apart for some p if |A - C|^2 + b^2 - L^2 is at most 2 b times A - C in B's plane.
+
+    Beyond the end, states that a polynomial predicts can be so far away that residuals overflow.
+    """
+    (tmp_path / "f.toml").write_text(model_text("lock_others_rssr.toml"))
+    arcs = ms.load(tmp_path / "f.toml", lock_others=True).crank_range().arcs
+    axis = np.array([1.0, 0.3, 0.2]) / np.linalg.norm([1.0, 0.3, 0.2])
+
+    def margin(q):
+        arm = np.array([0.03 * np.cos(q) - 0.09, 0.03 * np.sin(q), -0.02])
+        in_plane = np.linalg.norm(arm - axis * (arm @ axis))
+        return 2.0 * 0.06 * in_plane - abs(arm @ arm + 0.06**2 - 0.1**2)
+
+    ends = [brentq(margin, 0.0, 1.0), brentq(margin, 1.0, 3.0)]
+    np.testing.assert_allclose(arcs, [ends], rtol=0, atol=1e-9)

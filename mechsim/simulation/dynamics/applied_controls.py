@@ -45,7 +45,7 @@ def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations
     loops = replace(model.loops, model=copy.copy(model.model))
     _weigh_massless(loops.model)
     inertias = loops.model.dof_armature.copy(), loops.model.dof_M0.copy()
-    settings.apply(loops, timestep, velocity_products=True)
+    settings.apply(loops, timestep)
     stiffen_friction(loops.model, timestep, settings.compliance_used)
     # a difference would leave the rounding of the virtual drive inertia
     loops.model.dof_armature[:], loops.model.dof_M0[:] = inertias
