@@ -119,7 +119,7 @@ def _initial_gap(model: "MjcfModel") -> list[str]:
         return []
     return [
         f"the initial loop-closure error of the file is {model.gap:.2g} m; "
-        "the solution closes the loops exactly"
+        "solved configurations close the loops as exactly as its dimensions allow"
     ]
 
 

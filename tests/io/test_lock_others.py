@@ -136,10 +136,10 @@ def test_the_range_of_an_rssr_with_a_locked_spin_ends_where_the_rod_is_too_short
     arcs = ms.load(tmp_path / "f.toml", lock_others=True).crank_range().arcs
     axis = np.array([1.0, 0.3, 0.2]) / np.linalg.norm([1.0, 0.3, 0.2])
 
-    def margin(q):
+    def discriminant(q):
         arm = np.array([0.03 * np.cos(q) - 0.09, 0.03 * np.sin(q), -0.02])
         in_plane = np.linalg.norm(arm - axis * (arm @ axis))
         return 2.0 * 0.06 * in_plane - abs(arm @ arm + 0.06**2 - 0.1**2)
 
-    ends = [brentq(margin, 0.0, 1.0), brentq(margin, 1.0, 3.0)]
+    ends = [brentq(discriminant, 0.0, 1.0), brentq(discriminant, 1.0, 3.0)]
     np.testing.assert_allclose(arcs, [ends], rtol=0, atol=1e-9)

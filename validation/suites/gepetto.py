@@ -33,7 +33,7 @@ REPAIRS = {"disney_robot": ("\u0125", "ph")}
 CAUSES = {
     "kangaroo_like": "no assembly: separate least squares from 250 starts leave 0.096 m at best",
     "kangaroo_like_2legs": "no assembly: separate least squares from 40 starts leave 0.093 m at best",
-    "wl16_like": "the assembly found is singular: with motors and spins of legs locked, rank 27 of 30",
+    "wl16_like": "the assembly found is singular: with motors and spins locked, rank 27 of 30",
 }
 Pose = tuple[np.ndarray, np.ndarray]
 

@@ -25,6 +25,8 @@ CLOSED = 1e-12
 # relative motion of a loop along its gap below which the gap is immobile; distance of another pose in [rad]
 # and characteristic lengths; and smallest component of a gap that is reported
 IMMOBILE, OTHER_POSE, MIN_COMPONENT = 1e-6, 0.3, 1e-3
+# gap in [rad] or characteristic lengths below which rounded dimensions of redundant loops cause it
+CONTRADICTION = 1e-4
 # Newton's method from a guess: no step rotates a joint by more than 0.5 rad
 ASSEMBLY = NewtonSettings(
     max_iterations=60, tolerance=4.0 * float(np.finfo(np.float64).eps), rounding=CLOSED, max_step=0.5
@@ -71,13 +73,21 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     if across:
         return f"{text}, because {across}; move one of its points by that"
     # the joint or coupling with the largest residual
-    residual = np.abs(undriven.linearise(solution)[0][:, 0])
+    contradictory = remaining < CONTRADICTION
+    residual = np.abs(
+        (loops if contradictory else undriven).linearise(final if contradictory else solution)[0]
+    )
     names = [cut.joint.name for cut in undriven.cuts for _ in range(cut.rows)]
     names += [row.coupling.name for row in undriven.couplings]
+    worst = names[int(residual[:, 0].argmax())]
+    if contradictory:
+        return (
+            f"{text} in {worst}: redundant dimensions contradict one another; give them more digits, or take "
+            "`mechsim sample` or `closed_qpos`, which accept such gaps"
+        )
     return (
-        f"{text}, and with free drivers Newton's method and {STARTS} damped starts leave "
-        f"{names[int(residual.argmax())]} open; change "
-        "the dimensions, the start of the drivers, or the guess"
+        f"{text}, and with free drivers Newton's method and {STARTS} damped starts leave {worst} open; "
+        "change the dimensions, the start of the drivers, or the guess"
     )
 
 

@@ -41,8 +41,9 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
 
 def _gap(scene: Inspected, loop: Loop, by: float, unit: str, what: str) -> Finding:
     message = f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart"
-    remedy = "MuJoCo closes it in the first steps with large forces: move an anchor, or "
-    return scene.finding("gap", loop.element, by, message, remedy + _closed_at(scene))
+    anchor = "move an anchor, or " if loop.closes else ""
+    remedy = f"MuJoCo closes it in the first steps with large forces: {anchor}{_closed_at(scene)}"
+    return scene.finding("gap", loop.element, by, message, remedy)
 
 
 def _closed_at(scene: Inspected) -> str:
