@@ -90,8 +90,7 @@ def statics(
     def text() -> None:
         if any(equilibrium.everywhere for equilibrium in solutions):
             print_text(
-                f"{mechanism.name}: every configuration is an equilibrium, for no load, spring or weight "
-                "moves the mechanism"
+                f"{mechanism.name}: every configuration is an equilibrium: loads, springs and weights balance"
             )
         else:
             _print_equilibria(mechanism, solutions, assemblies)

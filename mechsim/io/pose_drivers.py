@@ -19,6 +19,7 @@ from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import EX, EY, EZ, GROUND, ORIGIN, VIRTUAL_PREFIX, Inertia, Link, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
+from mechsim.mechanism.quantities import moving_points
 from mechsim.numerics.arrays import Array
 
 POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
@@ -43,6 +44,7 @@ def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]
     """
     joints = {name for joint in mechanism.joints for name in joint.coordinates}
     links = {link.name for link in mechanism.links}
+    moving = {*links, *moving_points(mechanism)}
     subjects: dict[str, bool] = {}
     for name in names:
         subject, _, suffix = name.rpartition(".")
@@ -50,7 +52,7 @@ def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]
             continue
         if suffix in ROTATIONS and subject in mechanism.points and subject not in links:
             raise InputError(f"{name} cannot be driven: {subject} is a point; drive the rotation of its link")
-        if subject in links or subject in mechanism.points:
+        if subject in moving:
             subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
     return subjects
 

@@ -25,7 +25,7 @@ from mechsim.io.toml_coordinates import (
 )
 from mechsim.io.toml_keys import root
 from mechsim.io.toml_links import joint_of, links_of, pose_of
-from mechsim.io.toml_values import TomlSource, Values, parsed_source, shown, values_of
+from mechsim.io.toml_values import TomlSource, Values, head_comment, parsed_source, shown, values_of
 from mechsim.kinematics.designs import Dimension
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.joints import Coupling, joint_coordinate
@@ -111,6 +111,7 @@ class TomlModel(ModelSource):
             ranges=limits.ranges,
             restitution=limits.restitution | {gap: e for gap, e in bouncing.items() if e is not None},
             written=WrittenUnits(values.length, values.angle),
+            comment=head_comment(source.path),
             facts=facts,
         )
         duration = read.get("duration")

@@ -59,6 +59,7 @@ class KinematicSolver:
         ranges: joint -> lower and upper limit, in [m] or [rad]; infinite where there is none.
         restitution: joint -> coefficient of restitution at its limits; others have that of the run.
         written: units that its file declares.
+        comment: first sentence of its file's comment; empty for none.
         facts: sentences on what of its file is not read, on changes, and on the assembly.
         source: the MJCF model as read (`MjcfModel`): the specification that MuJoCo runs, actuators, remarks;
             None for any other mechanism.
@@ -79,6 +80,7 @@ class KinematicSolver:
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     restitution: Mapping[str, float] = field(default_factory=dict[str, float])
     written: WrittenUnits = WrittenUnits()
+    comment: str = ""
     facts: tuple[str, ...] = ()
     source: Any = None
     corrected: tuple[float, float] = (0.0, 0.0)

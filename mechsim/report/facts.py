@@ -8,8 +8,6 @@ import numpy as np
 
 from mechsim.compare.record_errors import lengths
 from mechsim.errors import MechsimError, SingularStartError, several
-from mechsim.io import gallery
-from mechsim.io.toml_values import head_comment
 from mechsim.kinematics.loops.mobility import driver_determinacy
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.belts import belts_of
@@ -105,11 +103,8 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
 
 
 def about(solver: KinematicSolver) -> str:
-    """Return the description of a catalogue or gallery mechanism; empty for others."""
-    if solver.closed_form is not None:
-        return solver.closed_form.declared.about
-    path = None if solver.source is not None else gallery.named().get(solver.name)
-    return "" if path is None else head_comment(str(path))
+    """Return the description of a catalogue mechanism, or of a TOML file; empty for others."""
+    return solver.comment if solver.closed_form is None else solver.closed_form.declared.about
 
 
 def _mobility(solver: KinematicSolver) -> dict[str, Any]:

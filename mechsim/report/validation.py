@@ -188,7 +188,7 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
         bounds={"simulated": _position_tolerance(case, "step"), "posed": _position_tolerance(case, "pose")},
     )
-    last = {name: case.exact.points[name] for name in [*case.solver.mechanism.points][-MAX_POINTS:]}
+    last = {name: case.exact.points[name] for name in [*case.exact.points][-MAX_POINTS:]}
     sources = {"motion": replace(source, motions={"closed": replace(case.exact, points=last)})}
     figures = [
         (kind.about, kind.figure(sources.get(name, source)))

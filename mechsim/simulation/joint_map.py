@@ -177,9 +177,11 @@ class _Outputs:
             return lambda qpos, *_: (qpos[:, address], np.broadcast_to(row, (len(qpos), model.nv)))
         subject, _, suffix = name.rpartition(".")
         located = site_or_body(model, subject)
-        if suffix not in (*AXES, *ROTATION_SUFFIXES) or located is None:
+        # those of the frame do not move
+        if suffix not in (*AXES, *ROTATION_SUFFIXES) or not (located and model.body_weldid[located[0]]):
             raise InputError(
-                f"there is no output {name!r}; give a hinge or slide, or a site's or body's NAME.x to NAME.rz"
+                f"there is no output {name!r}; give a hinge or slide, or NAME.x to NAME.rz of a moving site "
+                "or body"
             )
         body, local = located
         return self._rotation(body, suffix) if suffix[0] == "r" else self._position(body, local, suffix)

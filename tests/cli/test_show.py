@@ -31,3 +31,11 @@ def test_a_start_at_a_change_point_has_no_range(mechsim, tmp_path):
         assert code == 2
         assert "change point" in error
         assert not (tmp_path / "view.html").exists()
+
+
+def test_a_mechanism_is_described_by_the_comment_of_its_own_file(mechsim, tmp_path):
+    """It has the name of one of the gallery, whose description is another."""
+    (tmp_path / "klann.toml").write_text("# A lid; it opens. Twice.\n" + model_text("show_cams.toml"))
+    own, gallery = mechsim("show", "klann.toml").out, mechsim("show", "klann").out
+    assert own.splitlines()[1] == "A lid."
+    assert gallery.splitlines()[1] == "Klann's leg: one crank moves a foot with a flat step."

@@ -4,6 +4,7 @@ import json
 import re
 
 import pytest
+from model_files import model_text
 
 from mechsim.io import gallery
 
@@ -138,3 +139,11 @@ def test_distances_angles_and_expressions_are_compared(mechsim, tmp_path, error,
     assert code == int(bool(wrong))
     assert [check["quantity"] for check in checks] == ["distance:A,B", "angle:ground,coupler", "expr:A.x*2"]
     assert [check["quantity"] for check in checks if not check["passed"]] == wrong
+
+
+@pytest.mark.long
+def test_the_report_of_a_mechanism_with_a_point_of_the_frame_is_written(mechsim, tmp_path):
+    (tmp_path / "f.toml").write_text(model_text("frame_point.toml"))
+    answer = mechsim("validate", "f.toml", "--report", "out")
+    assert answer.code == 0, answer.err
+    assert "position of lug" in (tmp_path / "out" / "index.html").read_text()

@@ -13,7 +13,7 @@ from mechsim.io.toml_values import suggestion
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws
-from mechsim.mechanism.quantities import coordinate_units, numeric_quantity
+from mechsim.mechanism.quantities import coordinate_units, moving_points, numeric_quantity, unknown
 from mechsim.mechanism.quantity import AXES, Quantity, Source, record_columns, unwrapped
 from mechsim.numerics.arrays import Array
 
@@ -152,8 +152,8 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
         quantity = numeric_quantity(rest, mechanism)
         return TurnMeasure(text, "range", quantity.unit, quantity)
     if colon and word == "stroke":
-        if rest not in mechanism.points:
-            raise InputError(f"{mechanism.name} has no point {rest!r}{suggestion(rest, mechanism.points)}")
+        if rest not in moving_points(mechanism):
+            raise unknown(rest, mechanism)
         return TurnMeasure(text, word, "m", subject=rest)
     if colon and word in STATISTICS:
         quantity = numeric_quantity(rest, mechanism)
