@@ -148,20 +148,20 @@ def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]
 FOLLOWED = 2.0
 
 
-def drift(poses: Mapping[str, Pose], shapes: Mapping[str, Sequence[Shape]]) -> Array:
-    """Return the path of a camera that follows a machine, (n, 3) in [m] from its start; 0 unless it flies."""
-    path = np.mean([pose.position for link, pose in poses.items() if link != GROUND], axis=0)
+def followed(
+    poses: Mapping[str, Pose], shapes: Mapping[str, Sequence[Shape]]
+) -> tuple[Array, tuple[Array, Array]]:
+    """Return the path of a camera that follows a machine, from its start, and the balls of `extent` about it.
+
+    The path, (n, 3) in [m], is 0 unless the machine falls or flies.
+    """
+    moving = {link: pose for link, pose in poses.items() if link != GROUND}
+    path = np.mean([pose.position for pose in moving.values()], axis=0)
     path = path - path[0]
-    own, whole = (
-        float(np.ptp(extent((pose, shapes[link]) for link, pose in moved.items())[0], axis=0).max())
-        for moved in (relative(poses, path), relative(poses, np.zeros(3)))
-    )
-    return path * (FOLLOWED * own < whole)
-
-
-def relative(poses: Mapping[str, Pose], path: Array) -> dict[str, Pose]:
-    """Return the poses of moving links less a path, (n, 3) in [m]."""
-    return {link: Pose(p.position - path, p.rotation) for link, p in poses.items() if link != GROUND}
+    own = extent((Pose(pose.position - path, pose.rotation), shapes[link]) for link, pose in moving.items())
+    whole = extent((pose, shapes[link]) for link, pose in poses.items())
+    flies = FOLLOWED * float(np.ptp(own[0], axis=0).max()) < float(np.ptp(whole[0], axis=0).max())
+    return path * flies, own if flies else whole
 
 
 def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:

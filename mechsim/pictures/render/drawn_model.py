@@ -6,12 +6,11 @@ of a run and the closed form is drawn likewise.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypedDict
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.link_poses import hinged_normals, with_rods
 from mechsim.mechanism.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
 from mechsim.mechanism.mechanism import Mechanism
@@ -23,8 +22,8 @@ from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import GREY, arrows
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import drift, extent, free_sides, link_colours, relative, rod_radius, travels
-from mechsim.shapes.camera import Angles, add_stands, backdrop, lowered
+from mechsim.shapes.body import extent, followed, free_sides, link_colours, rod_radius, travels
+from mechsim.shapes.camera import add_stands, backdrop, lowered
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
@@ -50,26 +49,16 @@ FIRST_GRID_STEP = 1.0 / 400.0
 LIGHTEST, LIGHTNESS = 0.78, np.array([0.2126, 0.7152, 0.0722])
 
 
-class Drawn(TypedDict):
-    """Fields of a look or a view that a user's file determines."""
-
-    bodies: dict[str, list[Shape]] | None
-    closures: tuple[str, ...]
-    angles: Angles | None
-    forces: Forces | None
-
-
-def drawn_as(solver: Any) -> Drawn:
-    """Return the look of a model: its springs, and for MJCF its bodies, closures and camera."""
+def drawn_as(solver: Any) -> dict[str, Any]:
+    """Return the fields of `Drawn` of a model: its springs, and for MJCF its bodies, closures and camera."""
     read = solver.source
-    plain: Drawn = {"bodies": None, "closures": (), "angles": None, "forces": solver.forces}
     bodies = file_bodies(read) if isinstance(read, MjcfModel) else None
     if bodies is None or not isinstance(read, MjcfModel):
-        return plain
+        return {"forces": solver.forces}
     tree, view = {joint.name for joint in read.spec.joints}, read.spec.visual.global_
     closures = tuple(joint.name for joint in read.mechanism.joints if joint.name not in tree)
     angles = float(view.azimuth), float(view.elevation)
-    return {**plain, "bodies": bodies, "closures": closures, "angles": angles}
+    return {"forces": solver.forces, "bodies": bodies, "closures": closures, "angles": angles}
 
 
 def without_geoms(solver: Any, bodies: Mapping[str, Sequence[Shape]] | None) -> list[str]:
@@ -230,9 +219,8 @@ class DrawnModel:
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
         self.drift = np.zeros((len(frames), 3))
         if (look.bodies or not self.shapes[GROUND]) and look.overlay == 1:
-            self.drift = drift(frames.poses, self.shapes)
-        if self.drift.any():
-            balls, radii = self._extent(self.drift)
+            self.drift, own = followed(frames.poses, self.shapes)
+            balls, radii = own if self.drift.any() else (balls, radii)
         self.up = cameras.upright(mechanism, look.up)
         self.normals = hinged_normals(mechanism)
         if not (self.normals or look.bodies):
@@ -334,12 +322,10 @@ class DrawnModel:
         }
         return free_sides(self.mechanism, poses)
 
-    def _extent(self, path: Array | None = None) -> tuple[Array, Array]:
-        """Balls that enclose all shapes over all frames, or those that follow a path: centres and radii."""
+    def _extent(self) -> tuple[Array, Array]:
+        """Balls that enclose all shapes over all frames: centres (k, 3) and radii (k,)."""
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
-        if path is not None:
-            poses = [*relative(dict(poses), path).items()]
         return extent(
             (pose if pose.position.ndim == 1 else pose.select(step), self.shapes[link])
             for link, pose in poses

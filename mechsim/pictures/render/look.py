@@ -30,7 +30,24 @@ def parse_pixels(text: str) -> tuple[int, int]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class Drawn:
+    """What a user's file determines in pictures and pages.
+
+    Attributes:
+        bodies: link -> its body from a user's file; None draws bodies from the joints.
+        closures: joints that close the loops of a user's file, which are marked.
+        angles: azimuth and elevation of a file's camera in [deg]; None without one.
+        forces: whose springs, dampers and bushings are drawn.
+    """
+
+    bodies: Mapping[str, Sequence[Shape]] | None = None
+    closures: tuple[str, ...] = ()
+    angles: Angles | None = None
+    forces: Forces | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look(Drawn):
     """Contents and style of a picture.
 
     Attributes:
@@ -46,10 +63,6 @@ class Look:
         magnify: factor on the error between a run and the ghost of the closed form; None takes the
             round number, 1, 2 or 5 times a power of ten, that makes it plain to see.
         caption: a line at the bottom of the picture.
-        bodies: link -> its body from a user's file; None draws bodies from the joints.
-        closures: joints that close the loops of a user's file, which are marked.
-        angles: azimuth and elevation of a file's camera in [deg]; None without one.
-        forces: whose springs, dampers and bushings are drawn.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
@@ -66,10 +79,6 @@ class Look:
     )
     magnify: float | None = None
     caption: str = ""
-    bodies: Mapping[str, Sequence[Shape]] | None = None
-    closures: tuple[str, ...] = ()
-    angles: Angles | None = None
-    forces: Forces | None = None
     up: Up | None = option(
         None,
         "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",

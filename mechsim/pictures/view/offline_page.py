@@ -21,12 +21,11 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import (
-    drift,
     edges,
     extent,
+    followed,
     free_sides,
     point_colours,
-    relative,
     rod_radius,
     stations,
     travels,
@@ -97,9 +96,9 @@ def _data(view: View) -> dict[str, Any]:
     if not (planar or view.bodies):
         floor -= 2.0 * radius
         balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
-    path = drift(poses, shapes) if view.bodies or not shapes[GROUND] else np.zeros((1, 3))
-    if path.any():
-        balls, radii = extent((pose, shapes[link]) for link, pose in relative(poses, path).items())
+    path = np.zeros((1, 3))
+    if view.bodies or not shapes[GROUND]:
+        path, (balls, radii) = followed(poses, shapes)
     colours = point_colours(mechanism)
     return {
         "name": mechanism.name,

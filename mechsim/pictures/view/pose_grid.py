@@ -6,15 +6,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.link_poses import moved_links, with_rods
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism, Up
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import errors, factor, returns_to_start
-from mechsim.shapes.camera import Angles
-from mechsim.shapes.shape import Shape
+from mechsim.pictures.render.look import Drawn
 
 
 def quaternions(rotation: Array) -> Array:
@@ -138,7 +136,7 @@ class LivePage:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class View(Drawn):
     """The contents of a page.
 
     Attributes:
@@ -146,10 +144,6 @@ class View:
         grids: the choices; the first is shown initially.
         title: heading.
         facts: lines of description.
-        bodies: link -> its body from a user's file; None draws bodies from the joints.
-        closures: joints that close the loops of a user's file, which are marked.
-        angles: azimuth and elevation of a file's camera in [deg]; None without one.
-        forces: whose springs, dampers and bushings are drawn.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
             only.
@@ -159,10 +153,6 @@ class View:
     grids: Sequence[PoseGrid]
     title: str
     facts: Sequence[str] = ()
-    bodies: Mapping[str, Sequence[Shape]] | None = None
-    closures: tuple[str, ...] = ()
-    angles: Angles | None = None
-    forces: Forces | None = None
     up: Up | None = None
     live: LivePage | None = None
 
