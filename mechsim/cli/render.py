@@ -141,8 +141,8 @@ def render(
     if undriven and picture:
         at_rest = "on the initial pose of a mechanism without a motion law"
         stated.exclude([*DRIVEN, "overlay", "duration"], at_rest)
-        write_picture(path, resting.mechanism, initial_pose(resting.mechanism), look, **drawn_as(resting))
-        return _written(resting.name, output, None)
+        look = replace(look, **drawn_as(resting))
+        return _written(output, resting, initial_pose(resting.mechanism), look)
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver.written.angle)
@@ -173,16 +173,12 @@ def render(
         extra["exact"] = solver.solve_as(motion)
     look = replace(look, caption="; ".join(captions))
     if picture:
-        look = replace(look, paths="whole")
-        write_picture(path, solver.mechanism, motion, look, angle=angle, **extra)
-        return _written(solver.name, output, None, masses)
+        return _written(output, solver, motion, look, masses, angle=angle, **extra)
     periodic = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
     tail = periodic and not timed and solver.crank_range().full
     look = replace(look, paths="tail" if tail else look.paths)
     extra |= {"fps": animation.fps, "every": every}
-    return _written(
-        solver.name, output, _write_animation(path, solver, motion, periodic, look, extra), masses
-    )
+    return _written(output, solver, motion, look, masses, periodic=periodic, **extra)
 
 
 def _released(
@@ -208,15 +204,9 @@ def _released(
         motion = release.cycle(options.mode, count * every).motion
         caption = f"{cycle.title}; 1/{number(seconds / cycle.period, 3)} of true speed"
     look = replace(look, **drawn_as(model.solver), caption=caption)
-    mechanism, path = model.mechanism, Path(output)
-    if output.endswith(".png"):
-        look = replace(look, paths="whole")
-        write_picture(path, mechanism, motion, look)
-        return _written(mechanism.name, output, None, model.masses)
+    frames = {} if output.endswith(".png") else {"fps": animation.fps, "every": every}
     periodic = options.mode is not None
-    extra = {"fps": animation.fps, "every": every}
-    count = _write_animation(path, model.solver, motion, periodic, look, extra)
-    return _written(mechanism.name, output, count, model.masses)
+    return _written(output, model.solver, motion, look, model.masses, periodic=periodic, **frames)
 
 
 def released_motion(release: Release, fps: float, slow: float | None) -> tuple[Motion, int]:
@@ -245,12 +235,33 @@ def frame_count(seconds: float, fps: float) -> int:
     return count
 
 
-def _written(name: str, output: str, frames: int | None, masses: Sequence[LinkMass] = ()) -> Result:
+def _written(
+    output: str,
+    solver: KinematicSolver,
+    motion: Motion,
+    look: Look,
+    masses: Sequence[LinkMass] = (),
+    *,
+    periodic: bool = False,
+    **extra: Any,
+) -> Result:
+    """Write a picture or an animation with progress; a periodic one ends before its repeated first frame."""
+    path, mechanism, count = Path(output), solver.mechanism, None
+    if path.suffix == ".png":
+        write_picture(path, mechanism, motion, replace(look, paths="whole"), **extra)
+    elif path.suffix == ".glb":
+        count = write_gltf(path, mechanism, motion, look, **extra)
+    else:
+        indices = frame_indices(motion, None, extra["every"]).astype(np.intp)
+        shown = motion.angle[indices[:-1] if periodic else indices]
+        with progress("draw", len(shown)) as report:
+            count = write_video(path, mechanism, motion, look, angles=shown, progress=report, **extra)
+
     def text() -> None:
-        typer.echo(f"wrote {'' if frames is None else f'{frames} frames to '}{output}")
+        typer.echo(f"wrote {'' if count is None else f'{count} frames to '}{output}")
         print_masses(masses)
 
-    data = {"mechanism": name, "output": output, "frames": frames, **masses_in_json(masses)}
+    data = {"mechanism": solver.name, "output": output, "frames": count, **masses_in_json(masses)}
     return Result(data, text)
 
 
@@ -270,15 +281,3 @@ def _check(stated: Stated, output: str, animation: AnimationOptions, look: Look)
         raise InputError(
             f"--size is '{width}x{height}', but videos have even sizes; take one pixel more or less"
         )
-
-
-def _write_animation(
-    path: Path, solver: KinematicSolver, motion: Motion, periodic: bool, look: Look, extra: dict[str, Any]
-) -> int:
-    """Write an animation, with progress on stderr; a periodic one ends before its repeated first."""
-    if path.suffix == ".glb":
-        return write_gltf(path, solver.mechanism, motion, look, **extra)
-    indices = frame_indices(motion, None, extra["every"]).astype(np.intp)
-    shown = motion.angle[indices[:-1] if periodic else indices]
-    with progress("draw", len(shown)) as report:
-        return write_video(path, solver.mechanism, motion, look, angles=shown, progress=report, **extra)

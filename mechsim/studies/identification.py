@@ -107,18 +107,8 @@ class Identification:
     """
 
     JSON: ClassVar[tuple[str, ...]] = (
-        *(
-            "mechanism",
-            "outcome",
-            "values",
-            "deviations",
-            "within_95",
-            "start",
-            "units",
-            "covariance",
-            "combinations",
-        ),
-        *("without_effect", "impossible", "rms", "prediction_error", "rows", "unused"),
+        *("mechanism", "outcome", "values", "deviations", "within_95", "start", "units", "covariance"),
+        *("combinations", "without_effect", "impossible", "rms", "prediction_error", "rows", "unused"),
     )
 
     model: DynamicModel
