@@ -29,7 +29,7 @@ from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases, SpringL
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complementarity import complementary, least_in_box
 from mechsim.numerics.newton import root
-from mechsim.numerics.rank import null_spaces
+from mechsim.numerics.rank import null_space
 
 # largest number of changes of sticking, sliding and contact at one instant
 MAX_CHANGES = 50
@@ -177,7 +177,7 @@ class Contacts:
         last = dynamics.rows.shape[1] - len(mode.contacts)
         # forces that are admissible hold, and need no other distribution
         for k in np.flatnonzero((loads > 1.0) & (len(limits) > 1)):
-            unloaded = null_spaces(dynamics.rows[k])[0][last - len(limits) : last]
+            unloaded = null_space(dynamics.rows[k].T).T[last - len(limits) : last]
             redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
             loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
         return loads

@@ -41,7 +41,7 @@ from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import Phases
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_sizes
-from mechsim.numerics.rank import significant
+from mechsim.numerics.rank import right_vectors, significant
 
 # step of the central difference for the rate of a friction direction, in units of the coordinates; the
 # relative error of the rate is about 1e-10
@@ -405,7 +405,7 @@ class EquationsOfMotion:
         (jacobian,) = constraint_jacobians(self, self.start)
         if not jacobian.size:
             return 0
-        _, values, basis = np.linalg.svd(jacobian)
+        values, basis = right_vectors(jacobian)
         rank, step = int(significant(values).sum()), np.zeros((self.loops.tree.count, 1))
         step[self.free, 0] = NEXT_TO_START * basis[rank:].sum(0)
         moved, gap = close_nearest(self.loops, self.loops.displaced(self.start, step))

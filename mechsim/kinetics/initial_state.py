@@ -18,7 +18,7 @@ from mechsim.kinetics.equations_of_motion import (
 )
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import Array, cross
-from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
+from mechsim.numerics.rank import RANK_TOLERANCE, null_space
 
 # largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model
 # of the loops is valid for several times that
@@ -139,9 +139,9 @@ def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[i
     ordered = sorted(mechanism.joints, key=lambda joint: GROUND not in (joint.a.link, joint.b.link))
     names = dict.fromkeys([*mechanism.drivers, *(name for joint in ordered for name in joint.coordinates)])
     fixed = np.eye(loops.tree.count)[[*loops.driven, *named]]
-    null_space = null_spaces(np.concatenate([loops.linearise(q)[1][:, :, 0], fixed]))[1]
+    motions = null_space(np.concatenate([loops.linearise(q)[1][:, :, 0], fixed]))
     index_of = loops.tree.index_of
-    independent, _ = independent_coordinates(loops, [name for name in names if name in index_of], null_space)
+    independent, _ = independent_coordinates(loops, [name for name in names if name in index_of], motions)
     return {name: index_of[name] for name in independent}
 
 

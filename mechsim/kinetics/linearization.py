@@ -23,7 +23,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.jets import change_of, stepped
 from mechsim.numerics.quadratic_roots import ROUNDING, Roots, quadratic_roots
-from mechsim.numerics.rank import least_norm, pseudo_inverse, significant
+from mechsim.numerics.rank import least_norm, pseudo_inverse, right_vectors, significant
 
 # displacements in [rad] or characteristic lengths by which the stiffness is evaluated next to an equilibrium:
 # the rounding of its coordinates; their number; and the multiple of the largest change that bounds the error
@@ -301,7 +301,7 @@ def null_directions(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArr
     free = jacobian.shape[2]
     if not jacobian.size:
         return np.full(len(q), free), np.broadcast_to(np.eye(free), (len(q), free, free))
-    _, values, right = np.linalg.svd(jacobian)
+    values, right = right_vectors(jacobian)
     return free - significant(values, NEAR_SINGULAR).sum(1), right.astype(np.float64)
 
 

@@ -15,7 +15,7 @@ from mechsim.kinematics.loops.kinematics import Coordinates, twists
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import null_spaces
+from mechsim.numerics.rank import null_space
 
 # eigenvalue of the reduced mass matrix relative to the trace of the mass matrix that counts as zero: rounding
 NO_INERTIA = 1e-14
@@ -33,7 +33,7 @@ def with_determined_motion(
             undetermined, and for a force or a rate about the axis of a passive rotation.
     """
     state = equations.kinematics(q, rates)
-    mass, null = equations.mass(state)[0], null_spaces(state.jacobian[0])[1]
+    mass, null = equations.mass(state)[0], null_space(state.jacobian[0])
     values, vectors = np.linalg.eigh(null @ mass @ null.T)
     empty = values <= NO_INERTIA * np.trace(mass)
     if not empty.any() and (len(values) or equations.prescribed):

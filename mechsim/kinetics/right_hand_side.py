@@ -95,41 +95,36 @@ class RightHandSide:
             states, *projected(self.equations, *self.layout.unpack_states(states), times, resting)
         )
 
-    def jacobians(
-        self, times: Array, states: Array, rate: float, derivatives: Derivatives | None = None
-    ) -> Array:
-        """Return the derivatives by the state, (n, size, size), by forward differences at a rate.
-
-        `derivatives` are those of the states, by default `self.derivatives`.
-        """
+    def jacobians(self, times: Array, states: Array, rate: float) -> Array:
+        """Return the derivatives by the state, (n, size, size), by forward differences at a rate."""
         n, columns = states.shape
         # nothing depends on work and loss
         count = columns - 2
         scale = self.layout.scale(rate)[:count] * FORWARD_STEP
         steps = np.concatenate([np.zeros((1, columns)), np.eye(count, columns) * scale[:, None]])
-        values = (derivatives or self.derivatives)(
-            np.repeat(times, count + 1), (states[:, None] + steps).reshape(-1, columns)
-        ).reshape(n, count + 1, columns)
+        displaced = (states[:, None] + steps).reshape(-1, columns)
+        values = self.derivatives(np.repeat(times, count + 1), displaced).reshape(n, count + 1, columns)
         jacobians = np.zeros((n, columns, columns))
         jacobians[:, :, :count] = (values[:, 1:] - values[:, :1]).transpose(0, 2, 1) / scale
         return jacobians
 
-    def fastest_decay(
-        self, time: float, state: Array, rate: float, derivatives: Derivatives | None = None
-    ) -> float:
+    def fastest_decay(self, time: float, state: Array, rate: float, derivatives: Derivatives) -> float:
         """Return the fastest decay of free rates and of states of actuators, in [1/s].
 
-        It is the largest eigenvalue of the derivative of their rates of change by them.
+        It is the largest eigenvalue of the derivative of their rates of change by them, by forward
+        differences of the derivatives at a rate.
         """
         tangents = independent_rates(self.equations, self.layout.unpack(state)[0])
-        (n, free), rates = tangents.shape, self.layout.positions
+        free, rates = tangents.shape[1], self.layout.positions
         states = np.arange(rates + self.layout.count, len(state) - 2)
-        columns = np.concatenate([rates + self.equations.free, states])
-        basis = np.zeros((len(columns), free + len(states)))
-        basis[:n, :free], basis[n:, free:] = tangents, np.eye(len(states))
+        directions = np.zeros((free + len(states), len(state)))
+        directions[:free, rates + self.equations.free] = tangents.T
+        directions[free:, states] = np.eye(len(states))
+        steps = np.repeat([rate, 1.0], [free, len(states)])[:, None] * FORWARD_STEP
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            jacobian = self.jacobians(np.array([time]), state[None], rate, derivatives)[0]
-            reduced = basis.T @ jacobian[np.ix_(columns, columns)] @ basis
+            displaced = state + np.concatenate([np.zeros((1, len(state))), steps * directions])
+            values = derivatives(np.full(len(displaced), time), displaced)
+            reduced = directions @ ((values[1:] - values[0]) / steps).T
         if not np.isfinite(reduced).all():
             forces = self.equations.model.forces
             names = ", ".join(

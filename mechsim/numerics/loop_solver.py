@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import LinearEquations, NewtonSettings, square_solution
-from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
+from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, right_vectors, significant
 
 # entry of a Jacobian below which it is rounding
 NEGLIGIBLE = 1e-14
@@ -299,7 +299,7 @@ def loop_solver(
     matrix = (loops.linearise(reference)[1] if jacobian is None else jacobian)[:, loops.unknown, 0]
     if not matrix.size:
         return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), reference)
-    _, values, vh = np.linalg.svd(matrix)
+    values, vh = right_vectors(matrix)
     rank = int(significant(values).sum())
     order, _ = pivot_columns(matrix.T)
     null_space = vh[rank:]

@@ -64,13 +64,17 @@ def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
     return order, sizes
 
 
-def null_spaces(
-    matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR
-) -> tuple[Array, Array]:
-    """Return orthonormal bases of the left and right null spaces of (m, k): (m, m - r) and (k - r, k)."""
-    u, values, vh = np.linalg.svd(matrix)
-    r = int(significant(values, tolerance, floor).sum())
-    return u[:, r:], vh[r:]
+def right_vectors(matrix: Array) -> tuple[Array, Array]:
+    """Return singular values and all k right singular vectors of matrices, (..., m, k)."""
+    # all left ones of a row of a hundred loops would take thirty times as long
+    _, values, vh = np.linalg.svd(matrix, full_matrices=matrix.shape[-2] < matrix.shape[-1])
+    return values, vh
+
+
+def null_space(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
+    """Return an orthonormal basis of the null space of a matrix of rank r, (m, k), as rows, (k - r, k)."""
+    values, vh = right_vectors(matrix)
+    return vh[int(significant(values, tolerance, floor).sum()) :]
 
 
 def pseudo_inverse(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, significant
 from mechsim.simulation.model_loops import ModelLoops
 
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times the error of
@@ -116,7 +117,8 @@ def constrained_jacobian(loops: ModelLoops, jacobian: Array) -> Array:
 
 def null_space(loops: ModelLoops, jacobian: Array) -> Array:
     """Return the directions that the loops of one state, (1, m, nv), leave free, (k, nv)."""
-    return _with_crank_rate(loops, null_spaces(constrained_jacobian(loops, jacobian)[0], floor=0.0)[1], 0.0)
+    constrained = constrained_jacobian(loops, jacobian)[0]
+    return _with_crank_rate(loops, numerical_rank.null_space(constrained, floor=0.0), 0.0)
 
 
 def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:

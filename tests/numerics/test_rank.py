@@ -6,7 +6,7 @@ import scipy.linalg
 
 from mechsim.numerics.rank import (
     least_norm,
-    null_spaces,
+    null_space,
     pivot_columns,
     pseudo_inverse,
     rank,
@@ -52,12 +52,12 @@ def test_pivots_agree_with_lapack():
 
 
 def test_null_spaces_belong_to_zero_singular_values():
-    left, right = null_spaces(with_values(1.0, 0.5, 1e-12))
-    np.testing.assert_allclose(left @ left.T, np.outer(LEFT[:, 2], LEFT[:, 2]), atol=1e-11)
+    matrix = with_values(1.0, 0.5, 1e-12)
+    left, right = null_space(matrix.T), null_space(matrix)
+    np.testing.assert_allclose(left.T @ left, np.outer(LEFT[:, 2], LEFT[:, 2]), atol=1e-11)
     np.testing.assert_allclose(right.T @ right, np.outer(RIGHT[2], RIGHT[2]), atol=1e-11)
-    left, right = null_spaces(np.zeros((0, 2)))
-    assert left.shape == (0, 0)
-    np.testing.assert_array_equal(right, np.eye(2))
+    assert null_space(np.zeros((2, 0))).shape == (0, 0)
+    np.testing.assert_array_equal(null_space(np.zeros((0, 2))), np.eye(2))
 
 
 @pytest.mark.parametrize("values", [(1.0, 0.5, 1e-6), (1.0, 1e-3, 1e-10), (1e-14, 1e-14, 1e-14)])

@@ -16,7 +16,7 @@ from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.loop_solver import NEARBY, Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import pivot_columns, significant
+from mechsim.numerics.rank import pivot_columns, right_vectors, significant
 
 # component of a unit motion below which a coordinate or a point is at rest
 REST = 1e-6
@@ -219,7 +219,7 @@ class FreeLoops:
         """Return a solver about one set of coordinates; its first null-space vector is the tangent."""
         _, jacobian, poses = self.loops.linearise(coordinates)
         jacobian = jacobian[:, self.loops.unknown]
-        tangent, idle = split_motion(self.loops, poses, np.linalg.svd(jacobian[..., 0])[2][self.rank :])
+        tangent, idle = split_motion(self.loops, poses, right_vectors(jacobian[..., 0])[1][self.rank :])
         if direction is not None and tangent @ direction < 0.0:
             tangent = -tangent
         rows = np.zeros(0, dtype=np.intp)
@@ -300,7 +300,7 @@ def free_loops(loops: TreeLoops, coordinates: Coordinates) -> FreeLoops:
         MobilityError: unless exactly one degree of freedom besides passive ones is undetermined there.
     """
     _, jacobian, poses = loops.linearise(coordinates)
-    _, values, right = np.linalg.svd(jacobian[:, loops.unknown, 0])
+    values, right = right_vectors(jacobian[:, loops.unknown, 0])
     rank = int(significant(values).sum())
     _, idle = split_motion(loops, poses, right[rank:])
     return FreeLoops(

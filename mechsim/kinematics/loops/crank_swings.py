@@ -30,7 +30,7 @@ from mechsim.mechanism.motion import Motion, Record, mapped
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import NEARBY, LoopSystem
 from mechsim.numerics.newton import NewtonSettings, newton
-from mechsim.numerics.rank import least_norm
+from mechsim.numerics.rank import least_norm, right_vectors
 
 # arc length of a step in [rad] and characteristic lengths, and largest number of steps in a direction
 STEP, MAX_STEPS = 0.1, 400
@@ -132,7 +132,7 @@ class SwingTracer:
     def _corrected(self, rows: Rows, q: Coordinates) -> tuple[Coordinates, Array, Array, Bools]:
         """Return points on the curves, their tangents (free, n), displacements (n,), and which are valid."""
         result = newton(LoopSystem(self._loops(rows, len(q)), self.free), q, CORRECTOR, least_norm)
-        _, values, vh = np.linalg.svd(result.linearised.matrix, full_matrices=True)
+        values, vh = right_vectors(result.linearised.matrix)
         valid = (result.residual < CLOSED) & (values[:, len(self.free) - 2] > REGULAR * values[:, 0])
         return result.q, vh[:, -1].T, result.displacement, valid
 

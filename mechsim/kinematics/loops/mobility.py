@@ -17,7 +17,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import NEARBY, LoopSystem, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, rank, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_space, rank, significant
 
 # accuracy of dimensions relative to the size, and of axes in [rad]: files with six digits have errors of
 # 1e-6, and no rigid linkage moves by so little. Equations below it (of a spherical joint at the common point
@@ -59,8 +59,8 @@ def generic_poses(
     random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
     poses: list[Coordinates] = []
     for _ in range(count):
-        null_space = null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1]
-        step = null_space.T @ random.standard_normal(len(null_space))
+        basis = null_space(loops.linearise(q)[1][..., 0], tolerance, floor)
+        step = basis.T @ random.standard_normal(len(basis))
         longest = float(np.abs(step).max(initial=0.0))
         # from the end of a table only one direction leads to poses
         for sign in (1.0, -1.0) if longest > 0.0 else ():
@@ -127,8 +127,8 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
     mechanism = loops.tree.mechanism
     jacobian = loops.linearise(q)[1][..., 0]
     names = (*mechanism.drivers, *mechanism.locked)
-    independent, redundant = independent_coordinates(loops, names, null_spaces(jacobian)[1])
-    nearly_free = null_spaces(jacobian, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[1]
+    independent, redundant = independent_coordinates(loops, names, null_space(jacobian))
+    nearly_free = null_space(jacobian, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
     locked = [name for name in redundant if name in independent_coordinates(loops, names, nearly_free)[0]]
     if locked:
         raise MobilityError(
@@ -157,8 +157,8 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
 
 def _redundant(loops: TreeLoops, q: Coordinates) -> list[str]:
     """Return the drivers and locked coordinates that others determine already at a configuration."""
-    mechanism, null_space = loops.tree.mechanism, null_spaces(loops.linearise(q)[1][..., 0])[1]
-    return independent_coordinates(loops, (*mechanism.locked, *mechanism.drivers), null_space)[1]
+    mechanism, motions = loops.tree.mechanism, null_space(loops.linearise(q)[1][..., 0])
+    return independent_coordinates(loops, (*mechanism.locked, *mechanism.drivers), motions)[1]
 
 
 def _least_redundant(loops: TreeLoops, q: Coordinates, start: Coordinates) -> Coordinates:
@@ -376,15 +376,14 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
         AssemblyError: where the loops do not close.
     """
     solver, jacobian = solver_at_generic_pose(mechanism)
-    dependent_rows, null_space = null_spaces(jacobian)
-    names = (*mechanism.locked, *mechanism.drivers)
-    redundant = independent_coordinates(solver.loops, names, null_space)[1]
+    motions, names = null_space(jacobian), (*mechanism.locked, *mechanism.drivers)
+    redundant = independent_coordinates(solver.loops, names, motions)[1]
     return Determinacy(
-        dofs=len(null_space) - len([name for name in mechanism.locked if name not in redundant]),
+        dofs=len(motions) - len([name for name in mechanism.locked if name not in redundant]),
         drivers=mechanism.drivers,
         undetermined=tuple(undetermined_names(solver)),
         redundant_drivers=tuple(redundant),
-        redundant_equations=dependent_rows.shape[1],
+        redundant_equations=len(jacobian) - jacobian.shape[1] + len(motions),
     )
 
 

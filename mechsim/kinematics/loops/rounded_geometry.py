@@ -31,7 +31,7 @@ from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import VIRTUAL_PREFIX, Vector, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, pivot_columns, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_space, pivot_columns, significant
 
 # largest correction of a point relative to the characteristic length, and of an axis in [rad]
 MAX_CORRECTION = 1e-4
@@ -181,7 +181,7 @@ def _offsets(
     jacobians = _jacobians(mechanism, loops, q, concerned) * limits
     for cutoff in CUTOFFS:
         residual, jacobian, _ = loops.linearise(q)
-        dependent = [null_spaces(jacobian[..., k], tolerance, tolerance)[0] for k in range(len(q))]
+        dependent = [null_space(jacobian[..., k].T, tolerance, tolerance).T for k in range(len(q))]
         violations = [combination.T @ residual[:, k] for k, combination in enumerate(dependent)]
         blocks = [np.tensordot(combination.T, jacobians[:, k], 1) for k, combination in enumerate(dependent)]
         matrix = np.concatenate(blocks).reshape(-1, change.size)
@@ -219,8 +219,8 @@ def _is_locked(mechanism: Mechanism) -> bool:
 
 def _participation(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float, floor: float) -> Array:
     """Return how much each coordinate moves in the degrees of freedom of a pose, (count,); 0 without one."""
-    null_space = [null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1] for q in poses]
-    return np.linalg.norm(np.concatenate([np.zeros((1, loops.count)), *null_space]), axis=0)
+    bases = [null_space(loops.linearise(q)[1][..., 0], tolerance, floor) for q in poses]
+    return np.linalg.norm(np.concatenate([np.zeros((1, loops.count)), *bases]), axis=0)
 
 
 def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str, float]:

@@ -18,7 +18,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import LoopSystem
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import least_norm, rank, significant
+from mechsim.numerics.rank import least_norm, rank, right_vectors, significant
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
@@ -189,7 +189,7 @@ def random_poses(
 def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return closed poses around a branch point: some on each branch."""
     _, jacobian, _ = loops.linearise(q)
-    _, values, right = np.linalg.svd(jacobian[:, loops.unknown, 0])
+    values, right = right_vectors(jacobian[:, loops.unknown, 0])
     null_space = right[int(significant(values, BRANCH_CUTOFF).sum()) :]
     if not len(null_space):
         return q.select(np.zeros(len(q), dtype=np.bool_))

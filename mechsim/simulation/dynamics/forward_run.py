@@ -19,7 +19,7 @@ from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import OPEN, Phases, SoftStop
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import CLOSED, Array
-from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
+from mechsim.numerics.rank import RANK_TOLERANCE, null_space
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.custom_model import with_functions
@@ -297,7 +297,7 @@ def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, f
 def _independent(model: LoadedModel, names: Sequence[str]) -> list[str]:
     """Return those of the coordinates that are independent in the reference state, with priority in order."""
     jacobian = model.loops.linearise(model.qpos[None])[1][0] * model.loops.scale[:, None] * model.loops.units
-    free = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
+    free = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
     chosen = list[str]()
     for name in names:
         rows = free[dofs_of(model, dict.fromkeys([*chosen, name], 0.0))[1]]
@@ -390,7 +390,7 @@ def settings_at(model: LoadedModel, qpos: Array, qvel: Array) -> Settings:
     stepped.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
     data, units = data_at(stepped, qpos), model.loops.units[:, None]
     rows, stiffness = dense_rows(data)[: data.ne], data.efc_D[: data.ne]
-    motions = null_spaces(rows * units.T)[1].T * units
+    motions = null_space(rows * units.T).T * units
     inertias, directions = np.linalg.eigh(motions.T @ mass_matrix(data) @ motions)
     rates = directions.T @ np.linalg.lstsq(motions, qvel)[0]
     exceeds = (

@@ -14,7 +14,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.arrays import EPS, Array
 from mechsim.numerics.differences import FIRST, extrapolated_derivative
-from mechsim.numerics.rank import null_spaces
+from mechsim.numerics.rank import null_space
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.forward_run import (
@@ -86,7 +86,7 @@ def static_state(
     set_rotations(model.model, qpos, links)
     qpos = closed_near(model, loops, qpos, *dofs_of(model, values), np.array([*values.values()]))
     jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
-    basis = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
+    basis = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
     rest, dof = np.zeros(model.model.nv), basis.shape[1]
     directions = (loops.units[:, None] * basis).T
 

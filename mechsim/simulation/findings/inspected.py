@@ -242,7 +242,7 @@ def loop_rank(matrix: Array) -> int:
 
 def null_space(matrix: Array) -> Array:
     """Return a null-space basis of a Jacobian (m, n), (k, n)."""
-    return numerical_rank.null_spaces(matrix, RANK_TOLERANCE, 0.0)[1]
+    return numerical_rank.null_space(matrix, RANK_TOLERANCE, 0.0)
 
 
 # default swing: amplitude in [rad], or as a fraction of the characteristic length; duration in [s]; and the
