@@ -251,7 +251,7 @@ class Contacts:
         closed, rates, still = self._closed(state), state.rates, NO_APPROACH * fastest
         if not (self.gap_rates(rates)[closed] < -still).any():
             return rates
-        mass = self.equations.mass(state)
+        mass = state.mass
         falling = self.equations.accelerate(
             state, np.array([time]), mode.sliding, phases=mode.phases
         ).acceleration
@@ -362,7 +362,7 @@ class Contacts:
         mode = replace(mode, contacts=[], adhesion=np.zeros(0))
         if not resting:
             return mode
-        times, mass = np.array([time]), self.equations.mass(state)
+        times, mass = np.array([time]), state.mass
         apart = self.accelerate(state, times, mode)
         # friction that holds a mechanism balances its forces to rounding
         friction = np.abs(apart.holding).max(initial=0.0) / float(np.trace(mass[0]))
@@ -384,7 +384,7 @@ class Contacts:
         free = self.accelerate(state, times, replace(mode, stuck=[]))
         limits = free.limits[stuck, 0]
         unit = equations.friction_directions(state)[stuck, 0] * limits[:, None]
-        count, mass = len(stuck), equations.mass(state)
+        count, mass = len(stuck), state.mass
         repeated, loops = np.repeat(mass, count, 0), np.repeat(free.rows, count, 0)
         moved, _ = constrained_acceleration(repeated, unit, loops, np.zeros((count, free.rows.shape[1])))
         changes = limits * equations.friction_accelerations(state, free.acceleration)[stuck, 0]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mechsim import units
 from mechsim.errors import AssemblyError, InputError
-from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
+from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.clearances import require_in_holes
 from mechsim.kinetics.compiled_model import CompiledModel
 from mechsim.kinetics.compiled_motion import DenseSteps, evaluated
@@ -22,7 +22,6 @@ from mechsim.kinetics.equations_of_motion import (
     EquationsOfMotion,
     conditionings,
     equations_of_motion,
-    moving_links,
 )
 from mechsim.kinetics.forward_dynamics import (
     BUDGET,
@@ -374,8 +373,7 @@ def recorded_states(
 def motion_in(equations: EquationsOfMotion, states: Array, accelerations: Array, times: Array) -> Motion:
     """Return the motion at states (n, size) with accelerations (n, count) in units."""
     q, rates = StateLayout(equations).unpack_states(states)
-    links = moving_links(equations.loops, q, rates, link_poses(equations.loops.tree, q))
-    return motion_of(equations, links, accelerations.T, times)
+    return motion_of(equations, equations.kinematics(q, rates), accelerations.T, times)
 
 
 def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.constraints import TreeLoops
-from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, link_poses, twists, velocity_products
 from mechsim.kinematics.loops.start import CLOSED, assembled, close_nearest
 from mechsim.kinetics.applied_forces import applied, length_and_rate, loads
 from mechsim.kinetics.link_forces import (
@@ -50,41 +50,79 @@ DIFFERENCE = 1e-5
 NEXT_TO_START = 1e-2
 
 
-@dataclass(frozen=True, slots=True)
-class MovingLinks:
-    """Links at n states.
+@dataclass(frozen=True)
+class Kinematics:
+    """Constraints and links at n states; each is evaluated once, where it is first needed.
 
     Attributes:
+        equations: equations of motion.
         q: coordinates of the spanning tree.
         rates: rates of the coordinates in units, (count, n) per second.
-        poses: poses of the links.
-        twist: twist of each link at the ground's origin, (links, 6, n).
-        bias: acceleration of each link at constant rates, (links, 6, n).
-    """
-
-    q: Coordinates
-    rates: Array
-    poses: LinkPoses
-    twist: Array
-    bias: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Kinematics(MovingLinks):
-    """Constraints and links at n states.
-
-    Attributes:
-        residual: residuals of the constraint equations, (rows, n).
-        jacobian: Jacobian of the constraints by the free coordinates in units, (n, rows, free), with the rows
-            of prescribed coordinates last.
-        gamma: velocity-product term of the loops, (n, rows without prescribed ones).
         activation: states of the actuators that have one, (states, n); None for their steady states.
     """
 
-    residual: Array
-    jacobian: Array
-    gamma: Array
+    equations: "EquationsOfMotion"
+    q: Coordinates
+    rates: Array
     activation: Array | None = None
+
+    @cached_property
+    def poses(self) -> LinkPoses:
+        """Poses of the links."""
+        return link_poses(self.equations.loops.tree, self.q)
+
+    @cached_property
+    def _physical(self) -> Array:
+        return self.rates * self.equations.loops.units[:, None]
+
+    @cached_property
+    def twist(self) -> Array:
+        """Twist of each link at the ground's origin, (links, 6, n)."""
+        return twists(self.equations.loops.tree, self.poses, self._physical)
+
+    @cached_property
+    def bias(self) -> Array:
+        """Acceleration of each link at constant rates, (links, 6, n)."""
+        return velocity_products(self.equations.loops.tree, self.poses, self.twist, self._physical)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Jacobian of the constraints by the free coordinates in units, (n, rows, free).
+
+        The rows of prescribed coordinates are last.
+        """
+        equations = self.equations
+        jacobian = equations.loops.linearise(self.q, self.poses)[1][:, equations.free].transpose(2, 0, 1)
+        return with_locked_rows(equations, jacobian, equations.prescribed_indices)
+
+    @cached_property
+    def gamma(self) -> Array:
+        """Velocity-product term of the loops, (n, rows without prescribed ones)."""
+        loops = self.equations.loops
+        return loops.velocity_products(self.q, self.poses, self._physical, self.twist, self.bias).T
+
+    @cached_property
+    def unit(self) -> UnitMotion:
+        """The links' motion by time as applied forces need it."""
+        return self.equations.unit_motion(self)
+
+    @cached_property
+    def link_jacobians(self) -> Array:
+        """Each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""
+        loops, links, free = self.equations.loops, self.equations.links, self.equations.free
+        moved = loops.tree.moved_by[links][:, free]
+        scaled = self.poses.unit_twists[free] * loops.units[free, None, None]
+        return moved[None, :, None, :] * scaled.transpose(2, 1, 0)[:, None]
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Spatial inertia of each link at the ground's origin."""
+        return spatial_inertias(self.unit, *self.equations.inertias)
+
+    @cached_property
+    def mass(self) -> Array:
+        """Mass matrix of the free coordinates in units, (n, free, free)."""
+        return mass_matrix(self.link_jacobians, self.inertia) + self.equations.rotors
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +239,7 @@ class EquationsOfMotion:
 
     def kinematics(self, q: Coordinates, rates: Array, activation: Array | None = None) -> Kinematics:
         """Return constraints and links at coordinates and rates in units, (count, n)."""
-        residual, jacobian, poses = self.loops.linearise(q)
-        links = moving_links(self.loops, q, rates, poses)
-        physical = rates * self.loops.units[:, None]
-        gamma = self.loops.velocity_products(q, poses, physical, links.twist, links.bias)
-        free = with_locked_rows(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
-        return Kinematics(q, rates, poses, links.twist, links.bias, residual, free, gamma.T, activation)
+        return Kinematics(self, q, rates, activation)
 
     # whoever asks for the accelerations reports forces that are not finite
     @np.errstate(over="ignore", invalid="ignore")
@@ -229,15 +262,13 @@ class EquationsOfMotion:
             contacts: indices of the coordinates with a stop in contact.
             phases: phase of each nonlinear spring; None for that of the state.
         """
-        unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
-        inertia = spatial_inertias(unit, *self.inertias)
-        mass = self._mass(jacobians, inertia)
+        unit, jacobians, mass = state.unit, state.link_jacobians, state.mass
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time, phases=phases)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
         at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
         directions = self.friction_directions(state)
         twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
-        inertial = inertial_wrenches(twist, bias, inertia)
+        inertial = inertial_wrenches(twist, bias, state.inertia)
         force = generalised_forces(unit, jacobians, wrenches, inertial) + at_joints
         _, driven_rates, driven_accelerations = self.prescribed_motion(time)
         gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
@@ -331,7 +362,7 @@ class EquationsOfMotion:
 
         Complex steps of coordinates or rates are propagated, also to the sizes. Both results are (n, free).
         """
-        unit, jacobians, time = self._unit_motion(state), self._link_jacobians(state), np.zeros(len(state.q))
+        unit, jacobians, time = state.unit, state.link_jacobians, np.zeros(len(state.q))
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches
         at_joints, _ = _actuator_forces(self, state, time, loaded.crank)
@@ -341,16 +372,10 @@ class EquationsOfMotion:
         magnitude = np.einsum("nlij,nli->nj", stepped_sizes(jacobians), sizes) + stepped_sizes(at_joints)
         return generalised_forces(unit, jacobians, np.sum(wrenches, 0)) + at_joints, magnitude
 
-    def mass(self, state: Kinematics) -> Array:
-        """Return the mass matrix of the free coordinates in units, (n, free, free)."""
-        inertia = spatial_inertias(self._unit_motion(state), *self.inertias)
-        return self._mass(self._link_jacobians(state), inertia)
-
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
-        kinetic = kinetic_energy(self.mass(state), state.rates[self.free].T)[0]
-        unit = self._unit_motion(state)
-        potential = applied(self.model, unit).energy + _stored(self.model, unit)
+        kinetic = kinetic_energy(state.mass, state.rates[self.free].T)[0]
+        potential = applied(self.model, state.unit).energy + _stored(self.model, state.unit)
         return float(kinetic), float(potential[0])
 
     @property
@@ -379,10 +404,6 @@ class EquationsOfMotion:
             rows = with_locked_rows(self, rows, contacts)
             gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
         return rows, gamma
-
-    def _mass(self, jacobians: Array, inertia: Array) -> Array:
-        """Return the mass matrix from link Jacobians and spatial inertias."""
-        return mass_matrix(jacobians, inertia) + self.rotors
 
     @cached_property
     def rotors(self) -> Array:
@@ -416,7 +437,7 @@ class EquationsOfMotion:
 
     def spring_lengths(self, state: Kinematics) -> tuple[Array, Array]:
         """Return lengths and rates of the nonlinear springs, (springs, n) each."""
-        unit, springs = self._unit_motion(state), self.model.forces.nonlinear_springs
+        unit, springs = state.unit, self.model.forces.nonlinear_springs
         lengths, rates = np.empty((2, len(springs), len(unit)))
         for k, spring in enumerate(springs):
             lengths[k], rates[k] = length_and_rate(unit, spring)
@@ -446,7 +467,7 @@ class EquationsOfMotion:
         if varying:
             numbers = sorted(varying)
             directions[numbers] = friction_directions(
-                [self.frictions[k] for k in numbers], self._unit_motion(state), self._link_jacobians(state)
+                [self.frictions[k] for k in numbers], state.unit, state.link_jacobians
             )
         return directions
 
@@ -459,7 +480,7 @@ class EquationsOfMotion:
         by_acceleration = np.einsum("fnk,kn->fn", self.friction_directions(state), accelerations[self.free])
         return by_acceleration + self._direction_rates(state, range(len(self.frictions))).T
 
-    def _unit_motion(self, state: Kinematics) -> UnitMotion:
+    def unit_motion(self, state: Kinematics) -> UnitMotion:
         """Return the links' motion by time in the form that applied forces need."""
         position = state.poses.position[self.links].transpose(2, 0, 1)
         rotation = state.poses.rotation[self.links].transpose(3, 0, 1, 2)
@@ -472,12 +493,6 @@ class EquationsOfMotion:
         continuous = {name: state.q.values[i] for name, i in self.sprung.items()}
         return replace(unit, coordinates=continuous) if continuous else unit
 
-    def _link_jacobians(self, state: Kinematics) -> Array:
-        """Return each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""
-        moved = self.loops.tree.moved_by[self.links][:, self.free]
-        scaled = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
-        return moved[None, :, None, :] * scaled.transpose(2, 1, 0)[:, None]
-
     def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
         """Return the velocity-product terms of the coordinates with sticking friction, (n, stuck)."""
         if self._constant_directions[1].isdisjoint(stuck):
@@ -488,13 +503,6 @@ class EquationsOfMotion:
             displaced.append(self.friction_directions(moved))
         change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
-
-
-def moving_links(loops: TreeLoops, q: Coordinates, rates: Array, poses: LinkPoses) -> MovingLinks:
-    """Return links at coordinates with their poses, and rates in units, (count, n)."""
-    tree, physical = loops.tree, rates * loops.units[:, None]
-    twist = twists(tree, poses, physical)
-    return MovingLinks(q, rates, poses, twist, velocity_products(tree, poses, twist, physical))
 
 
 def _stored(model: DynamicModel, unit: UnitMotion) -> Array:

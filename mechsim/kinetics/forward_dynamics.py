@@ -631,7 +631,7 @@ class Integration:
         """Return the scale of a state with that of work and loss, which count unless rates balance them."""
         if self.implicit or self.equations.prescribed:
             rate = float(scale[self.layout.positions])
-            scale[-2:] = float(np.trace(self.equations.mass(self.kinematics())[0])) * rate**2
+            scale[-2:] = float(np.trace(self.kinematics().mass[0])) * rate**2
         return scale
 
     def _first_event(
@@ -676,7 +676,7 @@ class Integration:
         after = self.contacts.rates_after_impact(state, self.time, self.right.mode, self.fastest)
         if after is rates:
             return False
-        mass = self.equations.mass(state)
+        mass = state.mass
         free = self.equations.free
         before, new = (kinetic_energy(mass, value[free].T)[0] for value in (rates, after))
         if new > before * (1.0 + IMPACT_ROUNDING) and not self.equations.prescribed:
@@ -696,7 +696,7 @@ class Integration:
             for other in (mode, ContactMode(mode.sliding, phases=mode.phases))
         )
         # rounding of the same force accelerates a light link more: accelerations count by the masses
-        mass, index = self.equations.mass(state), self.equations.free
+        mass, index = state.mass, self.equations.free
         rounding, free = (kinetic_energy(mass, each[index][None])[0] for each in (resting, released))
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * fastest
         if still and (np.abs(resting).max(initial=0.0) <= 1e-9 * fastest**2 or rounding < AT_REST**2 * free):

@@ -238,7 +238,7 @@ def linear_model(equations: EquationsOfMotion, q: Coordinates, *, isolated: bool
     rates = stepped(0.0 * rates, rates)
     still = equations.loops.displaced(q.repeated(dof), 0.0 * rates)
     forces, _ = equations.smooth_forces(equations.kinematics(still, rates))
-    mass = basis.T @ equations.mass(equations.kinematics(q, np.zeros_like(q.values)))[0] @ basis
+    mass = basis.T @ equations.kinematics(q, np.zeros_like(q.values)).mass[0] @ basis
     return LinearModel(equations, q, basis, mass, -basis.T @ change_of(forces).T, stiffness, error)
 
 

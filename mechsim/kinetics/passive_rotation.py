@@ -33,7 +33,7 @@ def with_determined_motion(
             undetermined, and for a force or a rate about the axis of a passive rotation.
     """
     state = equations.kinematics(q, rates)
-    mass, null = equations.mass(state)[0], null_space(state.jacobian[0])
+    mass, null = state.mass[0], null_space(state.jacobian[0])
     values, vectors = np.linalg.eigh(null @ mass @ null.T)
     empty = values <= NO_INERTIA * np.trace(mass)
     if not empty.any() and (len(values) or equations.prescribed):
@@ -106,7 +106,7 @@ def _rotates_in_place(equations: EquationsOfMotion, state: Kinematics, direction
 
 def _without_spin(equations: EquationsOfMotion, q: Coordinates, rates: Array, directions: Array) -> Array:
     """Return rates without momentum along the passive rotations."""
-    momenta = directions.T @ equations.mass(equations.kinematics(q, rates))[0]
+    momenta = directions.T @ equations.kinematics(q, rates).mass[0]
     result = rates.copy()
     result[equations.free] -= directions @ np.linalg.solve(
         momenta @ directions, momenta @ rates[equations.free]

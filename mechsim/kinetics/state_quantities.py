@@ -10,7 +10,7 @@ from mechsim import units
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.kinematics import Coordinates, twists
 from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
-from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, MovingLinks
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion, Motion, leading_joint
 from mechsim.mechanism.quantities import numeric_quantity
@@ -18,7 +18,7 @@ from mechsim.mechanism.quantity import Quantity, record_columns
 from mechsim.numerics.arrays import Array, cross, wrapped
 
 
-def motion_of(equations: EquationsOfMotion, state: MovingLinks, accelerations: Array, times: Array) -> Motion:
+def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:
     """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
     tree, mechanism = equations.loops.tree, equations.model.mechanism
     scale = equations.loops.units[:, None]

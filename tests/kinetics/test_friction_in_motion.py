@@ -279,7 +279,7 @@ def test_joints_at_rest_start_to_slide_by_the_principle_of_gauss(seed, file):
     mode = contacts.choose(state, 0.0, 0.0)
     result = contacts.accelerate(state, np.zeros(1), mode).acceleration[:, 0]
     free = contacts.accelerate(state, np.zeros(1), ContactMode(np.zeros(5))).acceleration[:, 0]
-    mass = equations.mass(state)[0]
+    mass = state.mass[0]
 
     def smooth(split):
         apart = split[:5] - split[5:] - free

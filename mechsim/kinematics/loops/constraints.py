@@ -293,9 +293,9 @@ class TreeLoops:
         """Return the equations for a number of instants; those of a single mechanism do not depend on it."""
         return self
 
-    def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
+    def linearise(self, q: Coordinates, poses: LinkPoses | None = None) -> tuple[Array, Array, LinkPoses]:
         """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and link poses."""
-        poses = link_poses(self.tree, q)
+        poses = link_poses(self.tree, q) if poses is None else poses
         n = len(q)
         dtype = q.values.dtype
         residual = np.empty((self.rows, n), dtype)
