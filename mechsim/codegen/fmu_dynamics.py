@@ -118,8 +118,9 @@ def _prepared(
             "leave out --dynamics for an FMU of the positions"
         )
     q, rates = initial_state(equations, values)
-    require_regular(equations, q, rates)
-    equations, rates = with_determined_motion(equations, q, rates)
+    start = equations.kinematics(q, rates)
+    require_regular(start)
+    equations, rates = with_determined_motion(start)
     # a missing compiler is an error here, and not in a run
     library()
     run = Integration(equations, q, rates, TOLERANCE)

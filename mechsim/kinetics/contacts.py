@@ -330,6 +330,8 @@ class Contacts:
         resting = [i for i in self._closed(state) if slow[i, 0]]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
         mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state, before))
+        if not self.equations.frictions:
+            return self._touching(state, time, mode, resting)
         if any(self.equations.frictions[i].friction.varies for i in stuck):
             together = None if resting else self._moving_together(state, time, mode, fastest)
             if together is not None:
@@ -340,8 +342,6 @@ class Contacts:
         least_slip = max(REVERSAL * fastest**2, STARTED * float(np.abs(free).max(initial=0.0)))
         for _ in range(MAX_CHANGES):
             mode = self._touching(state, time, mode, resting)
-            if not self.equations.frictions:
-                break
             dynamics = self.accelerate(state, np.array([time]), mode)
             # at a dead centre the joint reverses whatever the friction
             reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)

@@ -20,6 +20,7 @@ from mechsim.kinetics.contacts import CLOSED_GAP, ContactMode, Stop, gap_indices
 from mechsim.kinetics.crank_turns import TURNS_BUDGET, CrankTurns
 from mechsim.kinetics.equations_of_motion import (
     EquationsOfMotion,
+    Kinematics,
     conditionings,
     equations_of_motion,
 )
@@ -237,8 +238,9 @@ def run(
         names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
-    require_regular(equations, q, rates)
-    equations, rates = with_determined_motion(equations, q, rates)
+    start = equations.kinematics(q, rates)
+    require_regular(start)
+    equations, rates = with_determined_motion(start)
     stops = stops_of(equations)
     _require_within(equations, q, stops)
 
@@ -526,9 +528,9 @@ def _prescribed_laws(model: DynamicModel, names: Sequence[str]) -> dict[str, Sta
     return {name: laws[name] for name in names}
 
 
-def require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
+def require_regular(state: Kinematics) -> None:
     """Raise InputError for a singular initial configuration: the motion from it is undetermined."""
-    state = equations.kinematics(q, rates)
+    equations = state.equations
     limit = SINGULAR_START * float(np.linalg.norm(state.jacobian))
     if equations.rank and conditionings(equations, state)[0] < limit:
         raise InputError(

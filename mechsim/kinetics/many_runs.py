@@ -160,8 +160,8 @@ def _in_c(
     count = len(next(iter(columns.values())))
     q, rates = (q if len(q) == count else q.repeated(count)), np.broadcast_to(rates, (len(rates), count))
     first = Integration(equations, q.select(np.arange(1)), rates[:, :1], tolerance)
-    require_regular(equations, q, rates)
-    moved, _ = with_determined_motion(equations, q.select(np.arange(1)), rates[:, :1])
+    require_regular(equations.kinematics(q, rates))
+    moved, _ = with_determined_motion(equations.kinematics(q.select(np.arange(1)), rates[:, :1]))
     if equations.frictions or moved is not equations:
         return None
     compiled = first.prepared(float(times[-1]))

@@ -23,16 +23,14 @@ NO_INERTIA = 1e-14
 ROUNDING = 1e-9
 
 
-def with_determined_motion(
-    equations: EquationsOfMotion, q: Coordinates, rates: Array
-) -> tuple[EquationsOfMotion, Array]:
-    """Return equations in which every motion moves mass, and rates without passive rotations.
+def with_determined_motion(state: Kinematics) -> tuple[EquationsOfMotion, Array]:
+    """Return the equations of a state in which every motion moves mass, and rates without passive rotations.
 
     Raises:
         InputError: if the loops allow another motion that moves no mass, so that its acceleration is
             undetermined, and for a force or a rate about the axis of a passive rotation.
     """
-    state = equations.kinematics(q, rates)
+    equations, rates = state.equations, state.rates
     mass, null = state.mass[0], null_space(state.jacobian[0])
     values, vectors = np.linalg.eigh(null @ mass @ null.T)
     empty = values <= NO_INERTIA * np.trace(mass)
@@ -47,7 +45,7 @@ def with_determined_motion(
         local = np.einsum("lji,lj->li", state.poses.rotation[equations.links, ..., 0], spins)
         moments += moment * np.einsum("li,lj->lij", local, local)
     equations = replace(equations, added_moments=moments)
-    return equations, _without_spin(equations, q, rates, directions)
+    return equations, _without_spin(equations, state.q, rates, directions)
 
 
 def require_idle(equations: EquationsOfMotion, state: Kinematics, directions: Array) -> None:

@@ -122,7 +122,7 @@ def equilibria(
         require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
     solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
     if solutions is None:
-        require_regular(equations, initial_q, np.zeros_like(initial_q.values))
+        require_regular(equations.kinematics(initial_q, np.zeros_like(initial_q.values)))
         dof = independent_rates(equations, initial_q).shape[1]
         return (_described(equations, RestingState(initial_q, True, dof, False), everywhere=True),)
     ranges = getattr(model.solver, "ranges", {})
@@ -374,7 +374,7 @@ def holding_range(
         values = initial_values(model, {**(initial or {}), f"{driver}.v": sign * IMPENDING})
         equations = equations_of_motion(model, {**values.coordinates, driver: 0.0})
         q, rates = initial_state(equations, values)
-        equations, rates = with_determined_motion(equations, q, rates)
+        equations, rates = with_determined_motion(equations.kinematics(q, rates))
         index = equations.loops.tree.index_of[driver]
         state = equations.kinematics(q, rates)
         sliding = np.sign(equations.friction_rates(state)[:, 0])
@@ -397,7 +397,7 @@ def prepared_equations(
     limited = dict.fromkeys(getattr(model.solver, "ranges", {}), 0.0)
     equations = equations_of_motion(model, {**limited, **values.coordinates})
     q, rates = initial_state(equations, values)
-    return with_determined_motion(equations, q, rates)[0], q
+    return with_determined_motion(equations.kinematics(q, rates))[0], q
 
 
 def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bool = False) -> Equilibrium:
