@@ -18,9 +18,12 @@ from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import loop_solver
+from mechsim.numerics.rank import rank
 
 # random starts in a batch; the search ends after two batches without another assembly, or after MAX_BATCHES
 BATCH, MAX_BATCHES = 128, 16
+# candidates that are closed together
+TOGETHER = 8
 # distance of points in characteristic lengths below which two assemblies are one: closed loops are accurate
 # to 1e-12 over their conditioning
 SAME_ASSEMBLY = 1e-6
@@ -67,14 +70,16 @@ def other_assemblies(
                 for previous in signatures
             ):
                 signatures.append(signature)
-                if moving := undetermined_names(loop_solver(loops, q)):
+                regular = rank(loops.linearise(q)[1][:, loops.unknown, 0]) == len(loops.unknown)
+                if moving := [] if regular else undetermined_names(loop_solver(loops, q)):
                     families[f"while the drivers hold, {', '.join(moving)} can move"] = None
                 else:
                     others.append(poses)
 
     if candidates is not None:
-        for poses in candidates:
-            add(all_closed(loops, loops.read(poses)))
+        for first in range(0, len(candidates), TOGETHER):
+            chosen = candidates[first : first + TOGETHER]
+            add(all_closed(loops, loops.read({name: _joined(chosen, name) for name in chosen[0]})))
         return others, tuple(families)
     without_new = 0
     for seed in range(MAX_BATCHES):
@@ -85,6 +90,13 @@ def other_assemblies(
         if without_new == 2:
             break
     return others, tuple(families)
+
+
+def _joined(poses: Sequence[Mapping[str, Pose]], link: str) -> Pose:
+    """Return n poses of a link together."""
+    return Pose(
+        np.stack([each[link].position for each in poses]), np.stack([each[link].rotation for each in poses])
+    )
 
 
 def _within(
