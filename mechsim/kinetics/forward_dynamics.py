@@ -296,19 +296,9 @@ class Integration:
             constant = StepSolution.constant(self.time, self.state)
             self.pieces.append(Piece(self.time, self.time, constant, self.right.mode, []))
         pieces, events = tuple(self.pieces), tuple(self.events)
-        drift = self.balance.drift
+        drift, how = self.balance.drift, (self.note, self.in_c)
         return Trajectory(
-            pieces,
-            self.time,
-            outcome,
-            reason,
-            self.steps,
-            events,
-            self.event,
-            drift,
-            self.executed,
-            self.note,
-            self.in_c,
+            pieces, self.time, outcome, reason, self.steps, events, self.event, drift, self.executed, *how
         )
 
     def _end_where_solved(self) -> None:
@@ -396,31 +386,16 @@ class Integration:
         mode = self.right.mode
         start = evaluated(model, self.state[None], np.array([self.time]), mode, locked)
         scale = scale_of(self.layout, start, self.fastest, self.duration, self.displacement)
+        scale, energy = self._with_energies(scale), self.balance.initial
         settings = StepSettings(
-            self.tolerance,
-            self._with_energies(scale),
-            self.origin,
-            self.longest,
-            rank,
-            nearest,
-            mode,
-            locked,
-            self.implicit,
+            self.tolerance, scale, self.origin, self.longest, rank, nearest, mode, locked, self.implicit
         )
         eventful = bool(self.ends or self.contacts.stops or self.equations.frictions or mode.phases)
         max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
         while self.time < duration:
             balance = (self.balance.correction, self.balance.largest, self.balance.drift, self.fastest)
             steps = integrated(
-                model,
-                settings,
-                self.time,
-                self.state,
-                duration,
-                max_steps,
-                self.balance.initial,
-                balance,
-                length,
+                model, settings, self.time, self.state, duration, max_steps, energy, balance, length
             )
             self.right.evaluations += steps.evaluations
             if steps.solution is not None:

@@ -167,17 +167,9 @@ def _in_c(
     compiled = first.prepared(float(times[-1]))
     if compiled is None:
         return None
-    nearest = first.nearest_pivot()
-    unlocked = first.right.mode, ()
+    unlocked = equations.rank, first.nearest_pivot(), first.right.mode, ()
     settings = StepSettings(
-        first.tolerance,
-        first.state,
-        first.origin,
-        first.longest,
-        equations.rank,
-        nearest,
-        *unlocked,
-        first.implicit,
+        first.tolerance, first.state, first.origin, first.longest, *unlocked, first.implicit
     )
     blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
     states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)
