@@ -51,7 +51,7 @@ def test_pivots_agree_with_lapack():
         assert np.allclose(sizes, np.abs(np.diag(r)), rtol=1e-12, atol=1e-13)
 
 
-def test_null_spaces_belong_to_zero_singular_values():
+def test_a_null_space_belongs_to_zero_singular_values():
     matrix = with_values(1.0, 0.5, 1e-12)
     left, right = null_space(matrix.T), null_space(matrix)
     np.testing.assert_allclose(left.T @ left, np.outer(LEFT[:, 2], LEFT[:, 2]), atol=1e-11)
