@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.cli.closed_model import ClosedModelOptions, closed_model
 from mechsim.cli.command import Result, command, output_file
 from mechsim.cli.options import joint_ranges
-from mechsim.cli.output import Value, print_table, print_text
+from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path, attributes
 from mechsim.simulation.joint_map import JointMap
@@ -94,7 +94,7 @@ def _print(table: JointMap, comparison: MapComparison, lock_others: bool) -> Non
         rows = [[*row, *error] for row, error in zip(rows, errors, strict=True)]
     print_table(f"{len(table.input)} points, {table.reached:.1%} of the grid; SI units", head, rows)
     if table.locked and not lock_others:
-        joints = ", ".join(f"{name} at {value:.4g}" for name, value in table.locked.items())
+        joints = ", ".join(f"{name} at {number(round(value, 12))}" for name, value in table.locked.items())
         print_text(f"Neither inputs nor loops determine these joints, which stay where they are: {joints}")
     print_text(
         f"Loop equations at {comparison.points} points: outputs differ by {comparison.output:.1e}, "

@@ -14,7 +14,7 @@ from mechsim.errors import InputError
 from mechsim.io.readers import load
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.scene import spec_of
-from mechsim.studies.scene.write_tuned import tuned_text
+from mechsim.studies.scene.write_tuned import tuned_text, write_scene
 
 # a post on a hinge, a ball and a slide with inclined axes, an arm on the post, and a free body
 BOOM = model_text("locked_ball_joints_boom.xml")
@@ -73,6 +73,21 @@ def test_locked_ball_joints_are_removed_from_tuned_models(boom):
     assert "freejoint" not in text
     model = mujoco.MjModel.from_xml_string(text)
     assert model.key("k").qpos.tolist() == [0.4, 0.05, 0.7]
+
+
+def test_a_base_fixed_in_a_tuned_model_does_not_collide_with_its_children(tmp_path):
+    """MuJoCo filters contacts of a body with its parent, unless the parent is fixed."""
+    path = tmp_path / "base.xml"
+    arm = '<body name="arm" pos="0.02 0 0"><joint name="crank"/><geom size="0.1"/></body>'
+    base = f'<body name="base" pos="0 0 1"><freejoint/><geom size="0.1"/>{arm}</body>'
+    path.write_text(f"<mujoco><worldbody>{base}</worldbody></mujoco>")
+    scene = user_scene(str(path), DriveOptions(fix_base=True, drive=(("crank", "0.5*t"),)), ControlOptions())
+    text = tuned_text(scene, PlainSettings(), [], tmp_path).after
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert (model.nv, data.ncon) == (1, 0)
+    write_scene(scene, PlainSettings(), text, tmp_path / "tuned.xml")
 
 
 ARM = model_text("locked_ball_joints_arm.toml")

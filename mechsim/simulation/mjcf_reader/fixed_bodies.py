@@ -37,6 +37,7 @@ class FixedBodies:
         moved: bodies whose initial pose differs from the file's reference configuration.
         qpos: mask of the remaining coordinates, (nq,).
         qvel: mask of the remaining DOFs, (nv,).
+        excluded: pairs of bodies whose contacts MuJoCo filters only while the parent is free.
     """
 
     joints: tuple[int, ...]
@@ -45,6 +46,7 @@ class FixedBodies:
     moved: Sequence[str]
     qpos: NDArray[np.bool_]
     qvel: NDArray[np.bool_]
+    excluded: Sequence[tuple[str, str]]
 
 
 def fix_bodies_in_scene(
@@ -87,13 +89,15 @@ def fix_bodies_in_scene(
     }
     for key_, _ in keys:
         spec.delete(key_)
+    own_pairs = len(spec.excludes)
     fix_bodies(spec, model, joints, start)
+    excluded = tuple((pair.bodyname1, pair.bodyname2) for pair in spec.excludes[own_pairs:])
     for name, (time, act, ctrl, mpos, mquat, coordinates, rates) in kept_keys.items():
         spec.add_key(
             name=name, time=time, act=act, ctrl=ctrl, mpos=mpos, mquat=mquat, qpos=coordinates, qvel=rates
         )
     order = {model.body(body).name: j - int(model.body_jntadr[body]) for j, body in _bodies(model, joints)}
-    return FixedBodies(joints, poses, order, tuple(moved), qpos, qvel)
+    return FixedBodies(joints, poses, order, tuple(moved), qpos, qvel, excluded)
 
 
 def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
@@ -121,7 +122,10 @@ def _bodies(root: Element, names: Collection[str]) -> list[Element]:
 
 
 def _fix_bodies(scene: UserScene, edited: EditedText, fixed: FixedBodies) -> None:
-    """Remove the joints of fixed bodies, and their coordinates in keyframes."""
+    """Remove the joints of fixed bodies, and their coordinates in keyframes; exclude their contacts."""
+    if fixed.excluded:
+        pairs = (f"  <exclude body1={quoteattr(a)} body2={quoteattr(b)}/>\n" for a, b in fixed.excluded)
+        edited.put_first(edited.root, f"<contact>\n{''.join(pairs)}</contact>")
     for body in _bodies(edited.root, fixed.poses):
         name = body.attributes["name"]
         joints = [child for child in body.children if child.tag in ("joint", "freejoint")]
