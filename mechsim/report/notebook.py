@@ -81,25 +81,16 @@ class FramedPage:
 @overload
 def show(mechanism: Any, *, speed: float | str = SPEED, height: int = 720) -> FramedPage: ...
 @overload
-def show(
-    mechanism: Mechanism,
-    motion: Motion,
-    look: Look | None = None,
-    *,
-    frames_per_turn: int = 48,
-    fps: float = 24.0,
-    size: tuple[int, int] = (480, 360),
-    exact: Motion | None = None,
-    **options: Any,
-) -> Video: ...
+def show(mechanism: Mechanism, motion: Motion, look: Look | None = None, **options: Any) -> Video: ...
 def show(mechanism: Any, motion: Motion | None = None, look: Look | None = None, **options: Any) -> Any:
     """Return a page to turn a mechanism by hand; with a motion, a film of it.
 
     Args:
         mechanism: what moves: what `load` takes; for a film its description.
         motion: how it moves, analytic or simulated; None for a page.
-        look: as `film` takes it.
-        options: what else `view` or `film` takes.
+        look: what the film shows; None is the usual, with paths that reach back a quarter of a turn.
+        options: of a page, those of `view`; of a film, `frames_per_turn`, `fps`, `size`, fields of `Look`,
+            and `exact`, the same motion by the closed form, drawn as a ghost.
     """
     if motion is not None:
         return video(mechanism, motion, look, **options)
@@ -195,7 +186,8 @@ def plot(
         raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
     drawn = PlotOptions(coordinates=None if quantities is None else tuple(quantities))
     require_taken(kind, PLOTS[kind].takes, drawn)
-    source = PlotSource(solver=load(model, set, **options), speed=crank_speed(speed), options=drawn)
+    solver = load(model, set, **options, still=kind == "schematic")
+    source = PlotSource(solver=solver, speed=crank_speed(speed), options=drawn)
     figure = PLOTS[kind].figure(source)
     if output is not None:
         plots.write(Path(output), figure)

@@ -212,6 +212,14 @@ def lines_of(figure):
     return [np.column_stack(line.get_data()) for line in figure.axes[0].get_lines()]
 
 
+def test_a_schematic_names_joints_on_one_pin_together():
+    solver = load("jansen")
+    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))
+    names = [text.get_text() for text in figure.axes[0].texts]
+    # both triangles of Jansen's leg turn about the same pivot of the frame
+    assert [name for name in names if "hip" in name] == ["hip_b, hip_c"]
+
+
 def test_a_schematic_shows_the_pitch_circles_of_gears():
     solver = load("planetary_gear")
     figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))

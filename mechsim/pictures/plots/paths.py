@@ -100,11 +100,19 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     names |= {name: shown[GROUND].point(point) @ view for name, point in grounded.items()}
     middle = np.mean(list(names.values()), axis=0) if names else np.zeros(2)
     for name, point in names.items():
+        same = [other for other, place in names.items() if np.allclose(place, point, atol=RADIUS * length_scale)]
+        if name != same[0]:
+            continue
         right, above = point[0] >= middle[0], name in grounded or point[1] >= middle[1]
         offset = (7.0 if right else -7.0, 7.0 if above else -7.0)
         aligned = {"ha": "left" if right else "right", "va": "center", "zorder": 5}
         ax.annotate(
-            label_of(name), tuple(point), offset, textcoords="offset points", bbox=BEHIND_NAMES, **aligned
+            label_of(", ".join(same)),
+            tuple(point),
+            offset,
+            textcoords="offset points",
+            bbox=BEHIND_NAMES,
+            **aligned,
         )
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1)

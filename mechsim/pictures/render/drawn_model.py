@@ -201,7 +201,6 @@ class DrawnModel:
         links: names of the moving links, and of the rods of distance joints.
         grid_step: edge of a grid cell in [m].
         wall: the plane with a grid.
-        forward: whether the crank turns in the positive direction.
         up: unit vector that points up, (3,).
         normals: normals of links that all move in one plane; None for others.
         arrows: arrows of each requested kind.
@@ -211,7 +210,6 @@ class DrawnModel:
         self.mechanism, self.frames, self.look, self.ghost = mechanism, frames, look, ghost
         self.links = [link.name for link in with_rods(mechanism, {})[0].links]
         self.radius = rod_radius(mechanism)
-        self.forward = bool(frames.angle[-1] >= frames.angle[0])
         self.shapes = self._shapes()
         balls, radii = self._extent()
         balls = np.vstack([balls, *frames.paths.values()])

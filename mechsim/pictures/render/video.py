@@ -114,20 +114,8 @@ def frames_in(path: Path, ffmpeg: str) -> int:
 
     Some versions of ffmpeg end with code 0 although the disk was full.
     """
-    command = [
-        ffmpeg,
-        "-v",
-        "error",
-        "-i",
-        str(path),
-        "-map",
-        "0:v",
-        "-f",
-        "null",
-        "-progress",
-        "pipe:1",
-        "-",
-    ]
+    reported = ("-f", "null", "-progress", "pipe:1", "-")
+    command = [ffmpeg, "-v", "error", "-i", str(path), "-map", "0:v", *reported]
     try:
         read = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, check=False)
     except OSError:
