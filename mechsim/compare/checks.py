@@ -59,16 +59,8 @@ class Check:
 
     # what JSON contains
     JSON: ClassVar[tuple[str, ...]] = (
-        "quantity",
-        "method",
-        "unit",
-        "worst",
-        "at=instant",
-        "at_unit",
-        "rms",
-        "tolerance",
-        "reason",
-        "passed",
+        *("quantity", "method", "unit", "worst", "at=instant", "at_unit", "rms", "tolerance"),
+        *("reason", "passed"),
     )
 
     kind: str

@@ -36,14 +36,8 @@ POINTS_PER_TERM = 2
 CHECK_SAMPLES = 2000
 # names of the arrays in the output file
 ARRAYS = (
-    "input",
-    "output",
-    "jacobian",
-    "jacobian_derivative",
-    "torque_map",
-    "reflected_inertia",
-    "holding_torque",
-    "qpos",
+    *("input", "output", "jacobian", "jacobian_derivative", "torque_map", "reflected_inertia"),
+    *("holding_torque", "qpos"),
 )
 AXES = "xyz"
 ROTATION_SUFFIXES = ("rx", "ry", "rz")

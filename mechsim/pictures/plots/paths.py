@@ -100,7 +100,7 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     names |= {name: shown[GROUND].point(point) @ view for name, point in grounded.items()}
     middle = np.mean(list(names.values()), axis=0) if names else np.zeros(2)
     for name, point in names.items():
-        same = [other for other, place in names.items() if np.allclose(place, point, atol=RADIUS * length_scale)]
+        same = [n for n, p in names.items() if np.allclose(p, point, atol=RADIUS * length_scale)]
         if name != same[0]:
             continue
         right, above = point[0] >= middle[0], name in grounded or point[1] >= middle[1]

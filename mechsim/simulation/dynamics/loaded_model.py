@@ -39,27 +39,9 @@ from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.simulation.state import ONE_THREAD
 
 FIELDS = (
-    "M",
-    "qacc",
-    "qfrc_smooth",
-    "qfrc_constraint",
-    "qfrc_damper",
-    "xpos",
-    "xmat",
-    "xipos",
-    "ximat",
-    "cvel",
-    "site_xpos",
-    "site_xmat",
-    "subtree_com",
-    "cfrc_int",
-    "sensordata",
-    "energy",
-    "ten_velocity",
-    "ten_length",
-    "actuator_force",
-    "actuator_length",
-    "actuator_velocity",
+    *("M", "qacc", "qfrc_smooth", "qfrc_constraint", "qfrc_damper", "xpos", "xmat", "xipos", "ximat"),
+    *("cvel", "site_xpos", "site_xmat", "subtree_com", "cfrc_int", "sensordata", "energy", "ten_velocity"),
+    *("ten_length", "actuator_force", "actuator_length", "actuator_velocity"),
 )
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 SITE, TENDON = int(mujoco.mjtTrn.mjTRN_SITE), int(mujoco.mjtTrn.mjTRN_TENDON)

@@ -111,15 +111,8 @@ KINDS = {
     **dict.fromkeys(("fixed", "spatial"), "tendon"),
     **dict.fromkeys(
         (
-            "general",
-            "motor",
-            "position",
-            "velocity",
-            "intvelocity",
-            "damper",
-            "cylinder",
-            "muscle",
-            "adhesion",
+            *("general", "motor", "position", "velocity", "intvelocity"),
+            *("damper", "cylinder", "muscle", "adhesion"),
         ),
         "actuator",
     ),

@@ -31,14 +31,7 @@ class Trial:
     """
 
     JSON: ClassVar[tuple[str, ...]] = (
-        "axis",
-        "mechanism",
-        "value",
-        "outcome",
-        "right",
-        "error",
-        "expected",
-        "passed",
+        *("axis", "mechanism", "value", "outcome", "right", "error", "expected", "passed"),
     )
 
     axis: str
