@@ -114,17 +114,17 @@ def _keep_numbers_in_one_line(_app, doctree, _page):
 
 def _show_what_is_typed(_app, doctree, _page):
     """Show shell cells and files without the cell's first line: `%%sh`, or `%%writefile NAME` as a comment."""
-    for cell in doctree.findall(nodes.literal_block):
-        first, _, text = cell.astext().partition("\n")
+    for block in doctree.findall(nodes.literal_block):
+        first, _, text = block.astext().partition("\n")
         if first.startswith("%%sh"):
-            cell["language"] = "sh"
+            block["language"] = "sh"
         elif first.startswith("%%writefile "):
             name = first.split()[1]
-            cell["language"] = Path(name).suffix.removeprefix(".").replace("py", "python")
-            text = (f"<!-- {name} -->" if cell["language"] == "xml" else f"# {name}") + f"\n{text}"
+            block["language"] = Path(name).suffix.removeprefix(".").replace("py", "python")
+            text = (f"<!-- {name} -->" if block["language"] == "xml" else f"# {name}") + f"\n{text}"
         else:
             continue
-        cell.rawsource, cell.children = text, [nodes.Text(text)]
+        block.rawsource, block.children = text, [nodes.Text(text)]
 
 
 def _join_paragraphs(_app, _what, _name, _object, _options, lines):
