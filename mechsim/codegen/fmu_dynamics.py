@@ -114,8 +114,8 @@ def _prepared(
     equations = equations_of_motion(model, dict.fromkeys([*values.coordinates, *values.rates], 0.0))
     if event := _event(equations):
         raise InputError(
-            f"{name}: an FMU of its dynamics has no events, and {event} needs them; leave that out, or "
-            "leave out --dynamics for an FMU of the positions"
+            f"{name}: the compiled dynamics have no events, and {event} needs them; leave that out, or "
+            "leave out --dynamics for the positions"
         )
     q, rates = initial_state(equations, values)
     start = equations.kinematics(q, rates)

@@ -320,12 +320,14 @@ def motion_scales(
 def force_scales(exact: ForceRecord) -> dict[str, float]:
     """Return the scales of forces: root mean squares of torque and forces, largest energies.
 
-    For rounding alone, the torque counts as `SMALL_TORQUE` of the moments at least.
+    For rounding alone, the torque counts as `SMALL_TORQUE` of the moments at least, and so do forces of those
+    by the torque, which the spring of a stop on the crank takes up.
     """
     kinetic = float(np.abs(exact.kinetic).max())
     torque = max(rms(exact.torque), ZERO_TORQUE * kinetic)
     largest = max(rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
-    force = largest or torque / exact.characteristic_length
+    by_torque = torque / exact.characteristic_length
+    force = max(largest, SMALL_TORQUE * by_torque) if largest else by_torque
     return {
         "torque": torque,
         "torque, as a difference of moments": max(torque, SMALL_TORQUE * force * exact.characteristic_length),

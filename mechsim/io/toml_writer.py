@@ -341,7 +341,7 @@ def _function(function: "CouplingFunction | None") -> dict[str, Any]:
         return {}
     if not isinstance(function, WrittenFunction):
         raise InputError(
-            f"{function.text} cannot be written as TOML, since it is no expression; copy the file"
+            f"{function.text} cannot be written as TOML, only the function of a coupling; copy the file"
         )
     return {"function": re.sub(rf"\b{function.variable}\b", "q", _without_names(function))}
 

@@ -221,8 +221,9 @@ class EquationsOfMotion:
         frictions: list[DryFriction] = []
         for friction in self.model.forces.friction:
             joint = self.model.mechanism.joint(friction.joint)
+            loaded = friction.loaded(self.model.mechanism)
             for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
-                loads = tuple(row for row in friction.loaded(joint) if row[1] == i)
+                loads = tuple(row for row in loaded if row[2] == i)
                 if magnitude or loads:
                     frictions.append(DryFriction(joint, i, magnitude, friction, loads))
         return tuple(frictions)

@@ -29,7 +29,7 @@ class DryFriction:
     coordinate: int
     magnitude: float
     friction: Friction
-    loads: tuple[tuple[int, int, float], ...] = ()
+    loads: tuple[tuple[Joint, int, int, float], ...] = ()
 
 
 def spatial_inertias(unit: UnitMotion, masses: Array, centres: Array, moments: Array) -> Array:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import FrictionError, InputError
 from mechsim.kinetics.applied_forces import (
@@ -52,59 +51,15 @@ class LoadedCoordinate:
         return [-direction if i == self.coordinate else zero for i in range(count)]
 
 
-@dataclass(frozen=True, slots=True)
-class LoadFriction:
-    """Frictions by the load at n instants.
-
-    Attributes:
-        magnitude: magnitude of each, (n, k) in [N] or [N m].
-        radius: spectral radius of the map, (n,); below 1 the frictions exist and are unique.
-        undetermined: whether self-stresses change the load of each, (n, k).
-        solutions: number of stable solutions, (n,); none if friction jams the mechanism.
-    """
-
-    magnitude: Array
-    radius: Array
-    undetermined: NDArray[np.bool_]
-    solutions: NDArray[np.int_]
-
-    def require_determined(self, coordinates: Sequence[LoadedCoordinate], labels: Sequence[str]) -> None:
-        """Raise FrictionError at the first instant, labelled, without unique frictions."""
-        loose: NDArray[np.bool_] = np.asarray(self.undetermined.any(1), dtype=np.bool_)
-        wrong = loose | (self.solutions != 1)
-        if not wrong.any():
-            return
-        i = int(np.argmax(wrong))
-        names = ", ".join(dict.fromkeys(item.joint.name for item in coordinates))
-        if not self.solutions[i]:
-            raise FrictionError(
-                f"{labels[i]}: friction jams the mechanism, since no stable friction in {names} "
-                f"balances the forces (its loads grow by {self.radius[i]:.3g} of the friction); reduce a "
-                "coefficient",
-                "jammed",
-            )
-        if loose[i]:
-            joint = coordinates[int(np.argmax(self.undetermined[i]))].joint.name
-            raise FrictionError(
-                f"{labels[i]}: the load of joint {joint!r} is undetermined, since redundant constraints "
-                "share it, and so is its friction; give `coulomb` instead of a coefficient there",
-                "undetermined",
-            )
-        raise FrictionError(
-            f"{labels[i]}: several stable frictions in {names} balance the forces (loads grow by "
-            f"{self.radius[i]:.3g} of the friction, 1 or more); reduce a coefficient",
-            "undetermined",
-        )
-
-
 def friction_by_load(
     unit: UnitMotion,
     needed: Array,
     coordinates: Sequence[LoadedCoordinate],
     directions: Sequence[Array],
     ratios: Sequence[Array],
-) -> LoadFriction:
-    """Return the frictions of a state.
+    labels: Sequence[str],
+) -> Array:
+    """Return the frictions of states, (n, k) in [N] or [N m].
 
     A self-stress that changes no load to first order is taken as zero: in a planar mechanism, forces across
     the plane.
@@ -116,6 +71,10 @@ def friction_by_load(
         coordinates: the k coordinates with friction.
         directions: sign of the rate of each, (n,).
         ratios: friction at this rate relative to that in fast motion, (n,).
+        labels: of the states, for messages.
+
+    Raises:
+        FrictionError: at the first state without unique frictions.
     """
     wrenches = linear_reactions(unit, needed, [item.friction.coupling or item.joint for item in coordinates])
     terms: list[Array] = []
@@ -146,8 +105,22 @@ def friction_by_load(
     along = final / np.where(clear, amount, np.inf)[..., None]
     stress = np.stack(stresses, 1)
     felt = np.abs(np.einsum("nktc,nktcs->nkts", along, stress))
-    undetermined = (felt > FELT * scale[:, None, None, None]).any((2, 3))
-    return LoadFriction(magnitude, radius, undetermined, solutions)
+    loose = (felt > FELT * scale[:, None, None, None]).any((2, 3))
+    wrong = np.flatnonzero(loose.any(1) | (solutions != 1))
+    if not len(wrong):
+        return magnitude
+    i, names = wrong[0], ", ".join(dict.fromkeys(item.joint.name for item in coordinates))
+    grow = f"balances the forces (loads grow by {radius[i]:.3g} of the friction); reduce a coefficient"
+    outcome, cause = "undetermined", f"more than one stable friction in {names} {grow}"
+    if not solutions[i]:
+        outcome, cause = "jammed", f"friction jams the mechanism, since no stable friction in {names} {grow}"
+    elif loose[i].any():
+        cause = (
+            f"the load of joint {coordinates[int(np.argmax(loose[i]))].joint.name!r} is undetermined, since "
+            "redundant constraints share it, and so is its friction; give `coulomb` instead of a coefficient "
+            "there"
+        )
+    raise FrictionError(f"{labels[i]}: {cause}", outcome)
 
 
 def with_load_friction(
@@ -165,8 +138,7 @@ def with_load_friction(
     Raises:
         FrictionError: at instants without unique frictions.
     """
-    joints = [(friction, unit.mechanism.joint(friction.joint)) for friction in forces.friction]
-    coordinates = [LoadedCoordinate(*pair, *row) for pair in joints for row in pair[0].loaded(pair[1])]
+    coordinates = [LoadedCoordinate(f, *row) for f in forces.friction for row in f.loaded(unit.mechanism)]
     if not coordinates:
         return acting
     if np.iscomplexobj(unit.position):
@@ -186,21 +158,13 @@ def with_load_friction(
     columns = [needed - acting.total(speed), *(-sign[:, None, None] * stack for stack in stacks)]
     directions = [sign * dry.direction for dry in frictions]
     ratios = [item.friction.ratio(dry.rate * speed) for item, dry in zip(coordinates, frictions, strict=True)]
-    solution = friction_by_load(unit, np.stack(columns, -1), coordinates, directions, ratios)
-    solution.require_determined(
-        coordinates, [f"{unit.mechanism.name} at {value:.6g} rad" for value in unit.angle]
-    )
+    labels = [f"{unit.mechanism.name} at {value:.6g} rad" for value in unit.angle]
+    magnitudes = friction_by_load(unit, np.stack(columns, -1), coordinates, directions, ratios, labels).T
     coulomb = acting.coulomb + sum(
-        (
-            magnitude[:, None, None] * stack
-            for magnitude, stack in zip(solution.magnitude.T, stacks, strict=True)
-        ),
+        (magnitude[:, None, None] * stack for magnitude, stack in zip(magnitudes, stacks, strict=True)),
         0.0,
     )
-    loaded = [
-        replace(dry, magnitude=magnitude)
-        for dry, magnitude in zip(frictions, solution.magnitude.T, strict=True)
-    ]
+    loaded = [replace(dry, magnitude=magnitude) for dry, magnitude in zip(frictions, magnitudes, strict=True)]
     return replace(acting, coulomb=coulomb, dry=(*acting.dry, *loaded))
 
 
@@ -292,7 +256,7 @@ def frictions_in_motion(
         FrictionError: at states without unique frictions.
     """
     numbered = [(f, row) for f, friction in enumerate(frictions) for row in friction.loads]
-    items = [LoadedCoordinate(frictions[f].friction, frictions[f].joint, *row) for f, row in numbered]
+    items = [LoadedCoordinate(frictions[f].friction, *row) for f, row in numbered]
     forces = np.stack([motion.force, *(-sliding[f] * directions[f] for f, _ in numbered)])
     accelerations, multipliers = motion.solved(forces)
     unit_wrenches = [friction_wrenches(friction, motion.unit) for friction in frictions]
@@ -315,10 +279,10 @@ def frictions_in_motion(
     signs = [
         np.full(len(motion.unit), sliding[f]) if sliding[f] else -np.sign(along[0, f]) for f, _ in numbered
     ]
-    rising = [ratios[f] for f, _ in numbered]
-    solution = friction_by_load(motion.unit, np.stack(needed, -1), items, signs, rising)
-    solution.require_determined(items, labels)
+    magnitudes = friction_by_load(
+        motion.unit, np.stack(needed, -1), items, signs, [ratios[f] for f, _ in numbered], labels
+    ).T
     loads = np.zeros((len(frictions), len(motion.unit)))
-    for (f, _), magnitude in zip(numbered, solution.magnitude.T, strict=True):
+    for (f, _), magnitude in zip(numbered, magnitudes, strict=True):
         loads[f] += magnitude
     return loads

@@ -221,12 +221,13 @@ class Friction:
         turns = 1 if kind.ball else len(kind.turns)
         return [sliding] * len(kind.slides) + [turning if kind.mixed else sliding] * turns
 
-    def loaded(self, joint: Joint) -> list[tuple[int, int, float]]:
-        """Return number, coordinate, and size without a load (0 in a screw) of each friction by the load."""
+    def loaded(self, mechanism: Mechanism) -> list[tuple[Joint, int, int, float]]:
+        """Return joint, number, coordinate, and part without a load (0 in a screw), of each by the load."""
+        joint = mechanism.joint(self.joint)
         kind = KINDS[joint.kind]
         sizes = [0.0] * kind.dof if kind.mixed else [coulomb for _, coulomb in self.sizes(kind)]
         numbered = enumerate(self.loads(joint, np.eye(3)[2:]) if self.varies else [])
-        return [(n, index, sizes[index]) for n, (index, maps) in numbered if self.static or maps.any()]
+        return [(joint, n, index, sizes[index]) for n, (index, maps) in numbered if self.static or maps.any()]
 
     def loads(self, joint: Joint, axis: Array) -> list[tuple[int, Array]]:
         """Return maps of the wrench that a joint transmits to the terms of its loads.

@@ -124,8 +124,7 @@ def balanced_friction(constant: Array, base: Array, response: Array) -> tuple[Ar
         solution, solved = newton(*state, start)
         solution = solution[solved]
         stable = solution[np.linalg.eigvals(_image(*state, solution)[1]).real.max(1) < 1.0]
-        if len(stable):
-            x[i] = stable[0]
+        x[i] = [*stable, x[i]][0]
         others = np.abs(stable - x[i]).max(1) > EQUAL * np.abs(x[i]).max()
         number[i] = min(1, len(stable)) + int(others.any())
     return x, radius, number
@@ -148,9 +147,8 @@ def newton(constant: Array, base: Array, response: Array, x: Array) -> tuple[Arr
         moving = (residual > ROUNDED) & (x.max(1, initial=0.0) <= largest)
         if not moving.any():
             break
-        matrix = identity - derivative
-        regular = np.abs(np.linalg.det(matrix)) > 0.0
-        matrix = np.where(regular[:, None, None], matrix, identity)
+        regular = np.abs(np.linalg.det(identity - derivative)) > 0.0
+        matrix = np.where(regular[:, None, None], identity - derivative, identity)
         step = x + np.linalg.solve(matrix, (value - x)[..., None])[..., 0]
         after = _residual(step, _image(constant, base, response, step)[0])
         better = regular & (after <= REDUCED * residual) & (step >= 0.0).all(1)

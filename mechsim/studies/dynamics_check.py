@@ -164,7 +164,7 @@ def crosscheck_forward(
         joints = section.motion.joints
         closed = {gap: float(joints[gap].value[0]) for gap in segment.closed}
         mechanism = without_gaps(dynamic_model.mechanism, closed)
-        if closed:
+        if closed and dynamic_model.forces.clearances:
             mechanism = _guessed_at(mechanism, section.motion)
         model = replace(dynamic_model, mechanism=mechanism)
         compared = _compared_with_mujoco(run, section, segment, model, initial, progress)

@@ -7,6 +7,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
+from mechsim.io import gallery
 from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics import dynamic_model
@@ -80,6 +81,20 @@ def test_the_flank_changes_where_the_force_does(tmp_path, text, laws, torque, me
     assert force["changes"] == pytest.approx([0.5], abs=1e-12)
     assert force["backlash"] == pytest.approx(PLAY)
     assert force["largest"] == pytest.approx(abs(torque) * (2 * np.pi) ** 2, rel=1e-4)
+
+
+def test_flanks_that_meet_after_half_a_turn_of_a_planet_carry_in_mujoco_too(tmp_path):
+    text = gallery.files()["planetary_gear"].read_text().split("[formula]")[0]
+    ratio = 'ratio = "-teeth_planet/teeth_sun"'
+    model = dynamic_model(
+        load(written(tmp_path, text.replace(ratio, f'{ratio}\nbacklash = "0.5 deg"')), still=True)
+    )
+    initial = {"carrier.q": -1.7, "carrier.v": -6.0}
+    run = ms.dynamics.run(model, initial=initial, duration=0.2, samples=40)
+    # a flank presses from the first impact on, after the planet has passed 180 degrees
+    assert abs(run.motion.joints["planet"].value).max() > np.pi
+    verdict = crosscheck_forward(run, model, initial_values(model, initial))
+    assert verdict.passed, verdict
 
 
 def test_the_motor_of_a_joint_crosses_its_backlash(tmp_path):

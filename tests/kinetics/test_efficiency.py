@@ -6,6 +6,7 @@ from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
+from mechsim.io import gallery
 from mechsim.kinetics.initial_state import InitialValues
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
@@ -47,6 +48,16 @@ def test_drive_torques_agree_with_mujoco(tmp_path):
     assert verdict.passed, verdict
     ideal = ms.dynamics.dynamic_model(hoist(tmp_path, 1.0))
     assert not crosscheck_driven(run, ideal).passed
+
+
+def test_a_gear_that_carries_nothing_loses_nothing_by_mujoco_too(tmp_path):
+    text = gallery.machines()["wankel"].read_text()
+    (tmp_path / "wankel.toml").write_text(text.replace('ratio = "-2/3"', 'ratio = "-2/3"\nefficiency = 0.8'))
+    source = ms.load(str(tmp_path / "wankel.toml"))
+    run = driven(source.mechanism, source.forces, speed=5.0, samples=12)
+    verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(source))
+    assert verdict.passed, verdict
+    assert run.forces.power_lost.max() < 1e-12 * run.forces.kinetic.max()
 
 
 @pytest.mark.long

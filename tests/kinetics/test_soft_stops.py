@@ -1,5 +1,7 @@
 """Soft stops of joints: runs against closed forms and scipy with events; statics, inverse dynamics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from model_files import model_text
@@ -7,12 +9,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import mechsim as ms
+from mechsim.io import gallery
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.model import dynamic_model
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven as simulate_driven
-from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_forward
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_equilibrium, crosscheck_forward
 
 G = 9.81
 
@@ -259,3 +262,18 @@ def test_states_are_drawn_between_soft_stops(tmp_path):
         crank = ms.sample(str(path), 50).qpos[:, 0]
         assert np.radians(-10.0) <= crank.min() < 0.0
         assert 1.0 < crank.max() <= np.radians(100.0)
+
+
+def test_a_stop_that_takes_up_the_torque_of_the_crank_leaves_rounding_in_reactions(tmp_path):
+    """2,000 N m of the stop cancel 2,000 N m of the drive, while the links transmit 1 N."""
+    text = gallery.files()["chebyshev_lambda"].read_text().split("[formula]")[0]
+    limits = 'limits = { upper = "54 deg", stiffness = "766 N m/rad", damping = "0.07 N m s/rad" }\n'
+    (tmp_path / "model.toml").write_text(text.replace("[joints.crank]\n", f"[joints.crank]\n{limits}"))
+    source = ms.load(str(tmp_path / "model.toml"))
+    run = simulate_driven(source.mechanism, source.forces, speed=1.0, samples=24)
+    model = dynamic_model(source)
+    verdict = crosscheck_driven(run, model)
+    assert verdict.passed, verdict
+    assert run.forces.torque.max() > 2000.0
+    heavier = model.with_forces(replace(model.forces, gravity=(0.0, -9.82, 0.0)))
+    assert not crosscheck_driven(run, heavier).passed

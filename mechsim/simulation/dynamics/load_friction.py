@@ -15,13 +15,14 @@ from mechsim.mechanism.joint_friction import TERMS, Friction
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.links import GROUND
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import TINY, Array
 from mechsim.numerics.complementarity import balanced_friction
 from mechsim.simulation.dynamics.applied_forces import Fields, add_force
 from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
 from mechsim.simulation.recording import link_motions, point_rates, resting
 
-# largest difference of frictions from those by MuJoCo's reactions under them, relative to the largest
+# largest difference of frictions from those by MuJoCo's reactions under them, relative to the largest, which
+# counts as this fraction of the reactions at least
 BALANCED = 1e-9
 # rate relative to the largest one of a joint's coordinate at which it stands still: rounding
 STILL = 1e-7
@@ -78,11 +79,10 @@ class RubbingCoordinate:
 
 def rubbing_coordinates(loaded: LoadedModel, fields: Fields) -> list[RubbingCoordinate]:
     """Return the coordinates with friction by their load at the states of MuJoCo's fields."""
-    joints = [(friction, loaded.mechanism.joint(friction.joint)) for friction in loaded.forces.friction]
     return [
-        _coordinate(loaded, fields, friction, joint, *row)
-        for friction, joint in joints
-        for row in friction.loaded(joint)
+        _coordinate(loaded, fields, friction, *row)
+        for friction in loaded.forces.friction
+        for row in friction.loaded(loaded.mechanism)
     ]
 
 
@@ -139,17 +139,16 @@ def friction_of_state(
     count, n = len(coordinates), len(coordinates[0].speed)
     constant = np.stack([(item.friction.ratio(item.speed) - 1.0) * item.coulomb for item in coordinates], 1)
     base = terms_under(np.zeros((n, count)))
-    unit = np.sqrt((base**2).sum(3)).sum(2).max(1, keepdims=True)
-    unit = np.where(unit > 0.0, unit, 1.0)
+    reactions = forces_under(np.zeros((n, count))).reactions.values()
+    unit = np.max([np.linalg.norm(reaction.force, axis=1) for reaction in reactions], axis=0)[:, None] + TINY
     changes = [terms_under(unit * row) - base for row in np.eye(count)]
     response = np.stack(changes, -1) / unit[..., None, None, None]
     magnitudes, _, solutions = balanced_friction(constant, base, response)
     after = constant + np.sqrt((terms_under(magnitudes) ** 2).sum(3)).sum(2)
-    right = np.abs(after - magnitudes).max(1) <= BALANCED * np.abs(magnitudes).max(1)
+    right = np.abs(after - magnitudes).max(1) <= BALANCED * (
+        np.abs(magnitudes).max(1) + BALANCED * unit[:, 0]
+    )
     if not (right & (solutions == 1)).all():
-        outcome = "jammed" if not solutions.all() else "undetermined"
-        raise FrictionError(
-            f"{name}: no friction, or several, balance MuJoCo's reactions; reduce a coefficient of friction",
-            outcome,
-        )
+        reason = "no friction, or several, balance MuJoCo's reactions; reduce a coefficient of friction"
+        raise FrictionError(f"{name}: {reason}", "undetermined" if solutions.all() else "jammed")
     return magnitudes

@@ -86,19 +86,18 @@ class UpdatedFriction:
         self.data = mujoco.MjData(self.evaluated)
         self.loads = np.zeros(len(self.stored))
         # changes of the terms of each load by a unit of each friction, (k, TERMS, 3, k)
-        count = len(self.stored)
-        self.response = np.zeros((count, TERMS, 3, count))
+        self.response = np.zeros((len(self.stored), TERMS, 3, len(self.stored)))
         self.fastest = 0.0
         # frictions by the load at the start of each step
         self.history = list[Array]()
 
     def _stored(self, friction: Friction) -> list[StoredFriction]:
         mechanism, stepped = self.model.mechanism, self.loops.model
-        joint = mechanism.joint(friction.joint)
-        kind, names = KINDS[joint.kind], model_names(mechanism)
+        names = model_names(mechanism)
         tendons = [stepped.tendon(i).name for i in range(stepped.ntendon)]
         stored: list[StoredFriction] = []
-        for number, index, _ in friction.loaded(joint):
+        for joint, number, index, _ in friction.loaded(mechanism):
+            kind = KINDS[joint.kind]
             own = [other for other in self.model.forces.friction if other.joint == joint.name]
             constant = sum(other.sizes(kind)[index][1] for other in own)
             name = "" if kind.ball else names.get(joint.coordinates[index], joint.coordinates[index])
@@ -153,8 +152,7 @@ class UpdatedFriction:
         terms, constant = self._terms(data, friction)
         base = terms - self.response @ friction
         solution, balanced = newton(constant[None], base[None], self.response[None], self.loads[None])
-        loads = constant + np.sqrt((terms**2).sum(2)).sum(1)
-        self.loads = solution[0] if balanced[0] else loads
+        self.loads = solution[0] if balanced[0] else constant + np.sqrt((terms**2).sum(2)).sum(1)
 
     def set(self, loads: Array) -> None:
         """Set the friction in MuJoCo's model from frictions by the load."""
