@@ -112,6 +112,21 @@ def _keep_numbers_in_one_line(_app, doctree, _page):
             entry["classes"].append("short")
 
 
+def _show_what_is_typed(_app, doctree, _page):
+    """Show shell cells and files without the cell's first line: `%%sh`, or `%%writefile NAME` as a comment."""
+    for block in doctree.findall(nodes.literal_block):
+        first, _, text = block.astext().partition("\n")
+        if first.startswith("%%sh"):
+            block["language"] = "sh"
+        elif first.startswith("%%writefile "):
+            name = first.split()[1]
+            block["language"] = Path(name).suffix.removeprefix(".").replace("py", "python")
+            text = (f"<!-- {name} -->" if block["language"] == "xml" else f"# {name}") + f"\n{text}"
+        else:
+            continue
+        block.rawsource, block.children = text, [nodes.Text(text)]
+
+
 def _join_paragraphs(_app, _what, _name, _object, _options, lines):
     """Align the further lines of the accuracy and the source in a docstring with the first one."""
     indent = None
@@ -134,5 +149,6 @@ def setup(app):
     """Write the generated pages before Sphinx reads any page."""
     app.connect("config-inited", lambda _app, _config: _prepare())
     app.connect("doctree-resolved", _keep_numbers_in_one_line)
+    app.connect("doctree-resolved", _show_what_is_typed)
     app.connect("autodoc-process-docstring", _join_paragraphs)
     app.connect("autodoc-process-signature", _name_functions)
