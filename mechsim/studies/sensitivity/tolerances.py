@@ -95,12 +95,11 @@ def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str
     Raises:
         InputError: for other text.
     """
-    pairs = [pair.partition("=") for pair in text.split(",") if pair.strip()]
+    pairs = [[word.strip() for word in pair.partition("=")] for pair in text.split(",") if pair.strip()]
     for name, equals, _ in pairs:
-        if not equals or not name.strip():
-            raise InputError(f"{option} has {name.strip()!r}, which is not NAME=BOUND; write crank=±0.02mm")
+        if not equals or not name:
+            raise InputError(f"{option} has {name!r}, which is not NAME=BOUND; write crank=±0.02mm")
     if not pairs:
         raise InputError(f"{option} names no tolerance; write crank=±0.02mm")
-    names = [name.strip() for name, _, _ in pairs]
-    require_once(option, names)
-    return {name: tolerance.strip() for name, (_, _, tolerance) in zip(names, pairs, strict=True)}
+    require_once(option, [name for name, _, _ in pairs])
+    return {name: tolerance for name, _, tolerance in pairs}
