@@ -567,7 +567,8 @@ static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, doubl
         double ratio = STIFF_SAFETY * pow(fmax(error, 1e-16), -1.0 / NODES);
         ratio = 1.0 < error && error <= change ? 1.0 : fmin(fmax(ratio, LEAST), STIFF_LARGEST);
         int accepted = error <= fmax(1.0, change);
-        run->length = length * (accepted ? ratio : fmin(ratio, 0.5));
+        /* after an accepted step neither: where rounding is the error, steps would become shorter and shorter */
+        run->length = length * (accepted ? fmax(ratio, 1.0) : fmin(ratio, 0.5));
         if (!accepted) continue;
         memcpy(x->moved, run->state, size * sizeof(double));
         add_scaled(size, 1.0, dense + size, x->moved);
