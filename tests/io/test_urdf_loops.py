@@ -122,7 +122,8 @@ def test_commands_accept_a_sidecar_file(written, tmp_path, mechsim):
     for line in lines:
         answer = mechsim(*line)
         assert answer.code == 0, line
-    assert np.load(output)["qpos"].shape == (5, 3)
+    with np.load(output) as states:
+        assert states["qpos"].shape == (5, 3)
     answer = mechsim("solve", "four_bar", "--loops", sidecar)
     assert answer.code == 2
 

@@ -172,9 +172,9 @@ def test_the_command_writes_arrays_and_reports_their_errors(tmp_path, mechsim):
     report = json.loads(answer.out)
     assert report["passed"]
     assert report["differences"]["output"] < 1e-12
-    arrays = np.load(output)
-    assert arrays["jacobian"].shape == (21, 1, 1)
-    assert arrays["polynomial_coefficients"].shape == (1, 5)
+    with np.load(output) as arrays:
+        assert arrays["jacobian"].shape == (21, 1, 1)
+        assert arrays["polynomial_coefficients"].shape == (1, 5)
 
 
 def test_a_floating_base_stays_where_it_is():

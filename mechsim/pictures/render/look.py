@@ -115,7 +115,8 @@ def changed(look: Look | None, options: dict[str, Any]) -> Look:
     Raises:
         InputError: for a field there is not, or a value that it cannot have.
     """
-    names = [field.name for field in fields(Look)]
+    of_files = {field.name for field in fields(Drawn)}
+    names = [field.name for field in fields(Look) if field.name not in of_files]
     for name in options:
         if name not in names:
             raise InputError(f"a picture has no option {name!r}; choose from {', '.join(names)}")
