@@ -85,13 +85,14 @@ def dynamics_test(model: FmuModel, source: DynamicModel, initial: Mapping[str, I
             f"{model.name}: a test of the header needs a run of {model.duration:g} s, and mechsim's own ends "
             f"with {exact.outcome!r}; leave out --test, or give another initial state"
         )
-    other, columns = ({name: values[1:] for name, values in each.columns()} for each in (coarse, exact))
+    # the largest value is often that of the start, as of accelerations that friction reduces at once
+    other, columns = (dict(each.columns()) for each in (coarse, exact))
     names = {i: v.name for i, v in enumerate(model.variables) if i and v.name in columns}
     allowed = [
         float(AGREED * max(np.abs(columns[name]).max(), LEAST) + np.abs(columns[name] - other[name]).max())
         for name in names.values()
     ]
-    table = np.stack([columns[name] for name in names.values()], 1)
+    table = np.stack([columns[name][1:] for name in names.values()], 1)
     arrays = (
         ("int", "compared", [*names]),
         ("double", "times", exact.time[1:].tolist()),
