@@ -52,9 +52,9 @@ class DesignLoops(TreeLoops):
         """Return the loops of a subset of the designs."""
         return replace(self, arrays=self.arrays.subset(which), which=self.which[which])
 
-    def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
+    def linearise(self, q: Coordinates, poses: LinkPoses | None = None) -> tuple[Array, Array, LinkPoses]:
         """Return residuals, Jacobians and links about n sets of coordinates, as `TreeLoops`."""
-        return self.at_instants(len(q)).linearise(q)
+        return self.at_instants(len(q)).linearise(q, poses)
 
     def at_instants(self, count: int, /) -> TreeLoops:
         """Return the equations with the dimensions of each of `count` instants."""
