@@ -73,6 +73,8 @@ def open_live(window, path):
     window.complaints.clear()
     window.open(path, 1280, "light")
     assert window.run("document.documentElement.dataset.ready") == "yes", window.complaints
+    # the camera follows the size of the stage when the page has been laid out, in the next frame
+    window.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     assert window.run("state.grid.name") == "live"
 
 
