@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 from string import Template
@@ -243,6 +245,20 @@ def test_a_link_stated_far_away_does_not_close(run, tmp_path):
     code, shown = run(["simulate", "f.toml", "--method", "pose", "--samples", "7"])
     assert code == 2
     assert "the loops do not close" in shown.err
+
+
+@pytest.mark.long
+def test_a_mass_stated_far_away_is_reported_without_a_warning(tmp_path):
+    """Its weight opens gaps whose squares are beyond the largest number."""
+    text = (Path(__file__).parents[2] / "models/looper.xml").read_text()
+    for stated, mutated in ((" -0.009929947882008797 0", " 1e12 0"), ('"0.032 0 0" />', '"0.048 0 0" />')):
+        assert stated in text
+        text = text.replace(stated, mutated)
+    (tmp_path / "f.xml").write_text(text)
+    command = [sys.executable, "-W", "error", "-m", "mechsim", "check", str(tmp_path / "f.xml")]
+    shown = subprocess.run(command, capture_output=True, text=True)
+    assert (shown.returncode, shown.stderr) == (1, "")
+    assert "body coupler has its centre of mass 1e+12 m from its origin" in shown.stdout
 
 
 @pytest.mark.long

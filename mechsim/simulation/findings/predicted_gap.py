@@ -7,6 +7,7 @@ that the integrator treats implicitly withhold a fraction of the acceleration. T
 motions that are slow compared with the time constant of the loops.
 """
 
+import math
 from collections.abc import Mapping
 from copy import copy
 
@@ -177,7 +178,8 @@ def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array, least: floa
 
     def gap_at(gap: float) -> float:
         d = impedance(solimp, gap)
-        return float(np.linalg.norm(free_gap * (1.0 - d) / d**2 + deficit / d))
+        # forces of absurd files have squares beyond the largest number
+        return math.hypot(*(free_gap * (1.0 - d) / d**2 + deficit / d))
 
     # impedance rises with the gap, so that the gap at zero is an upper bound
     low, high = 0.0, gap_at(0.0)
