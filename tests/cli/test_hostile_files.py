@@ -248,17 +248,24 @@ def test_a_link_stated_far_away_does_not_close(run, tmp_path):
 
 
 @pytest.mark.long
-def test_a_mass_stated_far_away_is_reported_without_a_warning(tmp_path):
-    """Its weight opens gaps whose squares are beyond the largest number."""
+@pytest.mark.parametrize(
+    ("link", "changes"),
+    [
+        ("coupler", {" -0.009929947882008797 0": " 1e12 0", '"0.032 0 0" />': '"0.048 0 0" />'}),
+        ("crank", {'"0.003 0 0"': '"0.003 1e12 0"', "0.013703586526268186": "0"}),
+    ],
+)
+def test_a_mass_stated_far_away_is_reported_without_a_warning(tmp_path, link, changes):
+    """Its weight opens gaps whose squares, or themselves, are beyond the largest number."""
     text = (Path(__file__).parents[2] / "models/looper.xml").read_text()
-    for stated, mutated in ((" -0.009929947882008797 0", " 1e12 0"), ('"0.032 0 0" />', '"0.048 0 0" />')):
+    for stated, mutated in changes.items():
         assert stated in text
         text = text.replace(stated, mutated)
     (tmp_path / "f.xml").write_text(text)
     command = [sys.executable, "-W", "error", "-m", "mechsim", "check", str(tmp_path / "f.xml")]
     shown = subprocess.run(command, capture_output=True, text=True)
     assert (shown.returncode, shown.stderr) == (1, "")
-    assert "body coupler has its centre of mass 1e+12 m from its origin" in shown.stdout
+    assert f"body {link} has its centre of mass 1e+12 m from its origin" in shown.stdout
 
 
 @pytest.mark.long

@@ -156,14 +156,18 @@ def _gaps(
     model, rows = scene.loops_only, data.efc_type == EQUALITY
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
     # the gap at the impedance d is free_gap (1 - d) / d^2 + deficit / d
-    free_gap = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
+    with np.errstate(over="ignore", invalid="ignore"):
+        free_gap = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
     gaps: dict[int, float] = {}
     for loop in np.unique(data.efc_id[rows]):
         # the first three rows of a weld are its position
         own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
         solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
         floor = least.get(int(loop), 0.0)
-        gap = _equilibrium_gap(free_gap[own], deficit[own] / stiffness[own], solimp, floor)
+        withheld = deficit[own] / stiffness[own]
+        # forces beyond the largest number open a gap without limit
+        finite = np.isfinite(free_gap[own]).all() and np.isfinite(withheld).all()
+        gap = _equilibrium_gap(free_gap[own], withheld, solimp, floor) if finite else math.inf
         gaps[int(loop)] = max(gap, floor)
     return gaps
 
