@@ -462,7 +462,7 @@ def table_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array]:
     return columns
 
 
-# the columns of instants: whatever else has their name has their unit; and a header with its unit
+# units of the columns of instants; and a header with its unit
 _COLUMNS: dict[str, Unit] = {"t": "s", "time": "s", "angle": "rad"}
 _UNIT_OF_COLUMN = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
 
@@ -476,5 +476,5 @@ def _column_in_si(header: str, where: str) -> tuple[str, float]:
     for unit in (_COLUMNS[name],) if name in _COLUMNS else get_args(Unit):
         with suppress(InputError):
             return name, parse(f"1 {written}", unit)
-    expected = "[s]" if name in ("t", "time") else "[mm] or [deg]"
+    expected = {"s": "[s]", "rad": "[deg]"}.get(_COLUMNS.get(name, ""), "[mm] or [deg]")
     raise InputError(f"{where} has the column {header!r}, whose unit does not suit; write it as {expected}")

@@ -10,10 +10,9 @@ from mechsim import files, units
 from mechsim.cli.command import Result, Stated, Without, command, table_file
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
-from mechsim.cli.output import Value, print_table, print_text, without_noise
+from mechsim.cli.output import DEGREES, Value, print_table, print_text, without_noise
 from mechsim.errors import InputError
 from mechsim.mechanism.quantities import quantity_names
-from mechsim.numerics.arrays import REVOLUTION
 from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import (
     Sensitivity,
@@ -154,7 +153,8 @@ def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
 
 def _instants(table: Sensitivity) -> tuple[str, float]:
     """Return the heading of a column of instants, and the factor from SI."""
-    return ("at [deg]", 360.0 / REVOLUTION) if table.moved.over[0] == "angle" else ("at [s]", 1.0)
+    by, unit = DEGREES.converted("rad" if table.moved.over[0] == "angle" else "s")
+    return f"at [{unit}]", 1.0 / by
 
 
 def _print_derivatives(table: Sensitivity) -> None:

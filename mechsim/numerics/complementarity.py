@@ -93,11 +93,11 @@ def balanced_friction(constant: Array, base: Array, response: Array) -> tuple[Ar
     The right side F(x) changes by at most B times the change of x, B_kj = sum over t of norm(response_ktj).
     If the spectral radius of B is below 1, it is a contraction: the solution exists and is unique (J. Ortega
     and W. Rheinboldt, Iterative Solution of Nonlinear Equations in Several Variables, 1970, section 13.1).
-    Otherwise there may be none or several, for a single friction two or none: Newton's method from zero finds
-    the stable one, which is smaller. A solution is unstable if
-    contacts yield at all where a load off by any amount grows: x' = F(x) - x, with an eigenvalue of F' whose
-    real part is 1 or more (A. Oledzki, Modelling and simulation of self-locking drives, Mechanism and Machine
-    Theory 30 (1995) 929-942). Stable ones are searched from random directions of the loads.
+    Otherwise there may be none or several; for a single friction there are two or none, and Newton's method
+    from zero finds the smaller one, which is stable. Contacts yield, so that a load that is off changes by
+    x' = F(x) - x: a solution is unstable if an eigenvalue of F' has a real part of 1 or more (A. Oledzki,
+    Modelling and simulation of self-locking drives, Mechanism and Machine Theory 30 (1995) 929-942). Stable
+    solutions are searched from random directions of the loads.
 
     Args:
         constant: parts c of the frictions that do not depend on loads, (n, k).
@@ -124,7 +124,7 @@ def balanced_friction(constant: Array, base: Array, response: Array) -> tuple[Ar
         solution, solved = newton(*state, start)
         solution = solution[solved]
         stable = solution[np.linalg.eigvals(_image(*state, solution)[1]).real.max(1) < 1.0]
-        x[i] = [*stable, x[i]][0]
+        x[i] = stable[0] if len(stable) else x[i]
         others = np.abs(stable - x[i]).max(1) > EQUAL * np.abs(x[i]).max()
         number[i] = min(1, len(stable)) + int(others.any())
     return x, radius, number

@@ -92,7 +92,7 @@ def assert_file_agrees(path: str) -> None:
 
 def _record(running: RunningTest, agreement: Agreement) -> None:
     """Record the result in the JUnit file."""
-    running.record("mechsim.mechanism", agreement.solver.name)
+    running.record("mechsim.model", agreement.solver.name)
     running.record("mechsim.against", agreement.source)
     running.record("mechsim.outcome", agreement.outcome)
     if agreement.checks:

@@ -44,8 +44,8 @@ def test_a_motion_law_in_milliseconds_and_degrees_passes_through_its_rows(tmp_pa
     ("header", "words"),
     [
         ("t [mm]", r"column 't \[mm\]', whose unit does not suit; write it as \[s\]"),
-        ("angle [s]", r"column 'angle \[s\]', whose unit does not suit; write it as \[mm\] or \[deg\]"),
-        ("P.x [inchworm]", "does not suit"),
+        ("angle [s]", r"column 'angle \[s\]', whose unit does not suit; write it as \[deg\]"),
+        ("P.x [inchworm]", r"write it as \[mm\] or \[deg\]"),
     ],
 )
 def test_a_unit_that_does_not_suit_its_column_is_rejected(header, words):

@@ -53,7 +53,7 @@ def test_only_the_intended_failure_of_the_sample_project_fails(project):
     assert command in out
     cases = {case.get("name"): case for case in ET.parse(project / "junit.xml").iter("testcase")}
     green = {item.get("name"): item.get("value") for item in cases["formula"].iter("property")}
-    assert green["mechsim.mechanism"] == "pump"
+    assert green["mechsim.model"] == "pump"
     assert green["mechsim.outcome"] == "passed"
     (red,) = (case for name, case in cases.items() if "red_on_purpose" in name)
     reported = {item.get("name"): item.get("value") for item in red.iter("property")}
