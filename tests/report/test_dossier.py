@@ -2,11 +2,14 @@
 
 import hashlib
 import json
+import re
+import subprocess
 import sys
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, in_browser
 from model_files import model_text
 
 from mechsim.cli import main
@@ -75,6 +78,23 @@ def test_a_dossier_states_use_sources_uncertainty_and_hashes(write, tmp_path):
     entries = [(entry.get("keyword"), entry.text) for entry in root.iter(f"{COMMON}ClassificationEntry")]
     assert ("source of crank", "drawing 4711") in entries
     assert ("outcome", "passed") in entries
+
+
+@in_browser
+def test_a_dossier_with_full_tables_prints_on_one_side_of_a4(write, tmp_path):
+    stated = "".join(
+        f'd{i} = {{ value = "{i + 10} mm", uncertainty = "0.01 mm", source = "drawing 471{i}, sheet 2" }}\n'
+        for i in range(14)
+    )
+    model = tmp_path / "pump.toml"
+    model.write_text(model.read_text().replace("[parameters]\n", f"[parameters]\n{stated}"))
+    assert write("validate", "pump.toml", "--dossier", "out") == 0
+    page, paper = tmp_path / "out" / "pump.dossier.html", tmp_path / "page.pdf"
+    assert "and 4 more in" in page.read_text()
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--print-to-pdf={paper}"]
+    command += [f"--user-data-dir={tmp_path / 'profile'}", page.as_uri()]
+    subprocess.run(command, capture_output=True, timeout=120, check=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes())) == 1
 
 
 @pytest.mark.long
