@@ -1,13 +1,21 @@
 """Command `mechsim plot`: writes a plot of a kind in `report.plot_table` to a file."""
 
+from dataclasses import replace
 from typing import Annotated, Any
 
 from mechsim.cli.command import Result, Stated, Without, command, plot_file
-from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
+from mechsim.cli.load_options import (
+    LoadOptions,
+    ReleaseOptions,
+    masses_in_json,
+    print_masses,
+    released_model,
+)
 from mechsim.cli.options import SPEED, ModelOptions, Speed
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
+from mechsim.report.plot_table import OF_RUNS, PLOTS, PlotOptions, PlotSource, require_taken
+from mechsim.studies.drawn_motion import moved_by_forces
 from mechsim.units import crank_speed, option
 
 # kind of plot that needs a crank without a motion law
@@ -40,13 +48,17 @@ def plot(
     row = PLOTS[kind]
     require_taken(kind, row.takes, options)
     stated.exclude(["track"], f"on plot {kind!r}", kind in OF_CRANKS)
-    solver = source.load(still=True) if kind == "schematic" else source.load_moving()
+    solver, release = replace(source, duration=None).load(still=True), None
+    if kind in OF_RUNS and moved_by_forces(solver):
+        stated.exclude(["speed"], "in a run from the start, under the forces of the file")
+        release = ReleaseOptions().release(released_model(source), source)
+    elif kind != "schematic":
+        solver = source.load_moving()
     if not solver.motion_laws.crank and kind in OF_CRANKS:
         kinds = ", ".join(name for name in PLOTS if name not in OF_CRANKS)
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")
-    plotted = PlotSource(
-        solver=solver, speed=crank_speed(speed), options=options, model=LoadOptions().dynamic_model
-    )
+    more: dict[str, Any] = {"model": LoadOptions().dynamic_model, "release": release}
+    plotted = PlotSource(solver=solver, speed=crank_speed(speed), options=options, **more)
     stated.exclude(["speed"], "under motion laws", not solver.motion_laws.crank)
     figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(output, figure)

@@ -40,6 +40,7 @@ from mechsim.studies.drawn_motion import (
     initial_pose,
     is_undriven,
     joint_loads,
+    moved_by_forces,
 )
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
@@ -130,15 +131,13 @@ def render(
     path = Path(output)
     _check(stated, output, animation, look)
     resting = replace(source, duration=None).load(still=True)
-    undriven = is_undriven(resting)
-    # only its own forces move the file: it is drawn in a run from its start
-    if release.requested or (undriven and resting.forces is not None):
+    if release.requested or moved_by_forces(resting):
         exclude_without_effect(stated, release)
         free = "on drivers that are free"
         stated.exclude(DRIVEN, free)
         stated.exclude(["arrows"], f"as force or moment {free}", {"force", "moment"} & set(look.arrows))
         return _released(source, output, animation, look, release)
-    if undriven and picture:
+    if is_undriven(resting) and picture:
         stated.exclude([*DRIVEN, "overlay", "duration"], "on the initial pose of what nothing drives")
         look = replace(look, **drawn_as(resting))
         return _written(output, resting, initial_pose(resting.mechanism), look)

@@ -78,8 +78,10 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> 
     from mechsim.pictures.render.drawn_model import without_geoms
     from mechsim.report.driver_views import release_view
     from mechsim.report.views import model_view
+    from mechsim.studies.drawn_motion import moved_by_forces
 
-    if release.requested:
+    resting = replace(source, duration=None).load(still=True)
+    if release.requested or (moved_by_forces(resting) and not resting.mechanism.drivers):
         exclude_without_effect(stated, release)
         model = released_model(source)
         return release_view(release.release(model, source), release.mode)

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike
 
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# angle in [rad] below which differences are in mrad and µrad
+SMALL_ANGLE = 1e-3
 # units that take no prefix
 WITHOUT_PREFIX = ("kg", "1")
 
@@ -53,6 +55,10 @@ def quantity_text(value: float, unit: str) -> str:
 def readable(values: ArrayLike, unit: str) -> tuple[float, str]:
     """Return a factor and the resulting unit, for which the numbers of an axis are short."""
     largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
+    if unit.startswith(WITHOUT_PREFIX):
+        return 1.0, unit
+    if unit == "rad" and not 0.0 < largest < SMALL_ANGLE:
+        return math.pi / 180.0, "°"
     for power in (0, -3, -6):
         if largest >= 0.5 * 10.0**power or largest == 0.0:
             return float(f"1e{power}"), PREFIXES[power] + unit

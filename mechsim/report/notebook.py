@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from mechsim.compare.checks import Verdict
+    from mechsim.kinematics.solvers import KinematicSolver
     from mechsim.mechanism.mechanism import Mechanism, Up
     from mechsim.mechanism.motion import Motion
     from mechsim.pictures.render import Look
+    from mechsim.studies.release import Release
 
 PASS_COLOUR, FAIL_COLOUR = "#00694c", "#a8261a"
 # default crank speed of a page, in [rad/s]
@@ -177,17 +179,17 @@ def plot(
         >>> ms.plot("four_bar", "curve.svg", kind="curve")
     """
     from mechsim.errors import InputError
-    from mechsim.io.readers import load
     from mechsim.pictures import plots
-    from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
+    from mechsim.report.plot_table import OF_RUNS, PLOTS, PlotOptions, PlotSource, require_taken
     from mechsim.units import crank_speed
 
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
     drawn = PlotOptions(coordinates=None if quantities is None else tuple(quantities))
     require_taken(kind, PLOTS[kind].takes, drawn)
-    solver = load(model, set, **options, still=kind == "schematic")
-    source = PlotSource(solver=solver, speed=crank_speed(speed), options=drawn)
+    solver, release = _opened(model, set, options, still=kind == "schematic")
+    release = release if kind in OF_RUNS else None
+    source = PlotSource(solver=solver, speed=crank_speed(speed), options=drawn, release=release)
     figure = PLOTS[kind].figure(source)
     if output is not None:
         plots.write(Path(output), figure)
@@ -230,20 +232,23 @@ def render(
     Example:
         >>> ms.render("rssr", "rssr.png", camera="top")
     """
-    from mechsim.io.readers import load
     from mechsim.pictures.render import Look, write_picture, write_video
     from mechsim.pictures.render.drawn_model import drawn_as
     from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
     from mechsim.pictures.render.gltf import write_gltf
-    from mechsim.studies.drawn_motion import drawn_motion
+    from mechsim.studies.drawn_motion import drawn_motion, initial_pose, is_undriven
     from mechsim.studies.motions import profile_of
     from mechsim.units import crank_speed
 
     shown = {name: options.pop(name) for name in [*options] if name in Look.__dataclass_fields__}
-    solver = load(model, set, **options)
+    solver, release = _opened(model, set, options, still=motion is not None)
     look = replace(Look(), **{**drawn_as(solver), **shown})
     timed, picture = not solver.motion_laws.crank, output is None or Path(output).suffix == ".png"
-    if motion is None:
+    if release is not None and motion is None:
+        motion = release.shown_run(360 if picture else max(2, round(release.duration * fps))).motion
+    elif is_undriven(solver) and motion is None:
+        motion = initial_pose(solver.mechanism)
+    elif motion is None:
         profile = profile_of(solver, crank_speed(speed), turns, angle)
         samples = 360.0 * abs(turns) if picture else profile.duration * fps if timed else 72.0 * abs(turns)
         motion = drawn_motion(solver, "closed", profile, max(1.0, samples))
@@ -261,6 +266,24 @@ def render(
         path = Path(folder) / "picture.png" if output is None else Path(output)
         write_picture(path, solver.mechanism, motion, look, angle=angle)
         return Still(path.read_bytes())
+
+
+def _opened(
+    model: Any, set: Mapping[str, str | float] | None, options: dict[str, Any], *, still: bool
+) -> tuple[KinematicSolver, Release | None]:
+    """Return the solver of a model, and the run from the start of one that only its own forces move."""
+    from mechsim.io.readers import load
+    from mechsim.kinetics import dynamic_model
+    from mechsim.studies.drawn_motion import is_undriven, moved_by_forces
+    from mechsim.studies.release import DURATION, Release
+    from mechsim.units import si
+
+    undriven: dict[str, Any] = options | {"duration": None, "still": True}
+    resting = load(model, set, **undriven)
+    if moved_by_forces(resting):
+        duration = si(options.get("duration") or DURATION, "s", "the duration")
+        return resting, Release(model=dynamic_model(resting), duration=duration)
+    return (resting if still or is_undriven(resting) else load(model, set, **options)), None
 
 
 def video(

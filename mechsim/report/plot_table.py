@@ -5,7 +5,7 @@ its help and the page read the table.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,11 +17,13 @@ from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.quantities import numeric_quantity, quantity_names
-from mechsim.mechanism.quantity import Quantity, record_columns, unwrapped
+from mechsim.mechanism.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures import plots
+from mechsim.pictures.number_text import readable
 from mechsim.studies.drawn_motion import drawn_motion, initial_pose, is_undriven
 from mechsim.studies.motions import profile_of
+from mechsim.studies.release import Release
 from mechsim.units import option
 
 if TYPE_CHECKING:
@@ -30,6 +32,10 @@ if TYPE_CHECKING:
 
 # intervals of a plotted motion: one a degree of a revolution
 SAMPLES = 360
+# kinds that show a run from the start of what only its own forces move
+OF_RUNS = ("motion", "curve", "schematic", "quantities")
+# duration of a run that shows its start, in [s]
+INSTANT = 1e-9
 # number of samples of a run whose errors are drawn, fewer because errors are smooth
 ERROR_SAMPLES = 180
 
@@ -55,6 +61,7 @@ class PlotSource:
         bounds: method -> tolerance on the positions of its points in [m].
         masses: filled in by plots that need them.
         model: masses and forces of the mechanism for a prescribed motion.
+        release: of a mechanism that only its own forces move, for the kinds in `OF_RUNS`.
     """
 
     solver: KinematicSolver
@@ -64,9 +71,12 @@ class PlotSource:
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
     model: Callable[[KinematicSolver], DynamicModel] = dynamic_model
+    release: Release | None = None
 
     def motion(self, method: str, samples: int = SAMPLES) -> Motion:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
+        if self.release is not None:
+            return _over_time(self.release.shown_run(samples).motion)
         if is_undriven(self.solver):
             return initial_pose(self.solver.mechanism)
         if method not in self.motions:
@@ -74,10 +84,18 @@ class PlotSource:
             self.motions[method] = drawn_motion(self.solver, method, profile, samples)
         return self.motions[method]
 
+    def start(self) -> Motion:
+        """Return the start of a run; of other mechanisms the motion, in which a diagram finds a pose."""
+        if self.release is None:
+            return self.motion("closed")
+        return replace(self.release, duration=INSTANT).shown_run(1).motion
+
     @property
     def title(self) -> str:
         """The mechanism, and its crank speed or the duration of its motion laws."""
         laws, name = self.solver.motion_laws, self.solver.name
+        if self.release is not None:
+            return f"{name}, {self.release.title}"
         if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
         if is_undriven(self.solver):
@@ -153,21 +171,33 @@ def _quantities(source: PlotSource) -> "Figure":
     names = source.options.coordinates
     if not names:
         raise InputError("no quantity is named; give --of, as in --of distance:P,Q,rocker.v")
+    if source.release is not None:
+        run = source.release.shown_run(SAMPLES)
+        return plots.quantity_plot(_over_time(run.motion), _labelled(source.release.values(run, names)))
     motion = source.motion("closed")
     quantities = [numeric_quantity(name, source.solver.mechanism) for name in names]
     columns = record_columns(motion, quantities)
+    if any(quantity.kind == TRANSMISSION for quantity in quantities):
+        columns[TRANSMISSION] = source.solver.required_transmission_angle(motion.angle)
     if any(quantity.loaded for quantity in quantities):
         columns |= dict(source.study().columns())
     values = {quantity: quantity.number(columns) for quantity in quantities}
     return plots.quantity_plot(motion, _labelled(values))
 
 
+def _over_time(motion: Motion) -> Motion:
+    """Return the motion of a run, which is drawn over time even if nothing can be driven."""
+    return replace(motion, drivers=motion.drivers or tuple(motion.joints))
+
+
 def _labelled(values: Mapping[Quantity, Array]) -> dict[str, Array]:
     """Return label with unit -> values, angles without jumps of revolutions."""
-    return {
-        f"{quantity.name} [{quantity.unit}]": unwrapped(column) if quantity.angle else column
-        for quantity, column in values.items()
-    }
+    labelled: dict[str, Array] = {}
+    for quantity, column in values.items():
+        column = unwrapped(column) if quantity.angle else column
+        factor, unit = readable(column, quantity.unit)
+        labelled[f"{quantity.name} [{unit}]"] = column / factor
+    return labelled
 
 
 PLOTS = {
@@ -189,9 +219,7 @@ PLOTS = {
     ),
     "schematic": PlotKind(
         "kinematic diagram",
-        lambda source: plots.schematic_plot(
-            source.solver.mechanism, source.motion("closed"), source.solver.forces
-        ),
+        lambda source: plots.schematic_plot(source.solver.mechanism, source.start(), source.solver.forces),
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, transmission=True),
     "quantities": PlotKind("quantities that --of names, over the motion", _quantities, ("coordinates",)),

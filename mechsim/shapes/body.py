@@ -29,6 +29,11 @@ def point_colours(mechanism: Mechanism) -> dict[str, Rgba]:
     return {name: PALETTE[i % (len(PALETTE) - 1)] for i, name in enumerate(mechanism.points)}
 
 
+def pivot_name(mechanism: Mechanism, joint: Joint) -> str:
+    """Return the name of a joint in pictures, marked if a tracked point elsewhere has it too."""
+    return joint.name if joint.name not in mechanism.points else f"joint {joint.name}"
+
+
 def rod_radius(mechanism: Mechanism) -> float:
     """Return the radius of rods in [m]: a fixed fraction of the span, smaller if a link is very short."""
     length = shortest = span(mechanism)

@@ -49,6 +49,11 @@ def is_undriven(solver: KinematicSolver) -> bool:
     return solver.motion_laws.crank and not solver.mechanism.has_crank
 
 
+def moved_by_forces(solver: KinematicSolver) -> bool:
+    """Return whether only its own forces move a mechanism: it is drawn in a run from its start."""
+    return is_undriven(solver) and solver.forces is not None
+
+
 def initial_pose(mechanism: Mechanism) -> Motion:
     """Return the initial pose of a mechanism, as a motion of one instant."""
     rest, zero = np.zeros((1, 3)), np.zeros(1)

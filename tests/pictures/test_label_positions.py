@@ -1,6 +1,6 @@
 import numpy as np
 
-from mechsim.pictures.render.labels import Rectangle, placed, shared
+from mechsim.pictures.label_positions import Rectangle, placed, shared
 
 RANDOM = np.random.default_rng(2)
 SIZE = (400, 300)

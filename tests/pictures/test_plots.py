@@ -8,7 +8,9 @@ import matplotlib
 import numpy as np
 import pytest
 from grids import grid
+from scipy.integrate import solve_ivp
 
+import mechsim as ms
 from mechsim import catalog, load_profile
 from mechsim.errors import InputError, OutputError
 from mechsim.io.readers import load
@@ -294,6 +296,40 @@ def test_a_schematic_shows_profiles_rollers_belts_and_springs():
     assert along[6] < along[1] < along[7]
 
 
+def test_a_schematic_shows_massless_rods():
+    solver = load("models/machines/peaucellier_rods.toml")
+    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(-0.3, 0.3, 5)))
+    bars = [np.linalg.norm(line[1] - line[0]) for line in lines_of(figure) if len(line) == 2]
+    for joint in solver.mechanism.joints:
+        if joint.kind == "distance":
+            assert min(abs(bar - joint.length) for bar in bars) < 1e-9
+    names = {text.get_text(): text.xy for text in figure.axes[0].texts}
+    assert names["OA, OB"] == pytest.approx([0.0, 0.0])
+
+
+def test_a_schematic_shows_the_drum_the_pulley_and_both_falls_of_a_hoist():
+    solver = load("hoist")
+    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 1.0, 5)), solver.forces)
+    circles = [line for line in lines_of(figure) if len(line) > 60]
+    # the pulley between falls that are as far apart as the drum is thick to its middle
+    widths = sorted(float(np.ptp(circle[:, 0])) for circle in circles)
+    assert widths == pytest.approx([0.05, 0.1], abs=2e-2)
+    falls = [line for line in lines_of(figure) if len(line) == 3]
+    across = sorted({round(float(fall[0, 0]), 6) for fall in falls})
+    assert len(across) == 2
+    assert np.diff(across) == pytest.approx([0.05])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["looper", "hoist", "machines/needle_drive", "machines/engine"])
+def test_names_in_a_schematic_cover_neither_each_other_nor_the_scale(name):
+    solver = load(name if "/" not in name else f"models/{name}.toml")
+    figure = PLOTS["schematic"].figure(PlotSource(solver=solver, speed=1.0))
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
 def test_a_schematic_is_not_mirrored():
     linkage = catalog.make("four_bar")
     mechanism, axis = linkage.mechanism, (0.0, 0.0, -1.0)
@@ -306,3 +342,35 @@ def test_a_schematic_is_not_mirrored():
     names = {text.get_text(): text.xy for text in figure.axes[0].texts}
     # the rocker's pivot is at positive x
     assert names["rocker"][0] - names["crank"][0] == pytest.approx(linkage.ground)
+
+
+def test_a_machine_under_its_forces_alone_is_plotted_over_time():
+    model = "models/machines/landing_gear.toml"
+    axes = ms.plot(model, duration="0.6 s").axes
+
+    def fall(_time, state):
+        s, v = state
+        return [v, 9.81 - 6000.0 / 1200.0 * (1.0 - s / 0.45) ** -1.3 - 9000.0 / 1200.0 * v * abs(v)]
+
+    expected = solve_ivp(fall, (0.0, 0.6), [0.0, 0.0], rtol=1e-10, atol=1e-12, dense_output=True).sol
+    for ax, factor, row in ((axes[0], -1e-3, 0), (axes[1], -1.0, 1)):
+        time, drawn = ax.get_lines()[0].get_data()
+        np.testing.assert_allclose(factor * drawn, expected(time)[row], atol=1e-7)
+
+
+def test_a_diagram_shows_the_initial_state_of_a_file():
+    figure = ms.plot("models/machines/spring_gripper.toml", kind="schematic")
+    names = {text.get_text(): text.xy for text in figure.axes[0].texts}
+    # left.q = 120 deg, a finger of 80 mm
+    finger = np.subtract(names["left"], names["joint left"])
+    np.testing.assert_allclose(finger, 0.08 * np.array([-0.5, 0.75**0.5]), atol=1e-9)
+
+
+def test_the_transmission_angle_is_a_quantity_to_draw():
+    figure = ms.plot("four_bar", kind="quantities", quantities=["transmission"])
+    angle, drawn = figure.axes[0].get_lines()[0].get_data()
+    linkage = catalog.make("four_bar")
+    a, b, c, d = linkage.crank, linkage.coupler, linkage.rocker, linkage.ground
+    diagonal = a**2 + d**2 - 2.0 * a * d * np.cos(np.deg2rad(angle))
+    between = np.rad2deg(np.arccos((b**2 + c**2 - diagonal) / (2.0 * b * c)))
+    np.testing.assert_allclose(drawn, np.minimum(between, 180.0 - between), atol=1e-6)

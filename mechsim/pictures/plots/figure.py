@@ -174,7 +174,7 @@ def draw_curves(
 ) -> tuple[float, str]:
     """Draw named curves, in degrees or in a readable unit; return the factor and the name of that unit."""
     every = np.concatenate([*curves.values()])
-    factor, shown = (np.pi / 180.0, "°") if unit == "rad" else readable(every, unit)
+    factor, shown = readable(every, unit)
     for i, (name, values) in enumerate(curves.items()):
         style = STYLES[(i + i // len(COLOURS)) % len(STYLES)]
         ax.plot(x, values / factor, color=COLOURS[i % len(COLOURS)], ls=style, label=label_of(name))

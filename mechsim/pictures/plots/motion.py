@@ -201,7 +201,7 @@ def agreement_plot(curves: TwoCurves) -> Figure:
 
 
 def _curves(ax: Axes, x: Array, curves: TwoCurves) -> None:
-    factor, unit = _readable(np.concatenate([curves.exact, curves.claimed]), curves.unit)
+    factor, unit = readable(np.concatenate([curves.exact, curves.claimed]), curves.unit)
     for i in range(curves.exact.shape[1]):
         colour, component = COLOURS[i], f" {curves.components[i]}" if curves.components else ""
         ax.plot(x, curves.exact[:, i] / factor, color=colour, lw=2.6, alpha=0.45, label=f"exact{component}")
@@ -226,7 +226,7 @@ def _difference(ax: Axes, x: Array, curves: TwoCurves) -> None:
         gap = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
     floor = ROUNDED * float(np.nanmax(np.abs(curves.exact), initial=0.0))
     rounding = float(np.nanmax(np.abs(gap), initial=0.0)) < floor
-    factor, unit = _readable(np.array([max(floor, curves.tolerance)]) if rounding else gap, curves.unit)
+    factor, unit = readable(np.array([max(floor, curves.tolerance)]) if rounding else gap, curves.unit)
     if rounding:
         gap = 0.0 * gap
     for i in range(gap.shape[1]):
@@ -251,12 +251,8 @@ def _difference(ax: Axes, x: Array, curves: TwoCurves) -> None:
 def _shares(ax: Axes, curves: TwoCurves) -> None:
     names = list(curves.shares)
     values = np.array([curves.shares[name] for name in names])
-    factor, unit = _readable(values, curves.unit)
+    factor, unit = readable(values, curves.unit)
     ax.barh(names[::-1], values[::-1] / factor, color=COLOURS[0], height=0.6)
     ax.axvline(0.0, color="#5b6470", lw=0.8)
     ax.set_xlabel(f"share of the largest distance between run and claim [{unit}]")
     ax.set_title("where the distance of a run in time comes from")
-
-
-def _readable(values: Array, unit: str) -> tuple[float, str]:
-    return readable(values, unit) if unit in ("m", "m/s", "N", "N m", "rad") else (1.0, unit)

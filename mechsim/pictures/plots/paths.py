@@ -10,11 +10,12 @@ from mechsim.mechanism.belts import belts_of
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import hinged_normals, moved_links
+from mechsim.mechanism.link_poses import hinged_normals, moved_links, with_rods
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.pictures.label_positions import Rectangle, placed, shared
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import (
     INK,
@@ -25,7 +26,8 @@ from mechsim.pictures.plots.figure import (
     point_names,
     styled,
 )
-from mechsim.shapes.body import edges, point_colours, span, stations, travels
+from mechsim.shapes.belts import draw_ropes
+from mechsim.shapes.body import Canvas, edges, pivot_name, point_colours, span, stations, travels
 from mechsim.shapes.camera import clearest_pose, directions, nice
 from mechsim.shapes.gears import racks_of, wheels_of
 from mechsim.shapes.guides import CHORDS, contact_points, hidden_links
@@ -35,6 +37,7 @@ from mechsim.shapes.springs import spring_ends
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Annotation
 
 
 PAPER, SHADE = "#ffffff", "#dfe3e9"
@@ -67,11 +70,12 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     their profiles, belts their strands; springs are zigzags, dampers pistons in cylinders. Points and joints
     on the ground have names.
     """
-    poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
     back, up = directions(mechanism, "iso")
     if hinged_normals(mechanism) and float(np.cross(up, back).sum()) < 0.0:
         back = -back  # the other side would mirror the coordinates
     view = np.column_stack([np.cross(up, back), up])
+    mechanism, moved = with_rods(mechanism, moved_links(mechanism, motion))
+    poses = {GROUND: IDENTITY, **moved}
     frame = clearest_pose(mechanism, poses, (view[:, 0], view[:, 1]))
     shown = {link: pose if pose.position.ndim == 1 else pose.select(frame) for link, pose in poses.items()}
     figure, axes = blank(1, 1, (4.8, 3.6))
@@ -85,7 +89,8 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
             _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
     sliding = travels(mechanism, poses)
     joints = [j for j in mechanism.joints if not (KINDS[j.kind].floating or hidden.intersection(j.links))]
-    for line in [*_pitch_lines(mechanism, shown), *_profiles(mechanism, shown), *_legs(joints, shown)]:
+    outlines = [*_pitch_lines(mechanism, shown), *_profiles(mechanism, shown), *_legs(joints, shown)]
+    for line in [*outlines, *_ropes(mechanism, shown, sliding)]:
         ax.plot(*(line @ view).T, color=INK, lw=0.9 if len(line) > 2 else 1.8, zorder=2)
     # a profile can be larger than all links
     length_scale = max(length_scale, 0.4 * float(ax.dataLim.size.max()))
@@ -95,45 +100,55 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
         ax.plot(*symbol.T, color=INK, lw=1.0, zorder=2)
     for joint in joints:
         _draw_joint(ax, joint, shown, view, sliding, length_scale)
-    names = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
-    grounded = {name: joint.a.point for name, joint in _ground_pivots(mechanism).items()}
-    names |= {name: shown[GROUND].point(point) @ view for name, point in grounded.items()}
-    middle = np.mean(list(names.values()), axis=0) if names else np.zeros(2)
-    for name, point in names.items():
-        same = [n for n, p in names.items() if np.allclose(p, point, atol=RADIUS * length_scale)]
-        if name != same[0]:
-            continue
-        right, above = point[0] >= middle[0], name in grounded or point[1] >= middle[1]
-        offset = (7.0 if right else -7.0, 7.0 if above else -7.0)
-        aligned = {"ha": "left" if right else "right", "va": "center", "zorder": 5}
-        ax.annotate(
-            label_of(", ".join(same)),
-            tuple(point),
-            offset,
-            textcoords="offset points",
-            bbox=BEHIND_NAMES,
-            **aligned,
-        )
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1)
     ax.set_axis_off()
-    length = nice(length_scale / 4.0)
-    low = ax.dataLim.min
-    bar = np.array(
-        [[low[0], low[1] - 2.0 * FOOT * length_scale], [low[0] + length, low[1] - 2.0 * FOOT * length_scale]]
-    )
+    bar = ax.dataLim.min - [0.0, 2.0 * FOOT * length_scale]
+    bar = bar + np.outer([0.0, nice(length_scale / 4.0)], [1.0, 0.0])
     ax.plot(*bar.T, color=INK, lw=2.5, solid_capstyle="butt")
-    ax.annotate(prefixed(length, "m"), bar[1], (4, 0), textcoords="offset points", va="center")
+    length = prefixed(bar[1, 0] - bar[0, 0], "m")
+    unit = ax.annotate(length, bar[1], (4, 0), textcoords="offset points", va="center")
+    named = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
+    pivots = [j for j in joints if j.a.link == GROUND and KINDS[j.kind].pivot]
+    named |= {pivot_name(mechanism, j): shown[GROUND].point(j.a.point) @ view for j in pivots}
+    _write_names(ax, named, bar, unit)
     return figure
 
 
-def _ground_pivots(mechanism: Mechanism) -> dict[str, Joint]:
-    hidden = hidden_links(mechanism)
-    return {
-        j.name: j
-        for j in mechanism.joints
-        if j.a.link == GROUND and KINDS[j.kind].pivot and j.b.link not in hidden
-    }
+def _write_names(ax: "Axes", named: Mapping[str, Array], bar: Array, unit: "Annotation") -> None:
+    """Write names next to their points, clear of lines, of the scale bar with its unit, and of each other."""
+    figure = unit.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
+    across, height = figure.bbox.size
+
+    def pixels(points: Array) -> Array:
+        return ax.transData.transform(points) * [1.0, -1.0] + [0.0, height]
+
+    box, (end, _) = unit.get_window_extent(), pixels(bar)
+    line = float(box.height)
+    occupied = [Rectangle(end[0], end[1] - line, box.x1, end[1] + line)]
+    curves = [np.column_stack(curve.get_data()) for curve in ax.get_lines()]
+    along = np.linspace(0.0, 0.95, 20)
+    lines = np.concatenate([pixels(c[:-1] + s * np.diff(c, axis=0)) for c in curves for s in along])
+    names = shared({name: pixels(point) for name, point in named.items()})
+    written = [
+        ax.annotate(
+            label_of(name),
+            tuple(named[name.split(", ")[0]]),
+            (0.0, 0.0),
+            textcoords="offset points",
+            bbox=BEHIND_NAMES,
+            zorder=5,
+            va="center",
+        )
+        for name, _ in names
+    ]
+    points, widths = [point for _, point in names], [text.get_window_extent().width for text in written]
+    spots = placed(points, widths, line, 0.8 * line, (int(across), int(height)), occupied, lines=lines)
+    for text, point, (spot, _) in zip(written, points, spots, strict=True):
+        off = spot.x_low - point[0], point[1] - 0.5 * (spot.y_low + spot.y_high)
+        text.set_position(tuple(72.0 / figure.dpi * np.array(off)))
 
 
 def _pitch_lines(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array]:
@@ -171,6 +186,22 @@ def _profiles(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array
         for centre, radius in zip(belt.centres, np.abs(belt.radii), strict=True):
             pulley = replace(end, point=vector(end.point, plane @ centre))
             yield _placed(poses[end.link], _circle(pulley, radius))
+
+
+def _ropes(
+    mechanism: Mechanism, poses: Mapping[str, Pose], sliding: Mapping[str, tuple[float, float]]
+) -> Iterator[Array]:
+    """Yield the falls of ropes, and the circles of their drums and pulleys, (n, 3)."""
+    canvas = Canvas(mechanism, dict(sliding), {})
+    draw_ropes(canvas)
+    for link, shapes in canvas.out.items():
+        for shape in shapes:
+            if shape.kind == "capsule":
+                yield _placed(poses[link], np.linspace(shape.frm, shape.to, 3))
+            elif shape.kind == "cylinder" and shape.sizes[0] > 3.0 * canvas.r:
+                yield _placed(
+                    poses[link], _circle(End(link, shape.frm, vector(shape.frame[:, 2])), shape.sizes[0])
+                )
 
 
 def _circle(end: End, radius: float, height: float = 0.0) -> Array:
@@ -215,12 +246,12 @@ def _draw_joint(
     """Draw the symbol of a joint, and a foot where it is on the ground."""
     from matplotlib.patches import Circle
 
-    kind = KINDS[joint.kind]
+    kind, slides = KINDS[joint.kind], len(KINDS[joint.kind].slides)
     centre = poses[joint.b.link].point(joint.b.point) @ view
-    grounded = GROUND in (joint.a.link, joint.b.link)
+    grounded = slides < 2 and GROUND in (joint.a.link, joint.b.link)
     axis = poses[joint.a.link].rotation @ np.asarray(joint.a.axis) @ view
     along = float(np.linalg.norm(axis))
-    if joint.name in sliding and along > 0.1:
+    if slides == 1 and along > 0.1:
         axis, (low, high) = axis / along, sliding[joint.name]
         origin = poses[joint.a.link].point(joint.a.point) @ view
         reach = np.array([low * along - BLOCK * length_scale, high * along + BLOCK * length_scale])

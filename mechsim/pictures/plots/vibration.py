@@ -55,7 +55,7 @@ def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -
 
     Args:
         run: from an initial state.
-        quantities: label with unit -> values, (n,) in SI; each has axes of its own.
+        quantities: label with unit -> values, (n,); each has axes of its own.
     """
     motion, more = run.motion, dict(quantities or {})
     assert motion.time is not None

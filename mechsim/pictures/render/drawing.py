@@ -32,7 +32,7 @@ from mechsim.pictures.render.frame_poses import (
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil, dashpot, put_arrow
-from mechsim.shapes.body import point_colours
+from mechsim.shapes.body import pivot_name, point_colours
 from mechsim.shapes.camera import clearest_pose
 from mechsim.shapes.shape import STEEL
 from mechsim.shapes.springs import spring_ends
@@ -267,8 +267,7 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
             position = np.array(end.point)
             labelled = any(np.abs(path - position).max() < 0.1 * drawn.radius for path in points.values())
             if end.link == GROUND and KINDS[joint.kind].pivot and not labelled:
-                # a point elsewhere may bear its name
-                positions[joint.name if joint.name not in points else f"joint {joint.name}"] = position
+                positions[pivot_name(drawn.mechanism, joint)] = position
     return positions
 
 
