@@ -344,7 +344,7 @@ def test_a_schematic_is_not_mirrored():
     assert names["rocker"][0] - names["crank"][0] == pytest.approx(linkage.ground)
 
 
-def test_a_machine_under_its_forces_alone_is_plotted_over_time():
+def test_a_run_without_a_motion_law_is_plotted_over_time():
     model = "models/machines/landing_gear.toml"
     axes = ms.plot(model, duration="0.6 s").axes
 
