@@ -75,18 +75,22 @@ def require_dimensions(source: TomlSource, parameters: Mapping[str, Any]) -> Non
             raise source.error(path, reason)
 
 
-def _uses(key: Key, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
-    """Yield the expressions of a file and their units."""
+def _uses(key: Key, value: Any, lift: Unit = "1") -> Iterator[tuple[ast.expr, Unit]]:
+    """Yield the expressions of a file and their units; `lift` is the unit of a cam's lift."""
     inner: list[tuple[Key, Any]] = []
     match key:
-        case {"unit": unit} if unit != "joint" and not ("over" in key and is_profile(value)):
-            tree = _parsed(value)
+        case {"unit": "joint"} if lift == "1":
+            pass
+        case {"unit": unit} if not ("over" in key and is_profile(value)):
+            tree, unit = _parsed(value), lift if unit == "joint" else unit
             if tree is not None:
                 yield tree, unit if unit in _DIMENSIONS else "1"
         case {"items": item} if isinstance(value, list):
             inner = [(item, entry) for entry in value]
         case {"properties": keys} if isinstance(value, dict):
             inner = [(keys[name], entry) for name, entry in value.items() if name in keys]
+            if isinstance(follower := value.get("follower"), dict):
+                lift = "rad" if follower.get("motion") == "swinging" else "m"
         case {"additionalProperties": item} if isinstance(value, dict):
             inner = [(item, entry) for entry in value.values()]
         case {"anyOf": alternatives}:
@@ -94,7 +98,7 @@ def _uses(key: Key, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
         case _:
             pass
     for inner_key, entry in inner:
-        yield from _uses(inner_key, entry)
+        yield from _uses(inner_key, entry, lift)
 
 
 def _parsed(value: Any) -> ast.expr | None:

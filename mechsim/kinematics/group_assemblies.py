@@ -111,6 +111,10 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
     Source: Artobolevskii, Theory of Mechanisms and Machines, classes II and III; `triad_modes`.
     """
     normal = plane_normal(mechanism)
+    if mechanism.contacts:
+        raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
+    if mechanism.couplings:
+        raise UnsolvedGroupError("racks and couplings belong to no Assur group")
     decomposition = assur_groups(mechanism)
     assert normal is not None
     # a right-handed basis whose third column is the normal, (3, 3)

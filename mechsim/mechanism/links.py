@@ -33,11 +33,13 @@ class Rods:
         length: total length in [m].
         diameter: diameter in [m].
         density: density in [kg/m3].
+        disc: radius of the disc of a cam, which is as thick as a pin is long, in [m]; 0 without one.
     """
 
     length: float
     diameter: float
     density: float
+    disc: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
+from mechsim.mechanism.cams import Cam
 from mechsim.mechanism.links import Inertia, Rods, Vector, combine, rows, vector
 from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.numerics.arrays import HUGE, Array, distinct, number
@@ -29,6 +31,7 @@ class LinkMass:
         length: total length of the rods in [m]; None unless the source is "rod".
         diameter: diameter of the rods in [m]; None unless the source is "rod".
         density: density of the rods in [kg/m3]; None unless the source is "rod".
+        disc: radius of the disc of a cam in [m]; None without one.
     """
 
     link: str
@@ -37,6 +40,7 @@ class LinkMass:
     length: float | None = None
     diameter: float | None = None
     density: float | None = None
+    disc: float | None = None
 
     @property
     def text(self) -> str:
@@ -46,7 +50,7 @@ class LinkMass:
         return (
             f"computed: {_material(self.density)} rods, length {self.length:.6g} m, "
             f"diameter {self.diameter:.6g} m"
-        )
+        ) + (f", and a disc of radius {self.disc:.6g} m" if self.disc else "")
 
 
 def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:
@@ -70,9 +74,10 @@ def _source_text(source: Source, group: Sequence[LinkMass]) -> str:
         return f"given, {total}"
     if source == "zero":
         return "zero in the file"
-    rod = group[0]
+    rod, discs = group[0], [mass.link for mass in group if mass.disc]
+    disc = f", of {', '.join(discs)} a disc" if discs else ""
     return (
-        f"computed as round {_material(rod.density)} rods of diameter {rod.diameter:.4g} m, {total}, "
+        f"computed as round {_material(rod.density)} rods of diameter {rod.diameter:.4g} m{disc}, {total}, "
         "because no inertia is given"
     )
 
@@ -101,6 +106,7 @@ def _mass(link: str, inertia: Inertia) -> LinkMass:
             length=rods.length,
             diameter=rods.diameter,
             density=rods.density,
+            disc=rods.disc or None,
         )
     massless = inertia.negligible or inertia.mass == 0.0
     return LinkMass(link=link, mass=inertia.mass, source="zero" if massless else "given")
@@ -152,7 +158,8 @@ def with_inertia(
     """Return the mechanism with an inertia on every link.
 
     A link consists of the straight rods of least total length that connect its joint points and outline;
-    overlaps at their ends count twice. A link with a single point is a pin along its first joint's axis.
+    overlaps at their ends count twice. A link with a single point is a pin along its first joint's axis. A
+    cam is also a disc of its base radius, as thick as this pin is long.
 
     Args:
         mechanism: the mechanism.
@@ -177,15 +184,30 @@ def _link_inertia(
     mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float
 ) -> Inertia:
     ends = mechanism.ends(name)
+    length = PIN_LENGTH * diameter
+    discs = [
+        (mechanism.joint(joint).a, contact.shape.base_radius)
+        for joint, contact in mechanism.contacts.items()
+        if contact.carrier == name and isinstance(contact.shape, Cam)
+    ]
     points = distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
     if len(points) == 1:
-        axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
-        arm = 0.5 * PIN_LENGTH * diameter * axis
-        pin = round_rod(vector(points[0] - arm), vector(points[0] + arm), density, diameter)
-        return replace(pin, rods=Rods(PIN_LENGTH * diameter, diameter, density))
-    rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
-    whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
-    return replace(whole, rods=Rods(sum(_length(a, b) for a, b in rods), diameter, density))
+        rods = [_pin(points[0], ends[0].axis if ends else (0.0, 0.0, 1.0), length)]
+    else:
+        rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
+    solids = [round_rod(a, b, density, diameter) for a, b in rods]
+    solids += [round_rod(*_pin(end.point, end.axis, length), density, 2.0 * radius) for end, radius in discs]
+    whole = solids[0] if len(solids) == 1 else combine(solids)
+    total = sum(_length(a, b) for a, b in rods)
+    return replace(
+        whole, rods=Rods(total, diameter, density, max((radius for _, radius in discs), default=0.0))
+    )
+
+
+def _pin(point: ArrayLike, axis: ArrayLike, length: float) -> tuple[Vector, Vector]:
+    """Return the ends of a pin along an axis, with its centre at a point."""
+    centre, arm = np.asarray(point), 0.5 * length * np.asarray(axis)
+    return vector(centre - arm), vector(centre + arm)
 
 
 def _rod(start: Vector, end: Vector, mass: float, along: float, across: float) -> Inertia:

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.io.readers import load
-from mechsim.kinematics.group_assemblies import UnsolvedGroupError, group_assemblies
+from mechsim.kinematics.group_assemblies import group_assemblies
 from mechsim.kinematics.loops.assemblies import other_assemblies, tracked_positions
 from mechsim.kinematics.loops.motion import driven_path
-from mechsim.kinematics.mobility_count import plane_normal
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.numerics.arrays import Array
@@ -66,12 +65,6 @@ def assemblies(model: "Model", angle: float, *, searched: bool = True) -> Assemb
         return _assemblies_of(angle, listed, True, reason)
     try:
         # every assembly at the driver positions of the solver's own
-        if solver.mechanism.contacts:
-            raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
-        if plane_normal(solver.mechanism) is None:
-            raise UnsolvedGroupError("not all joints belong to planar Assur groups")
-        if solver.mechanism.couplings:
-            raise UnsolvedGroupError("racks and couplings belong to no Assur group")
         links = solver.solve_along([angle]).links
         poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
         groups = group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})

@@ -51,3 +51,10 @@ def test_parameters_have_a_unit_or_are_in_si(tmp_path, name, text, value):
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])
 def test_an_invalid_file_determines_no_units(document):
     assert parameter_units(document) == {}
+
+
+@pytest.mark.parametrize(("motion", "unit"), [("translating", "m"), ("swinging", "rad")])
+def test_the_lift_of_a_cam_has_the_unit_of_its_follower(motion, unit):
+    cam = {"follower": {"kind": "roller", "motion": motion}, "law": [{"over": 1, "to": "lift"}]}
+    result = parameter_units({"parameters": {"lift": 5}, "cams": {"plate": cam}})
+    assert result == {"lift": unit}

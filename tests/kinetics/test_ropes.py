@@ -7,6 +7,7 @@ import mechsim as ms
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.contact_forces import contact_forces
 from mechsim.studies.motions import profile_of
+from mechsim.studies.robots.serial_twin import serial_twin
 
 
 def hoist(folder, swing=1.5, path="3 m", start=""):
@@ -37,3 +38,11 @@ def test_a_rope_goes_slack_where_the_hook_would_fall_faster_than_free(tmp_path):
     first = np.arcsin(9.81 / (0.025 * 15 * 4 * np.pi**2)) / (2 * np.pi)
     assert np.abs(np.array(rope.changes) - [first, 0.5 - first]).max() < 1e-13
     assert "goes slack" in rope.sentence("rope")
+
+
+def test_a_hoist_without_loops_couples_the_hook_to_the_drum_by_its_name():
+    # in models of MuJoCo the crank has another name, which the terms of the rope must not keep
+    twin = serial_twin("hoist", "urdf", independent={"drum": (-1.0, 1.0)})
+    assert abs(float(twin.text.split('multiplier="')[1].split('"')[0]) - 0.025) < 1e-15
+    states = ms.sample("hoist", 4)
+    assert np.abs(states.qpos[:, 1] - 0.025 * states.qpos[:, 0]).max() < 1e-15

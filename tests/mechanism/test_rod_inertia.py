@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import mechsim as ms
 from mechsim import catalog
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import EY, GROUND, Inertia, Link
@@ -77,3 +78,14 @@ def test_collinear_points_are_one_rod_and_triangles_two():
     curved = Mechanism("bar", (Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
     inertia = with_inertia(curved, 1000.0, 0.01).links[0].inertia
     assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4 * 0.7, rel=1e-13)
+
+
+def test_a_cam_without_an_inertia_is_a_disc_of_its_base_radius():
+    cam = next(link for link in with_inertia(ms.load("cam_follower").mechanism).links if link.name == "cam")
+    # base radius 30 mm and roller 8 mm: characteristic length 38 mm, pin 1.9 mm thick and 3.8 mm long
+    solids = [(0.0019 / 2, 0.0038), (0.03, 0.0038)]
+    masses = [STEEL * np.pi * radius**2 * length for radius, length in solids]
+    moment = sum(mass * radius**2 / 2 for mass, (radius, _) in zip(masses, solids, strict=True))
+    assert cam.inertia.mass == pytest.approx(sum(masses), rel=1e-13)
+    assert cam.inertia.matrix[2][2] == pytest.approx(moment, rel=1e-13)
+    assert cam.inertia.rods.disc == 0.03

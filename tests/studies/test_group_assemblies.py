@@ -123,6 +123,13 @@ def test_a_spatial_mechanism_is_rejected():
         group_assemblies(solver.mechanism, poses_of(solver, 0.1))
 
 
+@pytest.mark.parametrize(("name", "reason"), [("cam_follower", "curve or cam"), ("belt_drive", "coupling")])
+def test_curves_and_couplings_belong_to_no_group(name, reason):
+    solver = ms.load(name)
+    with pytest.raises(InputError, match=reason):
+        group_assemblies(solver.mechanism, poses_of(solver, 0.1))
+
+
 @pytest.mark.long
 def test_a_trace_with_groups_states_at_how_many_angles_it_is_complete():
     trace = ms.trace("watt_six_bar", starts=0)

@@ -20,6 +20,9 @@ from mechsim.numerics.arrays import Array
 BALL = mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 CRANK = "crank"
+JOINT_TERM = mujoco.mjtWrap.mjWRAP_JOINT
+# what a generated tendon of joints can have
+TENDON_VALUES = ("armature", "frictionloss", "stiffness", "damping", "springlength")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,29 @@ def model_names(mechanism: Mechanism) -> dict[str, str]:
         for joint in mechanism.joints
         for coordinate, name in zip(joint.coordinates, part_names(mechanism, joint), strict=False)
     }
+
+
+def rename_crank(spec: mujoco.MjSpec, name: str) -> None:
+    """Give the crank of a generated model its own name, also in actuators, equalities and tendons."""
+    for tendon in list(spec.tendons):
+        terms = [(wrap.target.name, wrap.coef) for wrap in tendon.path if wrap.type == JOINT_TERM]
+        if CRANK in dict(terms):
+            # the terms of a tendon keep the name of their joint: another one takes its values
+            renamed, label = spec.add_tendon(), tendon.name
+            for key in TENDON_VALUES:
+                setattr(renamed, key, getattr(tendon, key))
+            spec.delete(tendon)
+            renamed.name = label
+            for joint, weight in terms:
+                renamed.wrap_joint(name if joint == CRANK else joint, weight)
+    spec.joint(CRANK).name = name
+    for actuator in spec.actuators:
+        actuator.target = name if actuator.target == CRANK else actuator.target
+    for equality in spec.equalities:
+        if equality.type == mujoco.mjtEq.mjEQ_JOINT:
+            equality.name1, equality.name2 = (
+                name if joint == CRANK else joint for joint in (equality.name1, equality.name2)
+            )
 
 
 def coincident_points(kind: Kind) -> list[float] | None:

@@ -9,7 +9,7 @@ from mechsim.mechanism.limits import NO_RANGES, Ranges
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import inertia_and_holding
-from mechsim.simulation.mjcf.joints import CRANK, limit_joints
+from mechsim.simulation.mjcf.joints import CRANK, limit_joints, rename_crank
 
 HOME = "home"
 # time step in [s] of a model with servos
@@ -46,14 +46,7 @@ def with_servos(
     if mechanism.has_crank:
         # a servo needs no virtual drive inertia
         spec.joint(CRANK).armature = forces.flywheel
-        # rename a joint, also in the couplings that refer to it
-        new = names[0]
-        spec.joint(CRANK).name = new
-        for equality in spec.equalities:
-            if equality.type == mujoco.mjtEq.mjEQ_JOINT:
-                equality.name1, equality.name2 = (
-                    new if reference == CRANK else reference for reference in (equality.name1, equality.name2)
-                )
+        rename_crank(spec, names[0])
     limit_joints(spec, ranges)
     for spring in forces.joint_springs:
         _use_joint_spring(spec, spring)

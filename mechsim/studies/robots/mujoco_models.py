@@ -18,7 +18,7 @@ from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf.joints import CRANK, limit_joints
+from mechsim.simulation.mjcf.joints import CRANK, limit_joints, rename_crank
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.units import Unit, si
 
@@ -79,14 +79,7 @@ def spec_and_unlimited(solver: KinematicSolver) -> tuple[mujoco.MjSpec, list[str
     spec = assembled(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
     if solver.mechanism.has_crank and (name := solver.mechanism.crank.name) != CRANK:
         # models of mechanisms reserve the name of the crank, and the user knows it by its own
-        spec.joint(CRANK).name = name
-        for actuator in spec.actuators:
-            actuator.target = name if actuator.target == CRANK else actuator.target
-        for equality in spec.equalities:
-            equality.name1, equality.name2 = (
-                name if joint == CRANK and equality.objtype == mujoco.mjtObj.mjOBJ_JOINT else joint
-                for joint in (equality.name1, equality.name2)
-            )
+        rename_crank(spec, name)
     stops = {} if solver.forces is None else solver.forces.stop_ranges
     return spec, limit_joints(spec, {**solver.ranges, **stops})
 
