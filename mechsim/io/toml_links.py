@@ -9,8 +9,11 @@ import numpy as np
 from mechsim.io.toml_values import TomlSource, suggestion
 from mechsim.kinematics.vector_method.rotations import turned_by
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Inertia, Link, Pose
+from mechsim.mechanism.links import EZ, GROUND, Inertia, Link, Pose, Vector, vector
+from mechsim.numerics.arrays import REVOLUTION
 
+# largest number of sectors of an outline
+MAX_REPEAT = 1000
 # inertia of a link that only connects joints
 MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
 
@@ -24,7 +27,7 @@ def links_of(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
         with source.error_context(("links", name)):
             inertia = entry.get("inertia")
             polygon = entry.get("polygon", False)
-            yield Link(name, entry.get("outline", ()), inertia and Inertia(**inertia), polygon)
+            yield Link(name, _outline(source, name, entry), inertia and Inertia(**inertia), polygon)
     named = [(joint, side, entry[side]["link"]) for joint, entry in read["joints"].items() for side in "ab"]
     count = Counter(link for _, _, link in named)
     for joint, side, link in named:
@@ -36,6 +39,16 @@ def links_of(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
             table = f"; a link of one joint needs a table, [links.{link}]"
             raise source.error(("joints", joint, side, "link"), reason + suggestion(link, candidates) + table)
     yield from (Link(name) for name in count if name not in declared and name != GROUND)
+
+
+def _outline(source: TomlSource, name: str, entry: Mapping[str, Any]) -> tuple[Vector, ...]:
+    """Return the points of an outline, as often as it repeats about the z axis of its link."""
+    count, points = entry.get("repeat", 1), np.reshape(entry.get("outline", ()), (-1, 3))
+    if count not in range(1, MAX_REPEAT + 1):
+        raise source.error(("links", name, "repeat"), f"is {count:g}; give a whole number, 1 to {MAX_REPEAT}")
+    angles = REVOLUTION / count * np.arange(round(count))
+    rotations = turned_by(np.eye(3)[None], angles[:, None] * np.array([EZ]))
+    return tuple(vector(point) for rotation in rotations for point in points @ rotation.T)
 
 
 def joint_of(source: TomlSource, name: str, entry: Mapping[str, Any]) -> Joint:

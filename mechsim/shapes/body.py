@@ -18,9 +18,16 @@ from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape, vector
 
 
+def fixed_links(mechanism: Mechanism) -> set[str]:
+    """Return the links that are fixed to the frame."""
+    fixed = (joint.links for joint in mechanism.joints if not KINDS[joint.kind].dof and GROUND in joint.links)
+    return {link for links in fixed for link in links} - {GROUND}
+
+
 def link_colours(mechanism: Mechanism) -> dict[str, Rgba]:
-    """Return the colour of every moving link, in the order of the palette."""
-    return {link.name: PALETTE[i % len(PALETTE)] for i, link in enumerate(mechanism.links)}
+    """Return the colour of every link, in the order of the palette; of the frame for what is fixed to it."""
+    of_frame = dict.fromkeys(fixed_links(mechanism), HOUSING)
+    return {link.name: PALETTE[i % len(PALETTE)] for i, link in enumerate(mechanism.links)} | of_frame
 
 
 def point_colours(mechanism: Mechanism) -> dict[str, Rgba]:
@@ -29,9 +36,17 @@ def point_colours(mechanism: Mechanism) -> dict[str, Rgba]:
     return {name: PALETTE[i % (len(PALETTE) - 1)] for i, name in enumerate(mechanism.points)}
 
 
-def pivot_name(mechanism: Mechanism, joint: Joint) -> str:
-    """Return the name of a joint in pictures, marked if a tracked point elsewhere has it too."""
-    return joint.name if joint.name not in mechanism.points else f"joint {joint.name}"
+def fixed_pivots(mechanism: Mechanism) -> dict[str, tuple[str, End]]:
+    """Return joint -> its label and its end on the frame, of joints that pivot there and rods from it.
+
+    A label differs from the names of tracked points, which may be elsewhere.
+    """
+    return {
+        joint.name: (f"joint {joint.name}" if joint.name in mechanism.points else joint.name, end)
+        for joint in mechanism.joints
+        for end in (joint.a, joint.b)
+        if end.link == GROUND and (KINDS[joint.kind].pivot or (KINDS[joint.kind].rod and end is joint.a))
+    }
 
 
 def rod_radius(mechanism: Mechanism) -> float:
@@ -51,16 +66,20 @@ def span(mechanism: Mechanism) -> float:
     """
     longest = mechanism.characteristic_length
     for link in mechanism.links:
-        for a, b in combinations(stations(mechanism, link.name), 2):
-            longest = max(longest, float(np.linalg.norm(a - b)))
+        points = np.array([*stations(mechanism, link.name), *link.outline])
+        longest = max(longest, float(np.linalg.norm(points[:, None] - points, axis=-1).max()))
     if not longest > 0.0:
         raise InputError(f"{mechanism.name} has no length to draw; give its links joints or outline points")
     return longest
 
 
 def stations(mechanism: Mechanism, link: str) -> list[Array]:
-    """Return the distinct points that the body of a link connects: joints, outline, tracked points."""
-    outline = next((candidate.outline for candidate in mechanism.links if candidate.name == link), ())
+    """Return the distinct points that the body of a link connects: joints, tracked points, outline.
+
+    The corners of a polygon are none of them.
+    """
+    rods = (row.outline for row in mechanism.links if row.name == link and not row.polygon)
+    outline = next(rods, ())
     tracked = [local for owner, local in mechanism.points.values() if owner == link]
     positions: list[Array] = []
     for point in [*(end.point for end in mechanism.ends(link)), *outline, *tracked]:
@@ -342,6 +361,10 @@ class Canvas:
     def height(self, link: str) -> float:
         """Return the middle of a planar link's layer, along its normal."""
         return 1.6 * self.r * self.layers.get(link, 0.0)
+
+    def lift_of(self, link: str) -> Array:
+        """Return the middle of a planar link's layer as a vector in its frame, (3,)."""
+        return self.height(link) * self.normals[link] if self.normals else np.zeros(3)
 
     def level(self, link: str) -> float:
         """Return the middle of a planar link's layer along its normal; for the ground its mounting plate."""

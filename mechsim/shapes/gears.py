@@ -234,22 +234,23 @@ def _on_an_arm(arm: Joint, planet: Joint, gear: Gear, pitch: float) -> list[Whee
     """Return a planet on the arm that drives it, and the fixed wheel on the arm's shaft.
 
     Relative to the arm, that wheel rotates backward by the arm's angle. Inside a ring the planet also rotates
-    backward, around a wheel it rotates forward.
+    backward, and so does a ring around a fixed wheel; around a wheel a planet rotates forward.
     """
     across, distance = _apart(arm.b, planet.a)
     ratio = -gear.ratio if _parallel(arm.b, planet.a) else 0.0
-    radius_ratio = ratio - 1.0 if ratio > 0.0 else 1.0 - ratio
+    radius_ratio = abs(ratio - 1.0)
     if not (ratio and radius_ratio > 0.0 and distance > 0.0):
         return []
     radius = distance / radius_ratio
     teeth, standing = teeth_on(radius, pitch), teeth_on(abs(ratio) * radius, pitch)
     # at zero of both joints a tooth of the planet points at the fixed wheel, which has a gap there
-    out = np.asarray(arm.a.frame) @ np.asarray(arm.b.frame).T @ across
+    ring = 0.0 < ratio < 1.0
+    out = np.asarray(arm.a.frame) @ np.asarray(arm.b.frame).T @ (-across if ring else across)
     first = angle_in(planet.a, across) - gear.phase
     gap = angle_in(arm.a, out) + np.pi / standing
     return [
-        Wheel(planet.b, radius, teeth, first if ratio > 0.0 else first + np.pi),
-        Wheel(arm.a, abs(ratio) * radius, standing, gap, float(np.sign(ratio)), hollow=ratio > 0.0),
+        Wheel(planet.b, radius, teeth, first if ratio > 1.0 else first + np.pi, hollow=ring),
+        Wheel(arm.a, abs(ratio) * radius, standing, gap, float(np.sign(ratio)), hollow=ratio > 1.0),
     ]
 
 

@@ -36,8 +36,7 @@ def draw_contacts(canvas: Canvas) -> None:
         if isinstance(contact.shape, Cam):
             end = canvas.mechanism.joint(name).a
             axis = canvas.normals[contact.carrier] if canvas.normals else np.asarray(end.axis)
-            middle = np.asarray(end.point) + (canvas.level(contact.carrier) * axis if canvas.normals else 0.0)
-            cam = plate_of(middle, points[:-1], 0.5 * canvas.r * axis, pale(colour))
+            cam = plate_of(points[:-1], 0.5 * canvas.r * axis, pale(colour))
             canvas.out[contact.carrier].append(cam)
         for frm, to in pairwise(points):
             canvas.add(contact.carrier, "capsule", frm, to, 0.6 * canvas.r, colour)

@@ -1,6 +1,6 @@
 """Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -9,11 +9,11 @@ from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_kinds import KindName
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.link_poses import with_rods
-from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.links import GROUND, Link
 from mechsim.mechanism.links import IDENTITY as GROUND_POSE
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
-from mechsim.shapes.body import Canvas, edges, free_sides, hull, span, stations
+from mechsim.shapes.body import Canvas, edges, fixed_links, free_sides, hull, span, stations
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
 from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of, vector
@@ -251,15 +251,21 @@ def link_shapes(
     return canvas.out
 
 
-def _polygon(mechanism: Mechanism, link: str) -> list[tuple[Array, Array]]:
-    """Return the sides of a link whose outline is a polygon, and spokes to its joints."""
-    (drawn,) = (row for row in mechanism.links if row.name == link)
-    if not drawn.polygon:
-        return []
-    corners = [np.asarray(corner) for corner in drawn.outline]
-    joints = [np.asarray(end.point) for end in mechanism.ends(link)]
-    spokes = [(j, min(corners, key=lambda c, j=j: float(np.linalg.norm(c - j)))) for j in joints]
-    return [*pairwise([*corners, corners[0]]), *spokes]
+def _polygon(canvas: Canvas, link: Link) -> Iterator[tuple[Array, Array]]:
+    """Draw a polygon as a plate, and yield rods to joints outside; the sides of one fixed to the frame."""
+    corners, lift = np.array(link.outline), canvas.lift_of(link.name)
+    if link.name in fixed_links(canvas.mechanism):
+        yield from pairwise([*corners, corners[0]])
+        return
+    axes = np.linalg.svd(corners - corners.mean(0), full_matrices=False)[2]
+    canvas.out[link.name].append(
+        plate_of(corners + lift, 0.5 * canvas.r * axes[2], canvas.colours[link.name])
+    )
+    for end in canvas.mechanism.ends(link.name):
+        off = (corners - end.point) @ axes[:2].T @ [1.0, 1j]
+        # the angle that the polygon turns about the joint: 0 outside
+        if abs(np.angle(np.roll(off, -1) * off.conj()).sum()) < 1.0:
+            yield np.asarray(end.point), corners[np.argmin(np.abs(off))]
 
 
 def _platform(points: Array, radius: float, colour: Rgba) -> list[Shape]:
@@ -269,7 +275,7 @@ def _platform(points: Array, radius: float, colour: Rgba) -> list[Shape]:
     if len(points) < 3 or not spread[1] > radius > spread[2]:
         return []
     edge = points[hull((points - middle) @ axes[:2].T)]
-    return [plate_of(middle, edge, 0.6 * radius * axes[2], colour)]
+    return [plate_of(edge, 0.6 * radius * axes[2], colour)]
 
 
 def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
@@ -277,13 +283,16 @@ def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
 
     A link of slides through one point, such as that of an Oldham coupling, is a disc.
     """
-    positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
-    lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
+    positions, colour, lift = stations(canvas.mechanism, link), canvas.colours[link], canvas.lift_of(link)
     joints = [joint for joint in canvas.mechanism.joints if link in joint.links]
     own = [joint for joint in joints if not hidden.intersection(joint.links)]
-    if not canvas.normals and len(own) > 2:
+    (row,) = (row for row in canvas.mechanism.links if row.name == link)
+    bars = edges(positions)
+    if row.polygon:
+        bars = _polygon(canvas, row)
+    elif not canvas.normals and len(own) > 2:
         canvas.out[link].extend(_platform(np.array(positions), canvas.r, colour))
-    for i, (a, b) in enumerate(_polygon(canvas.mechanism, link) or edges(positions)):
+    for i, (a, b) in enumerate(bars):
         if canvas.normals:
             # where faces coincide, a renderer adds the light of all: no two rods that meet are as thick
             width, thick = 1.15 * canvas.r, (0.5 - 0.01 * (i % 8)) * canvas.r

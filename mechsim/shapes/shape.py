@@ -119,16 +119,42 @@ class Shape:
         return self.centre + (self.frame @ corners).T, 0.0
 
 
-def plate_of(middle: Array, edge: Array, half: Array, rgba: Rgba) -> Shape:
-    """Return a plate of half a thickness, (3,), whose edge, (n, 3), is seen from its middle."""
+def plate_of(edge: Array, half: Array, rgba: Rgba) -> Shape:
+    """Return a plate of half a thickness, (3,), with an edge, (n, 3), that does not cross itself."""
+    normal = half / np.linalg.norm(half)
+    side = across_of(edge[1] - edge[0], normal)
+    flat = edge @ side + 1j * (edge @ np.cross(normal, side))
+    if (flat.conj() * np.roll(flat, -1)).imag.sum() < 0.0:
+        edge, flat = edge[::-1], flat[::-1]
     n = len(edge)
-    low, following = np.arange(n), np.roll(np.arange(n), -1)
-    front = np.stack([np.full(n, 2 * n), low, following], 1)
-    back = np.stack([np.full(n, 2 * n + 1), following + n, low + n], 1)
+    low, following, front = np.arange(n), np.roll(np.arange(n), -1), np.array(triangles(flat))
     rim = np.stack([low, low + n, following, following, low + n, following + n], 1).reshape(-1, 3)
-    vertices = np.vstack([edge + half, edge - half, [middle + half, middle - half]])
-    facets = TriangleMesh(vertices, np.vstack([front, back, rim]).astype(np.int32))
-    return Shape("facets", vector(middle), vector(middle), (0.0,), rgba, facets=facets)
+    faces = np.vstack([front, front[:, ::-1] + n, rim]).astype(np.int32)
+    facets, middle = TriangleMesh(np.vstack([edge + half, edge - half]), faces), vector(edge.mean(0))
+    return Shape("facets", middle, middle, (0.0,), rgba, facets=facets)
+
+
+def triangles(flat: NDArray[np.complex128]) -> list[tuple[int, int, int]]:
+    """Return the triangles of a counterclockwise polygon, corners x + iy, (n,), whose ears are clipped.
+
+    A polygon that does not cross itself has ears: corners whose triangle contains no other corner (Meisters,
+    *Polygons have ears*, 1975). Of one that does, any corner is clipped.
+    """
+    ring, clipped, tried = list(range(len(flat))), list[tuple[int, int, int]](), 0
+    while len(ring) > 2:
+        if tried == len(ring) or _is_ear(flat[ring]):
+            clipped.append((ring[0], ring[1], ring[2]))
+            del ring[1]
+            tried = -1
+        ring, tried = [*ring[1:], ring[0]], tried + 1
+    return clipped
+
+
+def _is_ear(corners: NDArray[np.complex128]) -> bool:
+    """Return whether the second corner of a polygon is convex, and its triangle contains no other corner."""
+    starts = corners[:3, None]
+    off = ((corners[[1, 2, 0], None] - starts).conj() * (corners[2:] - starts)).imag
+    return bool(off[0, 0] > 0.0 and not (off[:, 1:] >= 0.0).all(0).any())
 
 
 def across_of(direction: Array, axis: Array) -> Array:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from model_files import model_text
 
 import mechsim as ms
@@ -59,13 +60,70 @@ def test_the_falls_of_a_rope_reach_from_the_drum_to_the_hook():
             assert below.frm[1] + hook <= above.to[1]
 
 
-def test_a_polygon_is_drawn_in_the_order_of_its_corners():
-    mechanism = ms.load("geneva_drive").mechanism
-    corners = next(link.outline for link in mechanism.links if link.name == "wheel")
-    bars = [shape for shape in link_shapes(mechanism)["wheel"] if shape.kind == "box"]
-    drawn = np.array([shape.frm[:2] for shape in bars[: len(corners)]])
-    assert np.abs(drawn - np.array(corners)[:, :2]).max() < 1e-15
-    assert np.abs(np.array(bars[15].to[:2]) - corners[0][:2]).max() < 1e-15
+def shoelace(x, y):
+    """Return the area of a polygon by Gauss's formula."""
+    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+@pytest.mark.parametrize("slots", [3, 4, 7])
+def test_a_polygon_is_a_plate_of_its_area(slots):
+    mechanism = ms.load("geneva_drive", {"slots": slots}).mechanism
+    for name in ("wheel", "crank"):
+        corners = np.array(next(link.outline for link in mechanism.links if link.name == name))
+        (plate,) = (shape for shape in link_shapes(mechanism)[name] if shape.kind == "facets")
+        a, b, c = plate.facets.vertices[plate.facets.faces].swapaxes(0, 1)
+        normals = np.cross(b - a, c - a)
+        front = normals[:, 2] > 1e-12 * np.abs(normals).max()
+        # triangles that do not overlap have the area of the polygon together, on either face
+        assert 0.5 * normals[front, 2].sum() == pytest.approx(shoelace(*corners.T[:2]), rel=1e-12)
+        assert front.sum() == len(corners) - 2
+
+
+@pytest.mark.parametrize("slots", [3, 4, 7])
+def test_the_drawn_geneva_wheel_is_locked_at_rest_and_clear_of_the_disc_while_it_turns(slots):
+    solver = ms.load("geneva_drive", {"slots": slots})
+    links = {link.name: np.array(link.outline)[:, :2] for link in solver.mechanism.links}
+    crank, wheel = links["crank"], links["wheel"]
+    distance, pin = 0.08, 0.004
+    radius = distance * np.sin(np.pi / slots)
+    disc = radius - 0.01
+    for angle in np.linspace(-np.pi, np.pi, 73):
+        rotated = solver.solve([angle]).joints["wheel"].value[0]
+        corners = wheel @ np.array([[np.cos(rotated), np.sin(rotated)], [-np.sin(rotated), np.cos(rotated)]])
+        corners += [distance, 0.0]
+        gaps = np.hypot(*corners.T) - disc
+        if abs(angle) >= np.pi / 2 - np.pi / slots - 1e-9:
+            # an arc of seven corners lies on the disc
+            assert np.sum(np.abs(gaps) < 1e-12) == 7
+            assert gaps.min() > -1e-12
+        else:
+            along = np.exp(-1j * angle) * (corners @ [1.0, 1j])
+            # no corner is in the disc, whose opening faces the pin
+            closed = np.abs(np.angle(along)) > abs(np.angle(crank[0] @ [1.0, 1j]))
+            assert (gaps[closed] > 0.0).all()
+            # the pin is in the middle of the slot
+            position = radius * np.exp(1j * angle) - distance
+            own = position * np.exp(-1j * rotated)
+            assert abs(own.imag) == pytest.approx(0.0, abs=1e-12)
+            assert own.real < radius - distance + pin
+
+
+def test_the_drawn_rotor_of_a_wankel_engine_stays_in_its_housing():
+    links = {link.name: np.array(link.outline) for link in ms.load("wankel").mechanism.links}
+    rotor, housing = (links[name][:, :2] @ [1.0, 1j] for name in ("rotor", "housing"))
+    t = np.linspace(-np.pi, np.pi, 20001)
+    wall = 0.015 * np.exp(3j * t) + 0.105 * np.exp(1j * t)
+    order = np.argsort(np.angle(wall))
+
+    def gaps(points):
+        radius = np.interp(np.angle(points), np.angle(wall)[order], np.abs(wall)[order])
+        return radius - np.abs(points)
+
+    assert np.abs(gaps(housing)).max() < 1e-8
+    for shaft in np.linspace(0.0, 2.0 * np.pi, 37):
+        off = gaps(0.015 * np.exp(1j * shaft) + rotor * np.exp(1j * shaft / 3.0))
+        assert off.min() > -1e-8
+        assert np.sum(off < 1e-8) >= 3
 
 
 def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):

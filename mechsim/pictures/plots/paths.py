@@ -27,7 +27,16 @@ from mechsim.pictures.plots.figure import (
     styled,
 )
 from mechsim.shapes.belts import draw_ropes
-from mechsim.shapes.body import Canvas, edges, pivot_name, point_colours, span, stations, travels
+from mechsim.shapes.body import (
+    Canvas,
+    edges,
+    fixed_links,
+    fixed_pivots,
+    point_colours,
+    span,
+    stations,
+    travels,
+)
 from mechsim.shapes.camera import clearest_pose, directions, nice
 from mechsim.shapes.gears import racks_of, wheels_of
 from mechsim.shapes.guides import CHORDS, contact_points, hidden_links
@@ -43,8 +52,9 @@ if TYPE_CHECKING:
 PAPER, SHADE = "#ffffff", "#dfe3e9"
 # sizes of symbols, relative to the span of the mechanism
 RADIUS, BLOCK, FOOT = 0.018, 0.045, 0.05
-# keeps names readable over lines
-BEHIND_NAMES: dict[str, Any] = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5}
+# names are readable over lines
+BEHIND: dict[str, Any] = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5}
+NAMES: dict[str, Any] = {"textcoords": "offset points", "bbox": BEHIND, "zorder": 5, "va": "center"}
 # symbols of a spring and of a damper: part of the way between its ends, and side; nan lifts the pen
 SPRING = np.array(
     [
@@ -74,17 +84,19 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     if hinged_normals(mechanism) and float(np.cross(up, back).sum()) < 0.0:
         back = -back  # the other side would mirror the coordinates
     view = np.column_stack([np.cross(up, back), up])
+    pivots = fixed_pivots(mechanism)
     mechanism, moved = with_rods(mechanism, moved_links(mechanism, motion))
     poses = {GROUND: IDENTITY, **moved}
     frame = clearest_pose(mechanism, poses, (view[:, 0], view[:, 1]))
     shown = {link: pose if pose.position.ndim == 1 else pose.select(frame) for link, pose in poses.items()}
     figure, axes = blank(1, 1, (4.8, 3.6))
     ax, length_scale = axes[0, 0], span(mechanism)
-    hidden = hidden_links(mechanism)
+    hidden, of_frame = hidden_links(mechanism), fixed_links(mechanism)
     for link in mechanism.links:
         if link.polygon:
             corners = np.array([shown[link.name].point(vector(corner)) @ view for corner in link.outline])
-            ax.fill(*corners.T, facecolor=SHADE, edgecolor=INK, lw=1.8, zorder=1)
+            face = "none" if link.name in of_frame else SHADE
+            ax.fill(*corners.T, facecolor=face, edgecolor=INK, lw=1.8, zorder=1)
         elif link.name not in hidden:
             _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
     sliding = travels(mechanism, poses)
@@ -109,8 +121,7 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     length = prefixed(bar[1, 0] - bar[0, 0], "m")
     unit = ax.annotate(length, bar[1], (4, 0), textcoords="offset points", va="center")
     named = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
-    pivots = [j for j in joints if j.a.link == GROUND and KINDS[j.kind].pivot]
-    named |= {pivot_name(mechanism, j): shown[GROUND].point(j.a.point) @ view for j in pivots}
+    named |= {label: np.asarray(end.point) @ view for label, end in pivots.values()}
     _write_names(ax, named, bar, unit)
     return figure
 
@@ -133,15 +144,7 @@ def _write_names(ax: "Axes", named: Mapping[str, Array], bar: Array, unit: "Anno
     lines = np.concatenate([pixels(c[:-1] + s * np.diff(c, axis=0)) for c in curves for s in along])
     names = shared({name: pixels(point) for name, point in named.items()})
     written = [
-        ax.annotate(
-            label_of(name),
-            tuple(named[name.split(", ")[0]]),
-            (0.0, 0.0),
-            textcoords="offset points",
-            bbox=BEHIND_NAMES,
-            zorder=5,
-            va="center",
-        )
+        ax.annotate(label_of(name), tuple(named[name.split(", ")[0]]), (0.0, 0.0), **NAMES)
         for name, _ in names
     ]
     points, widths = [point for _, point in names], [text.get_window_extent().width for text in written]

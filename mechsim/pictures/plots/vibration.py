@@ -165,6 +165,6 @@ def _frame(
     for link in mechanism.links:
         pose = poses[link.name]
         pose = pose if pose.position.ndim == 1 else pose.select(frame)
-        corners = [pose.point(tuple(point)) @ view for point in stations(mechanism, link.name)]
-        for a, b in edges([np.append(corner, 0.0) for corner in corners]):
-            ax.plot(*np.array([a[:2], b[:2]]).T, color=colour, ls=style, lw=1.6, solid_capstyle="round")
+        for ends in edges(stations(mechanism, link.name)):
+            line = np.array([pose.point(tuple(end)) @ view for end in ends])
+            ax.plot(*line.T, color=colour, ls=style, lw=1.6, solid_capstyle="round")

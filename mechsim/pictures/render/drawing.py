@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -32,7 +30,7 @@ from mechsim.pictures.render.frame_poses import (
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil, dashpot, put_arrow
-from mechsim.shapes.body import pivot_name, point_colours
+from mechsim.shapes.body import fixed_pivots, point_colours
 from mechsim.shapes.camera import clearest_pose
 from mechsim.shapes.shape import STEEL
 from mechsim.shapes.springs import spring_ends
@@ -262,12 +260,10 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
     """
     points = drawn.frames.points
     positions = {name: path[frame] for name, path in points.items()}
-    for joint in drawn.mechanism.joints if not drawn.look.bodies else ():
-        for end in (joint.a, joint.b):
-            position = np.array(end.point)
-            labelled = any(np.abs(path - position).max() < 0.1 * drawn.radius for path in points.values())
-            if end.link == GROUND and KINDS[joint.kind].pivot and not labelled:
-                positions[pivot_name(drawn.mechanism, joint)] = position
+    for label, end in fixed_pivots(drawn.mechanism).values() if not drawn.look.bodies else ():
+        position = np.array(end.point)
+        if not any(np.abs(path - position).max() < 0.1 * drawn.radius for path in points.values()):
+            positions[label] = position
     return positions
 
 

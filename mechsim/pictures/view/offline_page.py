@@ -23,6 +23,7 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import (
     edges,
     extent,
+    fixed_pivots,
     followed,
     free_sides,
     point_colours,
@@ -175,9 +176,11 @@ def _solid(shape: Shape) -> dict[str, Any]:
 
 
 def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
+    pivots = fixed_pivots(mechanism)
     return [
         {
             "name": joint.name,
+            "label": pivots[joint.name][0] if joint.name in pivots else "",
             "link": joint.a.link,
             "at": joint.a.point,
             "axis": joint.a.axis if KINDS[joint.kind].units else None,

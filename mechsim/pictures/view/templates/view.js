@@ -404,9 +404,9 @@ function pixel(at) {
 function named() {
   const labels = [];
   DATA.points.forEach((point, i) => labels.push({ name: point.name, kind: "point", shown: state.show.names, at: pixel(pointMarks[i].getWorldPosition(new THREE.Vector3())) }));
-  if (state.show.joints) for (const joint of DATA.joints) if (joint.pivot) {
+  if (state.show.joints) for (const joint of DATA.joints) if (joint.label) {
     const at = new THREE.Vector3(...joint.at).applyMatrix4(bodies[joint.link].matrixWorld);
-    labels.push({ name: joint.name, kind: "joint", shown: true, at: pixel(at) });
+    labels.push({ name: joint.label, kind: "joint", shown: true, at: pixel(at) });
   }
   const groups = [];
   for (const label of labels) {
