@@ -29,7 +29,7 @@ def show(suite: Suite, cases: list[Case]) -> None:
     print(suite.title if cases else f"{suite.title}: not compared, needs --source")
     for case in cases:
         print(f"  {case.name}: {case.outcome} {case.remark}")
-        for row in case.rows:
+        for row in (*case.rows, *case.evidence):
             relation = "<=" if row.passed else "> "
             print(f"    {row.quantity:<28} {row.error:9.2e} {relation} {row.tolerance:8.1e} {row.unit}")
             print(f"      {row.reason}")

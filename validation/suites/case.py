@@ -1,14 +1,19 @@
 """What a suite reports: cases with their differences, and the clone from which its files are read."""
 
 import subprocess
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from mechsim.errors import cut
 from validation.published.table import Row
 
 FIGURES = Path(__file__).parent / "figures"
+# characters of a sentence
+MAX_REASON = 120
+PRINTED = "half a unit of the last printed digit"
 Outcome = Literal["right", "source wrong", "mechsim wrong", "rejected", "unexplained"]
 
 
@@ -20,7 +25,8 @@ class Case:
         name: as the source has it.
         rows: the compared quantities, with tolerances and their reasons.
         rejected: why mechsim does not take it; empty if it does.
-        source_fault: why the source is wrong where a row exceeds its tolerance.
+        source_fault: why the source is wrong where a row exceeds its tolerance; it counts with evidence only.
+        evidence: figures that show the stated reason, each within its tolerance; otherwise it does not count.
         own_fault: likewise, why mechsim is.
         note: what a difference within its tolerance comes from.
     """
@@ -29,17 +35,19 @@ class Case:
     rows: tuple[Row, ...] = ()
     rejected: str = ""
     source_fault: str = ""
+    evidence: tuple[Row, ...] = ()
     own_fault: str = ""
     note: str = ""
 
     @property
     def outcome(self) -> Outcome:
-        """The verdict; a difference without a stated fault is unexplained, and so is a case without rows."""
+        """The verdict: unexplained is a difference whose fault is not shown, and a case without rows."""
+        shown = all(row.passed for row in self.evidence)
         if self.rejected:
-            return "rejected"
+            return "rejected" if shown else "unexplained"
         if self.rows and all(row.passed for row in self.rows):
             return "right"
-        if self.source_fault:
+        if self.source_fault and self.evidence and shown:
             return "source wrong"
         return "mechsim wrong" if self.own_fault else "unexplained"
 
@@ -102,6 +110,36 @@ class Suite:
     repository: str
     about: str
     cases: Callable[[Clone | None], Iterable[Case]]
+
+
+def rejected(name: str, error: Exception, cause: Mapping[str, Any], evidence: tuple[Row, ...] = ()) -> Case:
+    """Return the case that mechsim rejects, by its message, or by a cause whose words the message `says`."""
+    text = " ".join(str(error).split())
+    if cause.get("says", "") not in text:
+        return Case(name, note=cut(text, MAX_REASON))
+    return Case(name, rejected=cause.get("rejected") or cut(text, MAX_REASON), evidence=evidence)
+
+
+def printed_rows(answers: str, value_of: Callable[[str], float]) -> Iterator[Row]:
+    """Yield a row of each "QUANTITY=PRINTED", which are separated by semicolons."""
+    for answer in filter(None, answers.split("; ")):
+        quantity, printed = answer.split("=")
+        last = 0.5 * 10.0 ** int(Decimal(printed).as_tuple().exponent)
+        yield Row(answer, abs(value_of(quantity) - float(printed)), last, "", PRINTED)
+
+
+def printed_case(name: str, entry: Mapping[str, str], value_of: Callable[[str], float]) -> Case:
+    """Return the case of an entry with printed `values`.
+
+    A `source_fault` is shown by the values of a third method, `exact`, which are ours, and by those that the
+    fault causes, `caused`, which are the printed ones.
+    """
+    caused = dict(pair.split("=") for pair in entry.get("caused", "").split("; ") if pair)
+    evidence = [*printed_rows(entry.get("exact", ""), value_of)]
+    if caused:
+        evidence += printed_rows(entry["values"], lambda quantity: float(caused[quantity]))
+    fault = entry.get("source_fault", "")
+    return Case(name, tuple(printed_rows(entry["values"], value_of)), "", fault, tuple(evidence))
 
 
 def kept(name: str) -> Iterator[list[str]]:

@@ -7,34 +7,27 @@ the origin, of type 6d the frame.
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import yaml
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.errors import cut
 from mechsim.kinematics.loops.start import start_poses
 from validation.published.table import Row
-from validation.suites.case import Case, Clone, Suite
+from validation.suites.case import Case, Clone, Suite, printed_rows, rejected
+from validation.suites.released import entries
 
 # of the motors about the assembly, in [rad] or [m]
 SWING, INSTANTS = 0.02, 9
 TOLERANCE = 1e-11
-# characters of a sentence
-MAX_REASON = 120
 REASON = "in m and rad: loops close to 1e-12 of a link, and a chain of 50 links adds its rounding"
-# robot -> letters of its URDF that its sidecar file spells otherwise, and how
-REPAIRS = {"disney_robot": ("\u0125", "ph")}
-# why mechsim has no motion; least squares by Levenberg-Marquardt over all joints in code of its own
-CAUSES = {
-    "kangaroo_like": "no assembly: separate least squares from 250 starts leave 0.096 m at best",
-    "kangaroo_like_2legs": "no assembly: separate least squares from 40 starts leave 0.093 m at best",
-    "wl16_like": "the assembly found is singular: with motors and spins locked, rank 27 of 30",
-}
+# separate least squares: random starts; length in [m] that multiplies differences of directions
+STARTS, ARM = 4, 0.1
 Pose = tuple[np.ndarray, np.ndarray]
 
 
@@ -63,34 +56,82 @@ def misfit(a: Pose, b: Pose, kind: str, axis: np.ndarray) -> float:
     return float(max(np.abs(apart).max(), 0.0 if kind == "spherical" else np.abs(apart_axes).max()))
 
 
+class Robot:
+    """The joints and closures of the files, by which a robot is placed without mechsim.
+
+    Attributes:
+        joints: link -> joint above it; frames: its frame on the link above.
+        closures: name of the first end -> links of the two ends, and the kind of the closure.
+    """
+
+    def __init__(self, text: str, sidecar: dict) -> None:
+        self.joints = {j.find("child").get("link"): j for j in ElementTree.fromstring(text).findall("joint")}
+        self.frames = {link: frame(joint.find("origin")) for link, joint in self.joints.items()}
+        placed = {joint.get("name"): link for link, joint in self.joints.items()}
+        self.closures = {
+            a: (placed.get(a, a), placed.get(b, b), "spherical" if kind.lower() == "3d" else "fixed")
+            for (a, b), kind in zip(sidecar["closed_loop"], sidecar["type"], strict=True)
+        }
+
+    def pose(self, link: str, values: Mapping[str, float]) -> Pose:
+        """Return the pose of a link by the coordinates of the joints above it."""
+        if link not in self.joints:
+            return np.zeros(3), np.eye(3)
+        joint = self.joints[link]
+        base = after(self.pose(joint.find("parent").get("link"), values), self.frames[link])
+        along = values.get(joint.get("name"), 0.0) * axis_of(joint)
+        slides = joint.get("type") == "prismatic"
+        return after(
+            base, (along, np.eye(3)) if slides else (0.0 * along, Rotation.from_rotvec(along).as_matrix())
+        )
+
+    def least_gap(self, ends: Collection[str]) -> float:
+        """Return what least squares over the joints leave of the closures with these first ends, in [m]."""
+        waiting, names = [link for end in ends for link in self.closures[end][:2]], set()
+        while waiting:
+            if (joint := self.joints.get(waiting.pop())) is not None:
+                waiting.append(joint.find("parent").get("link"))
+                names |= {joint.get("name")} if joint.get("type") != "fixed" else set()
+        names = sorted(names)
+
+        def gaps(values: np.ndarray) -> np.ndarray:
+            coordinates, rows = dict(zip(names, values, strict=True)), []
+            for *pair, kind in map(self.closures.get, ends):
+                (p, r), (s, t) = (self.pose(link, coordinates) for link in pair)
+                rows += [s - p, ARM * (t - r).ravel() * (kind == "fixed")]
+            return np.concatenate(rows)
+
+        starts = np.random.default_rng(0).normal(0.0, 1.0, (STARTS, len(names)))
+        return min(float(np.linalg.norm(least_squares(gaps, start).fun)) for start in starts)
+
+
+def axis_of(joint) -> np.ndarray:
+    written = joint.find("axis")
+    return np.array(("1 0 0" if written is None else written.get("xyz")).split(), float)
+
+
 def residual(text: str, sidecar: dict, motion: ms.Motion) -> float:
     """Return the largest violation of a joint or closure of the files by a motion."""
-    root = ElementTree.fromstring(text)
-    joints = {joint.find("child").get("link"): joint for joint in root.findall("joint")}
+    robot = Robot(text, sidecar)
     changed = dict(zip(sidecar.get("joint_name", ()), sidecar.get("joint_type", ()), strict=True))
     count = len(motion.angle)
-
-    def kind(joint) -> str:
-        return changed.get(joint.get("name"), joint.get("type")).lower()
 
     def pose(link: str) -> Pose:
         if link in motion.links:
             return motion.links[link].position, motion.links[link].rotation
-        if link not in joints:
+        if link not in robot.joints:
             return np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3))
-        return after(pose(joints[link].find("parent").get("link")), frame(joints[link].find("origin")))
+        joint = robot.joints[link]
+        return after(pose(joint.find("parent").get("link")), robot.frames[link])
 
     worst = 0.0
-    for link, joint in joints.items():
-        written = joint.find("axis")
-        axis = np.array(("1 0 0" if written is None else written.get("xyz")).split(), float)
-        base = after(pose(joint.find("parent").get("link")), frame(joint.find("origin")))
-        worst = max(worst, misfit(base, pose(link), kind(joint), axis))
-    placed = {joint.get("name"): link for link, joint in joints.items()}
-    for (a, b), what in zip(sidecar["closed_loop"], sidecar["type"], strict=True):
-        ends = [pose(placed.get(name, name)) for name in (a, b)]
-        worst = max(worst, misfit(*ends, "spherical" if what.lower() == "3d" else "fixed", np.zeros(3)))
-    return worst
+    for link, joint in robot.joints.items():
+        kind = changed.get(joint.get("name"), joint.get("type")).lower()
+        base = after(pose(joint.find("parent").get("link")), robot.frames[link])
+        worst = max(worst, misfit(base, pose(link), kind, axis_of(joint)))
+    return max(
+        [worst, *(misfit(pose(a), pose(b), kind, np.zeros(3)) for a, b, kind in robot.closures.values())]
+    )
 
 
 def motors_of(text: str, sidecar: dict) -> list[str]:
@@ -100,45 +141,45 @@ def motors_of(text: str, sidecar: dict) -> list[str]:
     return [name for name in sidecar["name_mot"] if name not in following]
 
 
-def motion_of(urdf: Path, sidecar: Path, motors: list[str]) -> ms.Motion:
-    """Return the motion of all motors, within their ranges, about the assembly where mechsim starts."""
+def motion_of(urdf: Path, sidecar: Path, motors: list[str], start: Mapping[str, float]) -> ms.Motion:
+    """Return the motion of all motors, within their ranges, about a start, or about the one of mechsim."""
     model = ms.load(urdf, loops=sidecar)
-    _, start = start_poses(model.mechanism)
-    laws = {}
+    around, laws = start or start_poses(model.mechanism)[1], {}
     for name in motors:
         lower, upper = model.ranges.get(name, (-np.inf, np.inf))
-        middle = min(max(start[name], lower + SWING), upper - SWING)
+        middle = min(max(around[name], lower + SWING), upper - SWING)
         laws[name] = f"{middle!r}+{SWING}*sin(2*pi*t)"
-    driven = ms.load(urdf, loops=sidecar, drive=laws, duration=1.0, lock_others=True)
+    driven = ms.load(urdf, loops=sidecar, drive=laws, duration=1.0, lock_others=True, start=dict(start))
     return driven.solve(t=np.linspace(0.0, 1.0, INSTANTS))
 
 
+def compared(name: str, urdf: str, sidecar: str) -> Case:
+    """Return the case of the texts of a robot's files."""
+    entry, description = entries("gepetto").get(name, {}), yaml.safe_load(sidecar)
+    urdf = urdf.replace(*entry.get("repair", ("", "")))
+    with tempfile.TemporaryDirectory() as scratch:
+        files = Path(scratch, "robot.urdf"), Path(scratch, "robot.yaml")
+        for file, text in zip(files, (urdf, sidecar), strict=True):
+            file.write_text(text)
+        try:
+            motion = motion_of(*files, motors_of(urdf, description), entry.get("start", {}))
+        except ms.MechsimError as error:
+            gap = Robot(urdf, description).least_gap(entry["closures"]) if "closures" in entry else 0.0
+            text = f"least squares leave={entry['gap']}" if gap else ""
+            return rejected(name, error, entry, tuple(printed_rows(text, lambda _: gap)))
+    row = Row("joints and closures", residual(urdf, description, motion), TOLERANCE, "", REASON)
+    return Case(name, (row,), note=entry.get("note", ""))
+
+
 def cases(clone: Clone | None) -> Iterator[Case]:
-    if clone is None:
-        return
-    paths = clone.paths("robots")
+    paths = clone.paths("robots") if clone else []
     for path in sorted(path for path in paths if path.endswith(".urdf")):
         folder = path.rpartition("/")[0]
-        name = folder.removeprefix("robots/")
-        sidecar = f"{folder}/robot.yaml"
-        if sidecar not in paths:
+        name, sidecar = folder.removeprefix("robots/"), f"{folder}/robot.yaml"
+        if sidecar in paths:
+            yield compared(name, clone.read(path), clone.read(sidecar))
+        else:
             yield Case(name, rejected="it has no sidecar file, so no loops")
-            continue
-        wrong, letters = REPAIRS.get(name, ("", ""))
-        texts = clone.read(path).replace(wrong, letters), clone.read(sidecar)
-        with tempfile.TemporaryDirectory() as scratch:
-            files = Path(scratch, "robot.urdf"), Path(scratch, "robot.yaml")
-            for file, text in zip(files, texts, strict=True):
-                file.write_text(text)
-            description = yaml.safe_load(texts[1])
-            try:
-                moved = motion_of(*files, motors_of(texts[0], description))
-            except ms.MechsimError as error:
-                text = cut(str(error).replace(f"{files[0]}: ", ""), MAX_REASON)
-                yield Case(name, rejected=CAUSES.get(name, text))
-                continue
-        row = Row("joints and closures", residual(texts[0], description, moved), TOLERANCE, "", REASON)
-        yield Case(name, (row,), note=f"a name of its URDF repaired by {letters!r}" if letters else "")
 
 
 SUITE = Suite(

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.errors import cut
 from mechsim.kinematics.solvers import KinematicSolver
 from validation.published.table import Row
-from validation.suites.case import Case, Clone, Suite
-from validation.suites.gepetto import MAX_REASON, Pose, after
+from validation.suites.case import Case, Clone, Suite, rejected
+from validation.suites.gepetto import Pose, after
+from validation.suites.released import entries
 
 FOLDER = "newton/tests/assets/kamino"
 DURATION, INSTANTS = 0.2, 20
@@ -30,7 +30,6 @@ FREE = {
     "PhysicsPrismaticJoint": ("trans{}",),
     "PhysicsSphericalJoint": ("rotX", "rotY", "rotZ"),
 }
-FAULTS = {"d6_6dof": "limits of y from 2 to -2 exclude y: five degrees of freedom, not six"}
 
 
 def free_axes(prim: Any) -> set[str]:
@@ -96,11 +95,8 @@ def rates(solver: KinematicSolver) -> dict[str, Any]:
 def compared(name: str, path: Path) -> Case:
     solver = ms.load(str(path), still=True)
     run = ms.dynamics.run(solver, initial=rates(solver), duration=DURATION, samples=INSTANTS)
-    rows = (
-        Row("joints", residual(path, run.motion), CLOSED, "", REASONS[0]),
-        Row("energy", run.energy_error, ENERGY, "", REASONS[1]),
-    )
-    return Case(name, rows)
+    joints = Row("joints", residual(path, run.motion), CLOSED, "", REASONS[0])
+    return Case(name, (joints, Row("energy", run.energy_error, ENERGY, "", REASONS[1])))
 
 
 def cases(clone: Clone | None) -> Iterator[Case]:
@@ -114,9 +110,7 @@ def cases(clone: Clone | None) -> Iterator[Case]:
             try:
                 yield compared(name, path)
             except ms.MechsimError as error:
-                reasons = [fault for word, fault in FAULTS.items() if word in name]
-                text = cut(str(error).replace(f"{path}: ", ""), MAX_REASON)
-                yield Case(name, rejected=reasons[0] if reasons else text)
+                yield rejected(name, error, entries("kamino").get(name, {}))
 
 
 SUITE = Suite(

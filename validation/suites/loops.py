@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 import mechsim as ms
-from validation.suites.case import Case, Clone, Suite
+from validation.suites.case import Case, Clone, Suite, printed_case
 from validation.suites.released import columns, entries, model_of, run_of
-from validation.suites.textbooks import printed_row
 
 
 def cases(_: Clone | None) -> Iterator[Case]:
@@ -14,14 +13,15 @@ def cases(_: Clone | None) -> Iterator[Case]:
         if entry["state"] == "equilibrium":
             values = {f"{joint}.q": q for joint, q in ms.dynamics.equilibria(model)[0].q.items()}
         else:
-            values = {column: rows[0] for column, rows in columns(run_of(model, 1e-3, 1)).items()}
-        rows = [printed_row(answer, values.__getitem__) for answer in entry["values"].split("; ")]
-        yield Case(name, tuple(rows), source_fault=entry.get("source_fault", ""))
+            row = ("start", "end").index(entry["state"])
+            values = {name: rows[row] for name, rows in columns(run_of(model, entry["duration"], 1)).items()}
+        yield printed_case(name, entry, values.__getitem__)
 
 
 SUITE = Suite(
     "Other engines: loop tests",
     "",
-    "Drake and RigidBodyDynamics.jl. Pinocchio's closed loops are random models.",
+    "Drake, RigidBodyDynamics.jl, Multibody.jl. Pinocchio's closed loops are random models;"
+    " MBDyn's tests print no values.",
     cases,
 )

@@ -18,19 +18,14 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.reading import states_of
 from validation.published.table import Row
-from validation.suites.case import Case, Clone, Suite
+from validation.suites.case import Case, Clone, Suite, rejected
+from validation.suites.released import entries
 
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 # configurations; every so many has its motor forces compared; duration in [s]
 INSTANTS, EVERY, DURATION = 1000, 25, 1e6
 # swing of a motor in [rad], or relative to the size
 SWING = 0.1
-# rods between balls, with unequal moments across their lines
-SPINS = {"agility_cassie/cassie": dict.fromkeys(("left-achilles-rod", "right-achilles-rod"), (1.0, 0.0, 0.0))}
-FAULTS = {
-    "softfoot": "it has no motor",
-    "toddlerbot": "its rounded numbers contradict: least squares leave 1.1e-8 m",
-}
 TOLERANCE = 1e-9
 REASON = "relative to the size and to the largest force"
 
@@ -52,15 +47,15 @@ def described(text: str) -> mujoco.MjSpec:
     return spec
 
 
-def moved(spec: mujoco.MjSpec, lock: Mapping[str, Any], fix_base: bool, key: str | None) -> KinematicSolver:
+def moved(spec: mujoco.MjSpec, entry: Mapping[str, Any], fix_base: bool, key: str | None) -> KinematicSolver:
     """Return the solver of a file whose motors swing about the start, within their limits."""
-    options = {"fix_base": fix_base, "lock_others": True, "lock": lock, "key": key}
-    model = ms.load(spec.copy(), still=True, **options)
+    options = {"fix_base": fix_base, "lock_others": True, "lock": entry.get("spins", {}), "key": key}
+    model = ms.load(spec.copy(), still=True, **options, **entry.get("motors", {}))
     mechanism, laws = model.mechanism, {}
     for i, name in enumerate(mechanism.drivers, 1):
         lower, upper = model.ranges.get(name, (-np.inf, np.inf))
         unit = 1.0 if mechanism.unit(name) == "rad" else mechanism.characteristic_length
-        swing = min(SWING * unit, 0.4 * (upper - lower))
+        swing = min(entry.get("swing", SWING) * unit, 0.4 * (upper - lower))
         middle = min(max(mechanism.guess_coordinates[name], lower + swing), upper - swing)
         laws[name] = f"{middle!r}+{swing!r}*sin(2*pi*{i}*t/{DURATION:g})"
     return ms.load(spec.copy(), drive=laws, duration=DURATION, **options)
@@ -97,16 +92,16 @@ def evaluated(model: mujoco.MjModel, solver: KinematicSolver, motion: ms.Motion)
 
 @quiet()
 def compared(name: str, text: str) -> Case:
-    spec, spins = described(text), SPINS.get(name, {})
+    spec, entry = described(text), entries("menagerie").get(name, {})
     model = spec.copy().compile()
     joints = [model.joint(j) for j in range(model.njnt)]
     bases = [joint.name for joint in joints if joint.type[0] == mujoco.mjtJoint.mjJNT_FREE]
-    solver = moved(spec, spins, bool(bases), model.key(0).name if model.nkey else None)
+    solver = moved(spec, entry, bool(bases), model.key(0).name if model.nkey else None)
     times, mechanism = np.linspace(0.0, DURATION, INSTANTS), solver.mechanism
     motion, dynamic = solver.solve(t=times), ms.dynamics.dynamic_model(solver)
     drives = ms.dynamics.prescribed(dynamic, t=times[::EVERY]).forces.drives
     motors = [int(model.joint(name).dofadr[0]) for name in mechanism.drivers]
-    locked = {*mechanism.locked, *bases} - {*spins}
+    locked = {*mechanism.locked, *bases} - {*entry.get("spins", {})}
     fixed = [dof for joint in joints if joint.name in locked for dof in dofs(joint)]
     loops, poses, forces = [], [], []
     for i, data in enumerate(evaluated(model, solver, motion)):
@@ -131,8 +126,10 @@ def cases(clone: Clone | None) -> Iterator[Case]:
         name, text = path.removesuffix(".xml"), clone.read(path) if path.endswith(".xml") else ""
         if ("<connect" not in text and "<weld" not in text) or "mjx" in name or name.endswith("_pos"):
             continue
-        fault = next((reason for word, reason in FAULTS.items() if word in name), "")
-        yield Case(name, rejected=fault) if fault else compared(name, text)
+        try:
+            yield compared(name, text)
+        except ms.MechsimError as error:
+            yield rejected(name, error, entries("menagerie").get(name, {}))
 
 
 SUITE = Suite(

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from validation.published.table import Row
-from validation.suites.case import Case, Clone, Suite, kept
+from validation.suites.case import Case, Clone, Suite, kept, rejected
 from validation.suites.released import columns, entries, model_of, run_of
 
 ROOTS = {"Examples": "Modelica/Mechanics/MultiBody/Examples", "ModelicaTest": "ModelicaTest/MultiBody"}
@@ -50,10 +51,14 @@ def path_of(name: str) -> str:
 
 def compared(name: str, clone: Clone | None) -> Case:
     entry = entries("modelica")[name]
-    if "rejected" in entry:
+    if "rejected" in entry and "says" not in entry:
         return Case(name, rejected=entry["rejected"])
+    try:
+        model = model_of(path_of(name))
+    except InputError as error:
+        return rejected(name, error, entry)
     reference = table(clone, name)
-    run = run_of(model_of(path_of(name)), float(reference["time"][-1]))
+    run = run_of(model, float(reference["time"][-1]))
     own = columns(run)
     # all instants of ours that the table has
     which = np.searchsorted(reference["time"], run.time - ROUNDING)
@@ -63,7 +68,13 @@ def compared(name: str, clone: Clone | None) -> Case:
         theirs = reference[signal]
         error = np.abs(own[ours] - theirs[which])[shared].max() / max(np.ptp(theirs), SMALLEST)
         rows.append(Row(signal, float(error), TUBE, "", REASON))
-    return Case(name, tuple(rows), source_fault=entry.get("source_fault", ""))
+    exact, evidence = entry.get("exact"), ()
+    if exact:
+        ours = own[dict(pairs(entry["signals"], reference))[exact["signal"]]]
+        error = np.interp(exact["at"], run.time, ours) - exact["value"]
+        what = f"{exact['signal']} at {exact['at']} s"
+        evidence = (Row(what, float(abs(error)), exact["tolerance"], "", "of a third method"),)
+    return Case(name, tuple(rows), "", entry.get("source_fault", ""), evidence)
 
 
 def cases(clone: Clone | None) -> Iterator[Case]:

@@ -2,11 +2,13 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from validation.published.table import Row
 from validation.suites.case import Case, Clone, Suite
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "outside_evidence.md"
@@ -14,32 +16,29 @@ HEAD = """# Evidence from others
 
 Others have published answers. `python -m validation.suites [SUITE] --source FOLDER` solves their cases and
 writes the sections of this page; FOLDER holds git clones. Without it, kept figures are compared. The tables
-list cases that are not right, and the right one nearest to its tolerance.
+list cases that are not right, and the right one nearest to its tolerance. A fault counts only if figures of a
+third method, in `--json`, confirm it.
 
 Last written on {day} with mechsim {mechsim}, numpy {numpy}.
 
 | suite | tried | right | source wrong | mechsim wrong | rejected | unexplained |
 |---|---|---|---|---|---|---|
 """
-# cases of a suite of which every one has a row
+# cases of a suite of which every one with a remark has a row
 FEW = 6
 COUNTED = ("right", "source wrong", "mechsim wrong", "rejected", "unexplained")
 
 
+def figures(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    return [{"difference" if k == "error" else k: v for k, v in asdict(row).items()} for row in rows]
+
+
 def record(case: Case) -> dict[str, Any]:
     """Return a case as JSON has it."""
-    rows = [
-        {
-            "quantity": row.quantity,
-            "difference": row.error,
-            "tolerance": row.tolerance,
-            "unit": row.unit,
-            "reason": row.reason,
-        }
-        for row in case.rows
-    ]
     texts = {name: getattr(case, name) for name in ("rejected", "source_fault", "own_fault", "note")}
-    return {"case": case.name, "outcome": case.outcome, "rows": rows} | {k: v for k, v in texts.items() if v}
+    texts |= {"evidence": figures(case.evidence)}
+    head = {"case": case.name, "outcome": case.outcome, "rows": figures(case.rows)}
+    return head | {name: text for name, text in texts.items() if text}
 
 
 def counts(suite: Suite, cases: Sequence[Case]) -> str:
@@ -54,7 +53,7 @@ def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
     lines.append("| case | worst | difference | tolerance | remark |\n|---|---|---|---|---|\n")
     for case in cases:
         row = case.worst
-        if row and (case is nearest or case.outcome != "right" or len(cases) <= FEW):
+        if row and (case is nearest or case.outcome != "right" or (case.note and len(cases) <= FEW)):
             worst = f"{row.quantity} | {row.error:.1e} {row.unit} | {row.tolerance:.0e}"
             lines.append(f"| {case.name} | {worst} | {case.remark} |\n")
     by_reason: dict[str, list[str]] = {}

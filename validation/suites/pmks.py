@@ -55,11 +55,9 @@ def linkage(case: Mapping[str, Any]) -> ms.Mechanism:
 def inertia(mass: Mapping[str, Any] | None) -> ms.Inertia:
     if mass is None:
         return ms.Inertia(0.0, (0.0, 0.0, 0.0), ((0.0,) * 3,) * 3)
-    about = float(mass["inertia"])
     # moments about axes in the plane have no effect
-    return ms.Inertia(
-        mass["mass"], (*mass["com_initial"], 0.0), tuple(map(tuple, np.diag([about, about, about])))
-    )
+    moments = np.diag([float(mass["inertia"])] * 3)
+    return ms.Inertia(mass["mass"], (*mass["com_initial"], 0.0), tuple(map(tuple, moments)))
 
 
 def loads(case: Mapping[str, Any], scenario: str) -> ms.Forces:

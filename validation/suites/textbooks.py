@@ -5,7 +5,6 @@ Norton, Design of Machinery; Shigley, Mechanical Engineering Design; Khurmi & Gu
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from decimal import Decimal
 from functools import partial
 
 import numpy as np
@@ -13,10 +12,9 @@ import numpy as np
 import mechsim as ms
 from mechsim.mechanism.joints import Gear
 from mechsim.mechanism.links import GROUND, Pose
-from validation.published.table import Row
-from validation.suites.case import Case, Clone, Suite
+from validation.suites.case import Case, Clone, Suite, printed_case
+from validation.suites.released import entries
 
-REASON = "half a unit of the last printed digit"
 NOTHING = ms.Inertia(0.0, (0.0, 0.0, 0.0), ((0.0,) * 3,) * 3)
 RPM = np.pi / 30.0
 # quantity of a motion: columns of links or points
@@ -189,79 +187,44 @@ def slotted_lever() -> dict[str, float]:
 
 BAR = along(60.0, 0.2)
 WHEEL = BAR + np.array([0.2, 0.0])
-# name of the example -> its result, and quantities with printed answers; angles in deg
-EXAMPLES: dict[str, tuple[Callable[[], Result], str]] = {
-    "Norton, Ferguson's paradox": (
-        lambda: train(100.0, 0.0, P=("two", -100 / 20), three=("P", -20 / 99), four=("P", -20 / 101)),
-        "speed of three=-1.01; speed of four=0.99",
+# name of the example in models/textbooks.toml -> its result
+EXAMPLES: dict[str, Callable[[], Result]] = {
+    "Norton, Ferguson's paradox": lambda: train(
+        100.0, 0.0, P=("two", -100 / 20), three=("P", -20 / 99), four=("P", -20 / 101)
     ),
-    "Shigley 13-6, planetary train": (
-        lambda: train(-20.0, 0.0, four=("ring", 80 / 30), sun=("four", -30 / 20)),
-        "speed of sun=-100; speed of four=33.3",
+    "Shigley 13-6, planetary train": lambda: train(
+        -20.0, 0.0, four=("ring", 80 / 30), sun=("four", -30 / 20)
     ),
-    "Khurmi 8.1, engine": (
-        lambda: engine(0.15, 0.6, 45.0, -300.0),
-        "v G=4.1; a G=117; omega 3=5.67; alpha 3=171.67",
+    "Khurmi 8.1, engine": lambda: engine(0.15, 0.6, 45.0, -300.0),
+    "Khurmi 13.4, A fixed": lambda: train(150.0, 0.0, B=("A", -36 / 45)),
+    "Khurmi 13.4, A driven": lambda: train(150.0, -300.0, B=("A", -36 / 45)),
+    "Khurmi 13.5, reverted train": lambda: train(-100.0, 0.0, DE=("B", -75 / 45), C=("DE", -90 / 30)),
+    "Khurmi 13.6, epicyclic train": lambda: train(18.0, 0.0, B=("A", 72 / 20), C=("B", -20 / 32)),
+    "Beer 15.3, engine": lambda: engine(0.25, 8 / 12, 40.0, -2000.0),
+    "Beer 15.7, engine": lambda: engine(0.25, 8 / 12, 40.0, -2000.0),
+    "Beer 15.8, four-bar": lambda: four_bar((0, 0), (8, 14), (20, 17), (37, 0), 20.0),
+    "Beer 15.9, Geneva wheel": geneva,
+    "Beer 15.10, Geneva wheel": geneva,
+    "Beer 16.10, rod on two tracks": rod_on_tracks,
+    "Beer 17.5, two rods released": rods_released,
+    "Meriam 5/8, four-bar": lambda: four_bar((250, 50), (175, 50), (0, 100), (0, 0), 2.0),
+    "Meriam 5/14, four-bar": lambda: four_bar((250, 50), (175, 50), (0, 100), (0, 0), 2.0),
+    "Meriam 5/9, engine": lambda: engine(5 / 12, 14 / 12, 60.0, -1500.0, 4 / 14),
+    "Meriam 5/15, engine": lambda: engine(5 / 12, 14 / 12, 60.0, -1500.0),
+    "Hibbeler 16.8, two collars": collars,
+    "Hibbeler 16.9, bar and wheel": lambda: four_bar((0, 0), BAR, WHEEL, WHEEL + np.array([0.0, 0.1]), -30.0),
+    "Norton 4-1, four-bar": norton,
+    "Norton 6-7, four-bar": norton,
+    "Norton 7-1, four-bar": norton,
+    "Norton 4-2, offset slider": offset_slider,
+    "Khurmi 5.1, quick return": slotted_lever,
+    "Khurmi 7.1, four-bar": lambda: four_bar(*lengths(40.0, 150.0, 80.0, 150.0, 60.0), 120.0 * RPM),
+    "Khurmi 7.2, engine": lambda: engine(0.5, 2.0, 45.0, -180.0, 0.25),
+    "Khurmi 9.9, Hooke's joint": lambda: hooke(20.0, 1500.0, 12.0 * 0.1**2),
+    "Khurmi 13.1, gearing of a machine tool": lambda: train(
+        0.0, 975.0, BC=("A", -20 / 50), DE=("BC", -25 / 75), F=("DE", -26 / 65)
     ),
-    "Khurmi 13.4, A fixed": (lambda: train(150.0, 0.0, B=("A", -36 / 45)), "speed of B=270"),
-    "Khurmi 13.4, A driven": (lambda: train(150.0, -300.0, B=("A", -36 / 45)), "speed of B=510"),
-    "Khurmi 13.5, reverted train": (
-        lambda: train(-100.0, 0.0, DE=("B", -75 / 45), C=("DE", -90 / 30)),
-        "speed of C=400",
-    ),
-    "Khurmi 13.6, epicyclic train": (
-        lambda: train(18.0, 0.0, B=("A", 72 / 20), C=("B", -20 / 32)),
-        "speed of C=58.5; speed of B=-46.8",
-    ),
-    "Beer 15.3, engine": (lambda: engine(0.25, 8 / 12, 40.0, -2000.0), "omega 3=62.0; vx C=43.6"),
-    "Beer 15.7, engine": (lambda: engine(0.25, 8 / 12, 40.0, -2000.0), "alpha 3=9.94e3; ax C=-9.29e3"),
-    "Beer 15.8, four-bar": (
-        lambda: four_bar((0, 0), (8, 14), (20, 17), (37, 0), 20.0),
-        "omega 3=-29.33; omega 4=11.29; alpha 3=-645; alpha 4=809",
-    ),
-    "Beer 15.9, Geneva wheel": (geneva, "omega S=-4.08"),
-    "Beer 15.10, Geneva wheel": (geneva, "alpha S=-233"),
-    "Beer 16.10, rod on two tracks": (rod_on_tracks, "alpha rod=2.30; force at A=27.9; force at B=22.5"),
-    "Beer 17.5, two rods released": (rods_released, "omega AB=-3.90; vx D=2.00"),
-    "Meriam 5/8, four-bar": (
-        lambda: four_bar((250, 50), (175, 50), (0, 100), (0, 0), 2.0),
-        "omega 3=-0.857; omega 4=-0.429",
-    ),
-    "Meriam 5/14, four-bar": (
-        lambda: four_bar((250, 50), (175, 50), (0, 100), (0, 0), 2.0),
-        "alpha 3=-0.1050; alpha 4=-4.34",
-    ),
-    "Meriam 5/9, engine": (
-        lambda: engine(5 / 12, 14 / 12, 60.0, -1500.0, 4 / 14),
-        "vx C=67.3; omega 3=29.5; v G=64.1",
-    ),
-    "Meriam 5/15, engine": (lambda: engine(5 / 12, 14 / 12, 60.0, -1500.0), "ax C=-3.31e3; alpha 3=7.74e3"),
-    "Hibbeler 16.8, two collars": (collars, "omega CB=10; v B=2"),
-    "Hibbeler 16.9, bar and wheel": (
-        lambda: four_bar((0, 0), BAR, WHEEL, WHEEL + np.array([0.0, 0.1]), -30.0),
-        "omega 3=15.0; omega 4=52.0",
-    ),
-    "Norton 4-1, four-bar": (norton, "theta 3=20.298; theta 4=57.325"),
-    "Norton 6-7, four-bar": (norton, "omega 3=-4.121; omega 4=6.998"),
-    "Norton 7-1, four-bar": (norton, "alpha 3=296.089; alpha 4=470.134"),
-    "Norton 4-2, offset slider": (offset_slider, "theta 3=152.91; d=126.84"),
-    "Khurmi 5.1, quick return": (slotted_lever, "side=30; ratio=2"),
-    "Khurmi 7.1, four-bar": (
-        lambda: four_bar(*lengths(40.0, 150.0, 80.0, 150.0, 60.0), 120.0 * RPM),
-        "omega 4=4.8",
-    ),
-    "Khurmi 7.2, engine": (lambda: engine(0.5, 2.0, 45.0, -180.0, 0.25), "v C=8.15; omega 3=3.4; v G=8.5"),
-    "Khurmi 9.9, Hooke's joint": (lambda: hooke(20.0, 1500.0, 12.0 * 0.1**2), "alpha=3090; torque=371"),
-    "Khurmi 13.1, gearing of a machine tool": (
-        lambda: train(0.0, 975.0, BC=("A", -20 / 50), DE=("BC", -25 / 75), F=("DE", -26 / 65)),
-        "speed of F=-52",
-    ),
-    "Hibbeler 16.18, engine": (upright_engine, "omega 3=2.43; alpha 3=27.7; ay C=-13.5"),
-}
-FAULTS = {
-    "Khurmi 7.2, engine": "read from a drawing; exact: 7.861, 8.572",
-    "Khurmi 8.1, engine": "read from a drawing; exact: 3.995, 5.642, 171.55",
-    "Khurmi 9.9, Hooke's joint": "by an approximate instant of the maximum; exact: 3083, 370.0",
+    "Hibbeler 16.18, engine": upright_engine,
 }
 
 
@@ -276,18 +239,9 @@ def value(result: Result, quantity: str) -> float:
     return float(np.hypot(*vector) if kind in "va" else vector["xy".index(kind[-1])])
 
 
-def printed_row(answer: str, value_of: Callable[[str], float]) -> Row:
-    """Return the row of "QUANTITY=PRINTED"."""
-    quantity, printed = answer.split("=")
-    last = 0.5 * 10.0 ** int(Decimal(printed).as_tuple().exponent)
-    return Row(answer, abs(value_of(quantity) - float(printed)), last, "", REASON)
-
-
 def cases(_: Clone | None) -> Iterator[Case]:
-    for name, (solve, answers) in EXAMPLES.items():
-        result = solve()
-        rows = [printed_row(answer, partial(value, result)) for answer in answers.split("; ")]
-        yield Case(name, tuple(rows), source_fault=FAULTS.get(name, ""))
+    for name, entry in entries("textbooks").items():
+        yield printed_case(name, entry, partial(value, EXAMPLES[name]()))
 
 
 SUITE = Suite(
