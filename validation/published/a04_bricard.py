@@ -27,7 +27,7 @@ def bricard() -> ms.Mechanism:
     return ms.load(str(MODEL)).mechanism
 
 
-def rows(duration: float = 10.0, timestep: float = 2.5e-4, energy_tolerance: float = 1e-6) -> list[Row]:
+def rows(duration: float = 10.0, timestep: float = 1.25e-4, energy_tolerance: float = 1e-6) -> list[Row]:
     mechanism = bricard()
     dofs = ms.loops.dof_count(mechanism, ms.loops.assemble(mechanism, [0.0]))
     times, weight = np.linspace(0.0, duration, 201), Forces(gravity=(0.0, -9.81, 0.0))

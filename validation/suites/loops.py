@@ -13,8 +13,8 @@ def cases(_: Clone | None) -> Iterator[Case]:
         if entry["state"] == "equilibrium":
             values = {f"{joint}.q": q for joint, q in ms.dynamics.equilibria(model)[0].q.items()}
         else:
-            row = ("start", "end").index(entry["state"])
-            values = {name: rows[row] for name, rows in columns(run_of(model, entry["duration"], 1)).items()}
+            row, run = -(entry["state"] == "end"), run_of(model, entry["duration"], 1)
+            values = {column: rows[row] for column, rows in columns(run).items()}
         yield printed_case(name, entry, values.__getitem__)
 
 

@@ -25,7 +25,7 @@ Last written on {day} with mechsim {mechsim}, numpy {numpy}.
 |---|---|---|---|---|---|---|
 """
 # cases of a suite of which every one with a remark has a row
-FEW = 6
+FEW = 11
 COUNTED = ("right", "source wrong", "mechsim wrong", "rejected", "unexplained")
 
 
@@ -56,14 +56,14 @@ def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
         if row and (case is nearest or case.outcome != "right" or (case.note and len(cases) <= FEW)):
             worst = f"{row.quantity} | {row.error:.1e} {row.unit} | {row.tolerance:.0e}"
             lines.append(f"| {case.name} | {worst} | {case.remark} |\n")
-    by_reason: dict[str, list[str]] = {}
-    for case in cases:
-        if case.rejected:
-            by_reason.setdefault(case.rejected, []).append(case.name)
-    if by_reason:
-        lines.append("\n| rejected | reason |\n|---|---|\n")
-        lines += [f"| {', '.join(names)} | {reason} |\n" for reason, names in by_reason.items()]
-    reasons = sorted({row.reason for case in cases for row in case.rows})
+    texts = {case.name: case.remark for case in cases if case.outcome == "rejected"}
+    texts |= {
+        case.name: f"unexplained: {case.remark}" for case in cases if not case.rows and case.name not in texts
+    }
+    lines += ["\n| rejected | reason |\n|---|---|\n"] * bool(texts)
+    for text in dict.fromkeys(texts.values()):
+        lines.append(f"| {', '.join(name for name in texts if texts[name] == text)} | {text} |\n")
+    reasons = sorted({case.worst.reason for case in cases if case.worst})
     return "".join(lines) + "\nTolerances: " + "; ".join(reasons) + ".\n"
 
 
