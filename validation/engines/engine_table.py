@@ -111,9 +111,9 @@ of position and torque is least. Position errors and openings of loops are in ch
 errors in the largest torque, times in ms for a simulated second: medians over the mechanisms that ran, and
 the worst error in brackets.
 
-float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. The torques of Drake and PyBullet are
-differences of velocities. There was no wheel of Chrono or Newton. Not run,
-with the reason:
+float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. Torques of Drake and PyBullet are differences of
+velocities. Newton 1.8.0 lacks an adapter (its interface: `Engine` in `reference_problem.py`), Chrono a wheel.
+Not run:
 
 {failures}
 

@@ -72,8 +72,7 @@ def compared(name: str, clone: Clone | None) -> Case:
     if exact:
         ours = own[dict(pairs(entry["signals"], reference))[exact["signal"]]]
         error = np.interp(exact["at"], run.time, ours) - exact["value"]
-        what = f"{exact['signal']} at {exact['at']} s"
-        evidence = (Row(what, float(abs(error)), exact["tolerance"], "", "of a third method"),)
+        evidence = (Row(exact["signal"], float(abs(error)), exact["tolerance"], "", "of a third method"),)
     return Case(name, tuple(rows), "", entry.get("source_fault", ""), evidence)
 
 
