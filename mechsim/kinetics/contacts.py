@@ -24,6 +24,7 @@ from mechsim.kinetics.equations_of_motion import (
 )
 from mechsim.kinetics.gaps import gap_limits, gaps_of
 from mechsim.kinetics.link_forces import constrained_acceleration
+from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases, SpringLaw, phases_of
 from mechsim.numerics.arrays import Array
@@ -154,9 +155,7 @@ class Contacts:
             )
         if mode.stuck:
             # positive for a balance to rounding
-            functions.append(
-                lambda state, times: 1.0 + BALANCED - self._friction_load(dynamics(state, times), mode)
-            )
+            functions.append(lambda state, times: 1.0 + BALANCED - self._friction_load(state, times, mode))
         if mode.contacts:
             functions.append(
                 lambda state, times: self._pressing(dynamics(state, times), mode) + mode.adhesion[:, None]
@@ -165,12 +164,18 @@ class Contacts:
             functions.append(lambda state, _, k=k, phase=phase: self._phase_left(state, k, phase) + OPEN_GAP)
         return functions
 
-    def _friction_load(self, dynamics: Dynamics, mode: ContactMode) -> Array:
+    def _friction_load(self, state: Kinematics, times: Array, mode: ContactMode) -> Array:
         """Return the largest sticking friction relative to its limit at n states, (n,).
 
         If more frictions stick than the motion needs, their forces are not unique: those of the smallest
-        largest load count, since the frictions hold if any distribution of the forces is admissible.
+        largest load count, since the frictions hold if any distribution of the forces is admissible. Loads
+        that depend on the distribution count as in impending motion.
         """
+        equations = self.equations
+        varies = any(equations.frictions[i].friction.varies for i in mode.stuck)
+        if varies and len(mode.stuck) > 1 and not mode.contacts and len(equations.free) - equations.rank == 1:
+            return self._impending_load(state, times, mode)
+        dynamics = self.accelerate(state, times, mode)
         limits = np.maximum(dynamics.limits[mode.stuck], NO_LIMIT)
         holding = dynamics.holding[mode.stuck] / limits
         loads = np.abs(holding).max(0)
@@ -178,8 +183,31 @@ class Contacts:
         # forces that are admissible hold, and need no other distribution
         for k in np.flatnonzero((loads > 1.0) & (len(limits) > 1)):
             unloaded = null_space(dynamics.rows[k].T).T[last - len(limits) : last]
-            redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
-            loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits[:, k, None])
+            combinations, sizes, _ = np.linalg.svd(unloaded, full_matrices=False)
+            redundant = combinations[:, sizes > NO_FRICTION]
+            loads[k] = _least_largest(holding[:, k], redundant / limits[:, k, None])
+        return loads
+
+    def _impending_load(self, state: Kinematics, times: Array, mode: ContactMode) -> Array:
+        """Return what moves the only degree of freedom relative to the friction at rest against it, (n,)."""
+        sticking = [self.equations.frictions[i].friction for i in mode.stuck]
+        (along,) = null_space(state.jacobian[0])
+        rates = self.equations.friction_directions(state)[:, 0] @ along
+        signs = np.where(np.abs(rates) > REST * np.abs(rates).max(), np.sign(rates), 0.0)
+
+        def moving(contacts: Contacts, sliding: Array) -> Array:
+            released = contacts.accelerate(state, times, replace(mode, sliding=sliding, stuck=[]))
+            return np.einsum("i,nij,jn->n", along, state.mass, released.acceleration[self.equations.free])
+
+        driving, loads = moving(self, 0.0 * signs), np.zeros(len(times))
+        for side in (1.0, -1.0):
+            try:
+                friction = side * (driving - moving(self._at_rest(sticking), side * signs))
+            except FrictionError as error:
+                if error.outcome != "jammed":
+                    raise
+                continue
+            loads = np.maximum(loads, side * driving / np.maximum(friction, NO_LIMIT))
         return loads
 
     def _phase_left(self, state: Kinematics, k: int, phase: float) -> Array:
@@ -318,22 +346,48 @@ class Contacts:
             f"{', '.join(names[i] for i in indices)} beyond a stop"
         )
 
+    def rates_at_rest(self, state: Kinematics, fastest: float) -> Array:
+        """Return the rates (count, 1) of which those at rest are zero, with all that they determine.
+
+        At a dead centre they determine much faster ones, which stay as they are.
+        """
+        mode = self._by_rates(state, fastest)
+        if not mode.stuck:
+            return state.rates
+        free, rates = self.equations.free, state.rates.copy()
+        rows = np.concatenate(
+            [state.jacobian, self.equations.friction_directions(state)[mode.stuck, 0][None]], 1
+        )
+        kept = np.zeros((1, rows.shape[1]))
+        kept[:, : state.jacobian.shape[1]] = (state.jacobian @ rates[free].T[..., None])[..., 0]
+        momentum = (state.mass @ rates[free].T[..., None])[..., 0]
+        rates[free] = constrained_acceleration(state.mass, momentum, rows, -kept)[0].T
+        return rates if np.abs(rates - state.rates).max() <= SOFT_IMPACT * fastest else state.rates
+
+    def _by_rates(self, state: Kinematics, fastest: float) -> ContactMode:
+        """Return the mode in which all frictions stick whose rates are at rest, without contacts."""
+        rates = self.equations.friction_rates(state)[:, 0]
+        at_rest = np.abs(rates) <= REST * max(fastest, 1e-9)
+        return ContactMode(np.where(at_rest, 0.0, np.sign(rates)), np.flatnonzero(at_rest).tolist())
+
     def choose(self, state: Kinematics, time: float, fastest: float, before: Phases = ()) -> ContactMode:
         """Return the contact mode with admissible friction and contact forces, after phases of springs.
 
         Raises:
             JammedError: if prescribed motion drives a joint beyond its stop.
         """
-        rates, fastest = self.equations.friction_rates(state)[:, 0], max(fastest, 1e-9)
-        at_rest = np.abs(rates) <= REST * fastest
+        fastest = max(fastest, 1e-9)
         slow = np.abs(self.gap_rates(state.rates)) <= SOFT_IMPACT * fastest
         resting = [i for i in self._closed(state) if slow[i, 0]]
-        stuck = [int(i) for i in np.flatnonzero(at_rest)]
-        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, phases=self.phases(state, before))
+        mode = replace(self._by_rates(state, fastest), phases=self.phases(state, before))
+        stuck = mode.stuck
         if not self.equations.frictions:
             return self._touching(state, time, mode, resting)
-        if any(self.equations.frictions[i].friction.varies for i in stuck):
-            together = None if resting else self._moving_together(state, time, mode, fastest)
+        sticking = [self.equations.frictions[i].friction for i in stuck]
+        if any(friction.varies for friction in sticking):
+            together = (
+                None if resting else self._at_rest(sticking)._moving_together(state, time, mode, fastest)
+            )
             if together is not None:
                 return together
         elif stuck:
@@ -352,7 +406,8 @@ class Contacts:
             loads = {i: abs(float(dynamics.holding[i, 0])) / limits[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             # smaller than the excess that ends sticking: the friction slides at that instant
-            if slipping is None or self._friction_load(dynamics, mode)[0] <= 1.0 + 0.5 * BALANCED:
+            load = 0.0 if slipping is None else self._friction_load(state, np.array([time]), mode)[0]
+            if slipping is None or load <= 1.0 + 0.5 * BALANCED:
                 break
             mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
         return mode
@@ -395,6 +450,13 @@ class Contacts:
             mode = self._sliding(mode, i, change)
         return mode
 
+    def _at_rest(self, sticking: Sequence[Friction]) -> "Contacts":
+        """Return these contacts with the friction at rest of those frictions that have more of it."""
+        model, static = self.equations.model, [friction for friction in sticking if friction.static]
+        friction = tuple(each.at_rest if each in static else each for each in model.forces.friction)
+        stronger = model.with_forces(replace(model.forces, friction=friction))
+        return replace(self, equations=replace(self.equations, model=stronger)) if static else self
+
     def _moving_together(
         self, state: Kinematics, time: float, mode: ContactMode, fastest: float
     ) -> ContactMode | None:
@@ -405,9 +467,6 @@ class Contacts:
         continue. `mode` has them sticking.
         """
         equations, times = self.equations, np.array([time])
-        if any(equations.frictions[i].friction.static for i in mode.stuck):
-            # they slide with less friction than they hold
-            return None
         tendency = self.accelerate(state, times, replace(mode, stuck=[])).acceleration
         largest = float(np.abs(tendency).max())
         if not largest > 0.0:

@@ -139,6 +139,9 @@ MAX_DECAYS_IN_C = 3e2
 # energy lost by a creeping rod is correct to 1e-5 at 1e11, and wrong at 1e12
 # (tests/kinetics/test_stiff_runs.py)
 MAX_STIFFNESS = 1.5e11
+# rate relative to that of Stribeck's curve up to which friction differs from that in motion: by 2e-16 of it.
+# A step within this range changes the rate by that of the curve, one towards it by half of the way
+STRIBECK_RANGE = 6.0
 # number of halvings of a step to its last instant with unique frictions, and the part of that instant by
 # which a record ends before it, since rounding decides there
 HALVINGS, SOLVED = 40, 1e-12
@@ -445,13 +448,27 @@ class Integration:
             self._jacobians if self.implicit else None,
         )
 
+    def _resolving(self) -> float:
+        """Return the longest step in [s] that resolves Stribeck's curves."""
+        curves = np.array([item.friction.stribeck for item in self.equations.frictions])
+        if not curves.any():
+            return np.inf
+        state, times = self.kinematics(), np.array([self.time])
+        moved = self.contacts.accelerate(state, times, self.right.mode).acceleration
+        changes = np.abs(self.equations.friction_accelerations(state, moved)[:, 0])
+        beyond = 0.5 * (np.abs(self.equations.friction_rates(state)[:, 0]) - STRIBECK_RANGE * curves)
+        limited = (curves > 0.0) & (changes > 0.0)
+        return float((np.maximum(curves, beyond)[limited] / changes[limited]).min(initial=np.inf))
+
     def _jacobians(self, times: Array, states: Array) -> Array:
         return self.right.jacobians(times, states, max(self.fastest, 1.0))
 
     def _smooth_motion(self, solver: GaussCollocation) -> tuple[Outcome, str] | None:
         """Step until an event changes the mode or the run ends; None if the run continues."""
+        longest = solver.max_step
         while solver.status != "finished":
             self.right.blocked, self.right.nearest = False, self.nearest
+            solver.max_step = min(longest, self._resolving())
             message = solver.step()
             self.right.nearest = 0.0
             self.steps += 1
@@ -512,7 +529,10 @@ class Integration:
         return self._at_rest()
 
     def _choose_mode(self) -> None:
-        before = self.right.mode.phases
+        before, state = self.right.mode.phases, self.kinematics()
+        self.state = self.layout.replaced(
+            self.state[None], state.q, self.contacts.rates_at_rest(state, self.fastest)
+        )[0]
         self.right.mode = self.contacts.choose(self.kinematics(), self.time, self.fastest, before)
         if self.right.mode.contacts:
             # a contact may be slow instead of at rest

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 import mechsim as ms
 from mechsim import dynamics
+from mechsim.kinetics.compiled_model import NotCompiledError
 from mechsim.kinetics.contacts import ContactMode, Contacts
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.equations_of_motion import equations_of_motion
@@ -294,3 +295,31 @@ def test_joints_at_rest_start_to_slide_by_the_principle_of_gauss(seed, file):
     expected = best.x[:5] - best.x[5:]
     assert result == pytest.approx(expected, abs=1e-4 * np.abs(free).max())
     assert len(mode.stuck) not in (0, 5)
+
+
+CLAMP = model_text("latch_clamp.toml")
+
+
+@pytest.mark.parametrize("compiled", [True, pytest.param(False, marks=pytest.mark.long)])
+def test_a_clamp_reverses_within_the_narrow_curve_of_stribeck(compiled, file, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr("mechsim.kinetics.forward_dynamics.compiled_model", not_compiled)
+    clamp = ms.load(file(CLAMP), still=True)
+    run = dynamics.run(clamp, initial={"handle.q": "119.1deg"}, duration="0.08s")
+    assert run.executed == ("C" if compiled else "numpy")
+    # by Newton's and Euler's equations of three bodies with all reactions, DOP853 at 1e-12, steps of 10 us
+    assert np.allclose(run.events, [0.030469177301622, 0.060230287316856], rtol=0, atol=1e-12)
+    assert run.energy_error < 1e-11
+
+
+def not_compiled(equations):
+    raise NotCompiledError("this model")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("rate", "limit"), [(20.0, -54.40443208683846), (-20.0, -65.79561640577958)])
+def test_a_clamp_breaks_away_where_friction_at_rest_cannot_hold_it(rate, limit, file):
+    # the limit is the force at which the accelerations of the same equations vanish at 134 degrees
+    clamp = ms.load(file(CLAMP.replace('"-60 N"', f'"-60 N + {rate} N*t"')), still=True)
+    run = dynamics.run(clamp, initial={"handle.q": "134deg"}, duration="0.35s")
+    assert abs(run.events[0] - (limit + 60.0) / rate) < 1e-9

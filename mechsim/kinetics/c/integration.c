@@ -85,6 +85,8 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 /* degree of the polynomial that continues the last step, and difference of rates relative to the fastest */
 #define CONTINUED 9
 #define DIFFERENCE 1e-7
+/* as forward_dynamics.py */
+#define STRIBECK_RANGE 6.0
 
 /* memory filled with zeros; a header without allocation has its own */
 #ifndef ALLOCATE
@@ -314,9 +316,27 @@ static void accept(Run *run, int size, double length, const double *after) {
     memcpy(run->state, after, size * sizeof(double));
 }
 
+/* longest step from a state with these slopes that resolves Stribeck's curves: beyond STRIBECK_RANGE times their rate
+   v_s half of what is left to it, within it a change of the rate by v_s */
+static double resolving(const Model *m, Work *w, const Run *run, const double *slopes) {
+    double longest = run->longest, wrench[6], rate, change;
+    for (int i = 0; i < m->resistances; i++) {
+        const Resistance *r = m->resistance + i;
+        if (!(r->stribeck > 0.0)) continue;
+        set_poses(m, w, run->state);
+        set_velocities(m, w, slopes + positions(m));
+        along_resistance(r, w, &change, wrench);
+        set_velocities(m, w, run->state + positions(m));
+        along_resistance(r, w, &rate, wrench);
+        double beyond = 0.5 * (fabs(rate) - STRIBECK_RANGE * r->stribeck);
+        longest = fmin(longest, fmax(r->stribeck, beyond) / fabs(change));
+    }
+    return longest;
+}
+
 /* length of the next trial: the end is not approached by a step that is much shorter than the others */
-static double trial_length(const Run *run) {
-    double remaining = run->end - run->time, length = fmin(run->length, run->longest);
+static double trial_length(const Run *run, double longest) {
+    double remaining = run->end - run->time, length = fmin(run->length, longest);
     return length > 0.99 * remaining ? remaining : fmin(length, 0.5 * remaining);
 }
 
@@ -325,8 +345,9 @@ static int too_short(const Run *run, double length) { return !(length > SPACINGS
 /* one accepted step; slopes[0] is the derivative at its start */
 static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *after, double *trial) {
     int size = size_of(m), status = FINISHED;
+    double longest = resolving(m, w, run, slopes);
     for (int rejected = 0;; rejected = 1) {
-        double length = trial_length(run);
+        double length = trial_length(run, longest);
         if (too_short(run, length)) return status ? status : FAILED;
         status = FINISHED;
         for (int s = 1; s < 12 && status == FINISHED; s++) {
@@ -543,8 +564,9 @@ static void predict(const Run *run, const Nodes *x, int size, double length, con
 static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, double *slope) {
     int size = size_of(m), status = FINISHED;
     const double *to_dense = run->rule + NODES + NODES * NODES, *to_tail = to_dense + NODES * NODES;
+    double longest = resolving(m, w, run, slope);
     for (;;) {
-        double length = trial_length(run), error = 0.0, *dense = run->dense + (size_t)run->steps * (NODES + 1) * size;
+        double length = trial_length(run, longest), error = 0.0, *dense = run->dense + (size_t)run->steps * (NODES + 1) * size;
         if (too_short(run, length)) return status ? status : FAILED;
         predict(run, x, size, length, slope);
         double change = collocate(m, w, run, x, length, &status);
