@@ -46,10 +46,11 @@ def blocks(
     """Return the smallest sets of equations that can be solved one after another, with their unknowns."""
     units_of = _system(pairs, unknown)
     match = matching(units_of)
-    later: dict[Equation, list[Equation]] = {
-        equation: [other for other, units in units_of.items() if other in match and unit in units]
-        for equation, unit in match.items()
-    }
+    users: dict[Unit, list[Equation]] = {unit: [] for unit in match.values()}
+    for equation in filter(match.__contains__, units_of):
+        for unit in filter(users.__contains__, units_of[equation]):
+            users[unit].append(equation)
+    later = {equation: users[unit] for equation, unit in match.items()}
     # raise InputError if equations and unknowns do not match; names the links concerned
     every = {unit for units in units_of.values() for unit in units}
     every |= {Unit(link, i) for link in unknown for i in range(3)}
@@ -73,9 +74,11 @@ def blocks(
             "freedom; leave out a redundant link, or drive fewer"
         )
 
+    index: dict[str | int, int] = {link: i for i, link in enumerate(unknown)}
+
     def first_link(equations: set[Equation]) -> int:
         names = (match[equation].name for equation in equations)
-        return min((unknown.index(name) for name in names if isinstance(name, str)), default=-1)
+        return min((index[name] for name in names if isinstance(name, str)), default=-1)
 
     return [
         (equations, {match[equation] for equation in equations})

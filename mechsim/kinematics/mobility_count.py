@@ -1,8 +1,8 @@
 """Mobility by Somov-Malyshev and by Grübler over planar pairs, confirmed by rank and explained."""
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from mechsim.errors import AssemblyError, several
 from mechsim.kinematics.loops.mobility import dof_count, solver_at_generic_pose, undetermined_names
 from mechsim.kinematics.loops.motion import assemble, spinning_links
 from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
@@ -56,13 +56,12 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     body = rigid(mechanism)
     moving = [joint for joint in mechanism.joints if not _welded(mechanism, joint)]
     hinges = [joint for joint in moving if KINDS[joint.kind].hinge]
-    tolerance = PARALLEL_TOLERANCE * mechanism.characteristic_length
-    shared = [(a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance)]
-    order = [link.name for link in mechanism.links]
+    shared = _on_one_pin(hinges, PARALLEL_TOLERANCE * mechanism.characteristic_length)
+    order = {name: i for i, name in enumerate(body)}
     pairs: list[Pairs] = []
     for pin in components([joint.name for joint in hinges], shared):
-        links = {body[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
-        pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True, tuple(pin)))
+        links = {body[link] for name in pin for link in mechanism.joint(name).links}
+        pairs.append(Pairs(tuple(sorted(links, key=order.__getitem__)), True, tuple(pin)))
     slides = (joint for joint in moving if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
     return pairs + [Pairs((body[joint.a.link], body[joint.b.link]), False, (joint.name,)) for joint in slides]
 
@@ -71,7 +70,9 @@ def rigid(mechanism: Mechanism) -> dict[str, str]:
     """Return link (the ground included) -> the first link of those that are fixed to it."""
     order = [GROUND, *(link.name for link in mechanism.links)]
     bodies = components(order, [joint.links for joint in mechanism.joints if _welded(mechanism, joint)])
-    return {name: min(next(body for body in bodies if name in body), key=order.index) for name in order}
+    position = {name: i for i, name in enumerate(order)}
+    first = {name: min(body, key=position.__getitem__) for body in bodies for name in body}
+    return {name: first[name] for name in order}
 
 
 def _welded(mechanism: Mechanism, joint: Joint) -> bool:
@@ -80,15 +81,16 @@ def _welded(mechanism: Mechanism, joint: Joint) -> bool:
     return not kind.dof or (not kind.ball and mechanism.locked.keys() >= {*joint.coordinates})
 
 
-def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
-    """Whether two revolute joints share a link and an axis on it."""
-    for end in (first.a, first.b):
-        for other in (second.a, second.b):
-            if end.link == other.link:
-                gap = np.asarray(end.point) - np.asarray(other.point)
-                if float(np.linalg.norm(np.cross(gap, end.axis))) <= tolerance:
-                    return True
-    return False
+def _on_one_pin(hinges: Sequence[Joint], tolerance: float) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of revolute joints that share a link and an axis on it."""
+    on_link: dict[str, list[tuple[str, End]]] = {}
+    for joint in hinges:
+        for end in (joint.a, joint.b):
+            on_link.setdefault(end.link, []).append((joint.name, end))
+    for ends in on_link.values():
+        points, axes = (np.array([getattr(end, name) for _, end in ends]) for name in ("point", "axis"))
+        gaps = np.linalg.norm(np.cross(points[:, None] - points, axes[:, None]), axis=2)
+        yield from ((ends[i][0], ends[j][0]) for i, j in np.argwhere(np.triu(gaps <= tolerance, 1)))
 
 
 # displacement of the crank to either side, in [rad], that distinguishes a special pose from the general one:

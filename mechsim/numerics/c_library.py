@@ -114,10 +114,10 @@ def library_or_error(name: str, text: str, headers: Path | None) -> ctypes.CDLL 
     """Return the loaded shared library of a C text, or the reason why there is none."""
     try:
         return ctypes.CDLL(str(shared_library(name, text, headers)))
+    except (MissingToolError, OutputError) as error:  # first, as OutputError is an OSError too
+        return error
     except OSError as error:
         return MissingToolError(f"compiled code cannot be loaded: {error}; set CC to another compiler")
-    except (MissingToolError, OutputError) as error:
-        return error
 
 
 def loaded_library(name: str, text: str, headers: Path | None = None) -> ctypes.CDLL:

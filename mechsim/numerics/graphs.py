@@ -27,9 +27,11 @@ def components(nodes: Iterable[Node], edges: Iterable[tuple[Node, Node]]) -> lis
         neighbours[a].add(b)
         neighbours[b].add(a)
     connected: list[set[Node]] = []
+    visited: set[Node] = set()
     for node in neighbours:
-        if not any(node in component for component in connected):
+        if node not in visited:
             connected.append(reachable(neighbours, [node]))
+            visited |= connected[-1]
     return connected
 
 
@@ -87,16 +89,42 @@ def ordered_blocks(
     """Return the strongly connected components, each after its predecessors.
 
     Of several possible next components, the one with the smallest key comes first.
+
+    Source: S. R. Kosaraju, in M. Sharir, Computers and Mathematics with Applications 7 (1981) 67-72.
     """
-    after = {node: reachable(successors, [node]) for node in successors}
-    blocks: list[set[Node]] = []
+    predecessors: dict[Node, list[Node]] = {node: [] for node in successors}
+    for node, followers in successors.items():
+        for follower in followers:
+            predecessors[follower].append(node)
+    root: dict[Node, Node] = {}
+    for node in reversed(_finished(successors)):
+        waiting = [node]
+        while waiting:
+            if (member := waiting.pop()) not in root:
+                root[member] = node
+                waiting += predecessors[member]
+    blocks: dict[Node, set[Node]] = {}
     for node in successors:
-        if not any(node in block for block in blocks):
-            blocks.append({other for other in after[node] if node in after[other]})
-    ordered: list[set[Node]] = []
-    while blocks:
-        # the nodes of the remaining blocks that follow another block
-        later = {follower for block in blocks for follower in after[next(iter(block))] - block}
-        ordered.append(min((block for block in blocks if not block & later), key=key))
-        blocks.remove(ordered[-1])
-    return ordered
+        blocks.setdefault(root[node], set()).add(node)
+    before = {name: {root[p] for node in block for p in predecessors[node]} for name, block in blocks.items()}
+    waiting = sorted(blocks, key=lambda name: key(blocks[name]))
+    ordered: dict[Node, set[Node]] = {}
+    while waiting:
+        name = next(name for name in waiting if all(p in ordered or p == name for p in before[name]))
+        waiting.remove(name)
+        ordered[name] = blocks[name]
+    return [*ordered.values()]
+
+
+def _finished(successors: Mapping[Node, Iterable[Node]]) -> list[Node]:
+    """Return the nodes in the order in which a depth-first search has visited all that follow them."""
+    finished, visited = dict[Node, None](), set[Node]()
+    waiting = [*reversed([*successors])]
+    while waiting:
+        node = waiting[-1]
+        if node in visited:
+            finished.setdefault(waiting.pop())
+        else:
+            visited.add(node)
+            waiting += [other for other in successors[node] if other not in visited]
+    return [*finished]

@@ -68,6 +68,13 @@ def test_exact_and_limiting_rates_give_no_warning():
     )
 
 
+def test_a_well_conditioned_motion_needs_no_search_of_change_points(monkeypatch):
+    """The search traces a whole revolution, which takes longer than the motion."""
+    monkeypatch.setattr(KinematicSolver, "change_points", lambda solver: pytest.fail("traced"))
+    solver = KinematicSolver(catalog.make("four_bar").mechanism)
+    assert loss_of_significance(solver, solver.solve([0.0, 0.1], 1.0)) is None
+
+
 def test_solve_reports_a_loss_of_significance_once_and_in_json(mechsim):
     near_dead_centre = max(catalog.make("four_bar", **SWINGS).dead_centres()) - 1e-11
     arguments = ["solve", "four_bar", *TYPED, "--angles", f"1:{near_dead_centre!r}:0.01"]

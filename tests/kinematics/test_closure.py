@@ -4,6 +4,8 @@ from hypothesis import assume, given, settings
 from strategies import EPS, rssrs
 
 from mechsim import catalog, loops
+from mechsim.kinematics.loops import path
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinematics.vector_method.vectors import rotation
 from mechsim.mechanism.joints import End, Gear, Joint
 from mechsim.mechanism.links import GROUND, Link, Pose
@@ -131,6 +133,18 @@ def test_a_geared_crank_turns_beyond_one_revolution():
     assert np.abs(motion.points["P"].position - expected).max() <= 1e-14
     assert np.abs(motion.joints["second"].rate + 3.0).max() <= 1e-12
     assert np.abs(motion.joints["second"].acceleration + 1.5).max() <= 1e-12
+
+
+def test_poses_solved_one_by_one_are_those_of_the_closed_form(monkeypatch):
+    """A long row of loops is solved so, in little memory."""
+    monkeypatch.setattr(path, "CHUNK_BYTES", 1.0)
+    exact = catalog.make("four_bar")
+    angles = np.linspace(0.0, 1.0, 5)
+    solved, expected = (
+        solver.solve(angles, 2.0).points["B"] for solver in (KinematicSolver(exact.mechanism), exact)
+    )
+    np.testing.assert_allclose(solved.position, expected.position, atol=8 * EPS)
+    np.testing.assert_allclose(solved.acceleration, expected.acceleration, rtol=1e-12)
 
 
 def test_conditioning_vanishes_at_a_dead_centre():

@@ -7,6 +7,7 @@ import pytest
 
 from mechsim import catalog, loops
 from mechsim.errors import MechsimError
+from mechsim.kinematics.assur import assur_groups
 from mechsim.kinematics.loops import rounded_geometry
 from mechsim.kinematics.loops.mobility import driver_determinacy
 from mechsim.kinematics.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
@@ -110,6 +111,13 @@ def test_a_long_row_of_exact_loops_is_not_changed(count):
     assert corrected(row).mechanism is row
     # Gruebler: three degrees of freedom of each link, without two in each joint
     assert driver_determinacy(row).dofs == 3 * (2 * count + 1) - 2 * (3 * count + 1)
+
+
+def test_a_long_row_is_one_dyad_after_another():
+    """Its rods and the cranks that they drive, in order, class II of Artobolevskii."""
+    groups = assur_groups(row_of_four_bars(24)).groups
+    assert [group.links for group in groups] == [(f"crank{i + 1}", f"rod{i}") for i in range(24)]
+    assert {(group.class_, group.order) for group in groups} == {(2, 2)}
 
 
 def test_one_rounded_axis_in_a_row_is_corrected():

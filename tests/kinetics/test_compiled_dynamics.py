@@ -1,6 +1,5 @@
 """The equations of motion in C against those in numpy, and runs without a usable compiler."""
 
-import os
 import stat
 from dataclasses import fields
 from pathlib import Path
@@ -502,12 +501,11 @@ def test_a_compiler_that_does_not_end_is_given_up_once(fresh_library, monkeypatc
     assert not [*(fresh_library / "mechsim").rglob("*.so")]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
-def test_a_cache_that_cannot_be_written_leaves_numpy(fresh_library):
-    fresh_library.chmod(0o500)
+def test_a_cache_that_cannot_be_written_leaves_numpy_and_one_remedy(fresh_library):
+    (fresh_library / "mechsim").write_text("a file in the cache's place")
     run = run_of()
-    fresh_library.chmod(0o700)
-    assert (run.executed, "cannot keep compiled code" in run.note) == ("numpy", True)
+    assert (run.executed, run.note.startswith("cannot keep compiled code")) == ("numpy", True)
+    assert "CC" not in run.note
 
 
 @pytest.mark.long

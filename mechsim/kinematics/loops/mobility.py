@@ -213,8 +213,9 @@ def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
 # its path moves by a fraction of their square only, as of a bar on two ropes that turns; residual of closed
 # loops; and fraction of the displacement above which a joint or a point counts as moved
 NULL_DISPLACEMENTS, CLOSED, MIN_MOTION = (1e-3, 0.1, 0.5), 1e-10, 1e-2
-# smallest participation of a coordinate in a null direction; and largest number of names in a message
-MIN_PARTICIPATION, LISTED = 1e-6, 12
+# smallest participation of a coordinate in a null direction; and largest number of names in a message, and of
+# coordinates that are examined together
+MIN_PARTICIPATION, LISTED, TOGETHER = 1e-6, 12, 16
 
 
 def require_determined(solver: TreeSolver) -> None:
@@ -268,49 +269,60 @@ def undetermined_motions(
             key=lambda name: float(np.linalg.norm(null_space[:, columns[name]])) < 1.0 - MIN_PARTICIPATION
         )
     named: set[str] = set()
-    for name in free:
-        displaced = _displaced_by(solver, null_space, null_space[:, columns[name]])
-        if displaced and name in displaced:
-            label = joints[name].name if KINDS[joints[name].kind].floating else name
-            named.add(name)
-            yield label, label, None
-            null_space = with_component_locked(null_space, null_space[:, columns[name]])
+    first, together = 0, 1
+    while names := free[first : first + together]:
+        displaced = _displaced_by(solver, null_space, null_space[:, [columns[name] for name in names]].T)
+        moving = next((i for i, name in enumerate(names) if name in displaced[i]), None)
+        if moving is None:
+            first, together = first + len(names), min(2 * together, TOGETHER)
+            continue
+        name, first, together = names[moving], first + moving + 1, 1
+        label = joints[name].name if KINDS[joints[name].kind].floating else name
+        named.add(name)
+        yield label, label, None
+        null_space = with_component_locked(null_space, null_space[:, columns[name]])
     # rotations of balls, which have no coordinate, about the axes of their largest rotations
     for ball in tree.balls:
         first = int(np.searchsorted(loops.unknown, ball.first_angle))
         for axis in np.linalg.svd(null_space[:, first : first + 3])[2]:
             component = null_space[:, first : first + 3] @ axis
-            displaced = _displaced_by(solver, null_space, component)
+            (displaced,) = _displaced_by(solver, null_space, component[None])
             if displaced:
                 moved = next((name for name in displaced if name not in named), displaced[0])
                 yield ball.joint.name if ball.kind.floating else moved, ball.joint.name, axis
                 null_space = with_component_locked(null_space, component)
 
 
-def _displaced_by(solver: TreeSolver, null_space: Array, component: Array) -> list[str]:
-    """Return what moves along the null directions with a component, (dofs,); empty for a passive one."""
-    length = float(np.linalg.norm(component))
-    if length < MIN_PARTICIPATION:
-        return []
-    direction = (component / length) @ null_space
-    moved = (_moved_by(solver, direction, displacement) for displacement in NULL_DISPLACEMENTS)
-    return next(filter(None, moved), [])
+def _displaced_by(solver: TreeSolver, null_space: Array, components: Array) -> list[list[str]]:
+    """Return what moves along the null directions with each component, (k, dofs); empty for a passive one."""
+    lengths = np.linalg.norm(components, axis=1)
+    moved: list[list[str]] = [[] for _ in components]
+    for displacement in NULL_DISPLACEMENTS:
+        left = [i for i, names in enumerate(moved) if not names and lengths[i] >= MIN_PARTICIPATION]
+        directions = (components[left] / lengths[left, None]) @ null_space
+        for i, names in zip(left, _moved_by(solver, directions, displacement), strict=True):
+            moved[i] = names
+    return moved
 
 
-def _moved_by(solver: TreeSolver, direction: Array, displacement: float) -> list[str]:
-    """Return what moves in a displacement along a null direction; empty where the loops do not allow it."""
-    loops = solver.loops
-    step = np.zeros((loops.tree.count, 1))
-    step[loops.unknown, 0] = displacement * direction
-    displaced_q = loops.displaced(solver.reference, step)
+def _moved_by(solver: TreeSolver, directions: Array, displacement: float) -> Iterator[list[str]]:
+    """Yield what moves in a displacement along each null direction, (k, unknowns); empty if nothing can."""
+    loops, reference = solver.loops, solver.reference
+    if not len(directions):
+        return
+    displaced_q = solver.retract(reference.repeated(len(directions)), displacement * directions)
     try:
         result = newton(replace(solver, reference=displaced_q), displaced_q, NEARBY)
-    except np.linalg.LinAlgError:
-        return []
+    except np.linalg.LinAlgError:  # of one direction or more
+        for half in np.array_split(directions, 2) if len(directions) > 1 else ():
+            yield from _moved_by(solver, half, displacement)
+        yield from [[]] * (len(directions) == 1)
+        return
     # at a singular pose the loops do not allow the displacement
-    if np.abs(result.linearised.residual).max(initial=0.0) >= CLOSED:
-        return []
-    return _displaced_names(loops, solver.reference, result.q, MIN_MOTION * displacement)
+    closed = np.abs(result.linearised.residual).max(0, initial=0.0) < CLOSED
+    for i, closes in enumerate(closed):
+        after = result.q.select(np.array([i]))
+        yield _displaced_names(loops, reference, after, MIN_MOTION * displacement) if closes else []
 
 
 def _displaced_names(loops: TreeLoops, before: Coordinates, after: Coordinates, least: float) -> list[str]:

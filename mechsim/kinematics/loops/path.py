@@ -43,8 +43,9 @@ class LoopPath(ContinuationPath[TreeLoops, Coordinates]):
         return f"; the target is {np.linalg.norm(change):.3g} m beyond" if change else ""
 
 
-# number of poses solved together: their arrays fit in the cache of a core
+# number of poses solved together: their arrays fit in the cache of a core; and memory of their Jacobians
 CHUNK = 1024
+CHUNK_BYTES = 4e7
 # Newton's method from an interpolated pose: a longer displacement could lead to another assembly
 FINAL = NewtonSettings(max_iterations=4, max_displacement=1e-3)
 # deviation of drivers from their path, in [rad] or characteristic lengths, above which they are moved there
@@ -160,7 +161,8 @@ def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
     Raises:
         AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
     """
-    per_chunk, driven = max(1, CHUNK // path.count), list(path.loops.driven)
+    most = CHUNK_BYTES / (8 * path.loops.rows * path.loops.count + 1)
+    per_chunk, driven = max(1, int(min(CHUNK, most)) // path.count), list(path.loops.driven)
     for solver, index, rows in path.chunks(instants.parameter):
         for i in range(0, len(index), per_chunk):
             indices, states = index[i : i + per_chunk], rows[i : i + per_chunk]

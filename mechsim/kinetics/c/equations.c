@@ -799,6 +799,7 @@ static void factor(int count, int n, Work *w) {
         w->smallest = norm, w->rank = k + 1, w->eliminated[pivot] = 1;
         for (int i = k + 1; i < count; i++) {
             double *other = w->rows + w->order[i] * n;
+            if (w->norms[w->order[i]] == 0.0) continue;
             if (reflect_one(w, k, n, other) || other[pivot] != 0.0)
                 w->norms[w->order[i]] = remaining(n, other, w->eliminated);
         }

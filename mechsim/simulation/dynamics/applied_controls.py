@@ -21,7 +21,6 @@ from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.stepped_friction import UpdatedFriction
 from mechsim.simulation.mjcf.force_elements import native
-from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.link_inertias import MASSLESS
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
@@ -313,18 +312,12 @@ def dofs_of(model: LoadedModel, names: Iterable[str]) -> tuple[list[int], list[i
     Raises:
         InputError: for a coordinate at which the loops are cut, or that the model does not have.
     """
-    called = model_names(model.mechanism)
-    crank = model.mechanism.crank.name if model.mechanism.has_crank else None
-    addresses, dofs = list[int](), list[int]()
+    names = [*names]
     for name in names:
-        joint = mujoco.mj_name2id(
-            model.model, mujoco.mjtObj.mjOBJ_JOINT, "crank" if name == crank else called.get(name, name)
-        )
-        if joint < 0:
+        if name not in model.joints:
             raise InputError(
                 f"{model.mechanism.name}: MuJoCo's loops are cut at coordinate {name!r}; "
                 " give initial values of other joints"
             )
-        addresses.append(int(model.model.jnt_qposadr[joint]))
-        dofs.append(int(model.model.jnt_dofadr[joint]))
-    return addresses, dofs
+    chosen = [model.joints[name] for name in names]
+    return model.model.jnt_qposadr[chosen].tolist(), model.model.jnt_dofadr[chosen].tolist()

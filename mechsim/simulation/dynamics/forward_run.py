@@ -8,7 +8,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.limits import NO_RANGES, Ranges
@@ -286,12 +286,7 @@ def _cuts_elsewhere(mechanism: Mechanism, forces: Forces, kept: set[str]) -> tup
 
 def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, float]:
     """Return the values of those coordinates at which no loop is cut."""
-    called = model_names(model.mechanism)
-    joints = {model.model.joint(i).name for i in range(model.model.njnt)}
-    crank = model.mechanism.crank.name if model.mechanism.has_crank else None
-    return {
-        name: value for name, value in values.items() if name == crank or called.get(name, name) in joints
-    }
+    return {name: value for name, value in values.items() if name in model.joints}
 
 
 def _independent(model: LoadedModel, names: Sequence[str]) -> list[str]:
@@ -466,14 +461,14 @@ def _motion(
 ) -> Motion:
     """Return the motion from fields of the stepped model at recorded states, (n, ...) each."""
     joints: dict[str, JointMotion] = {}
+    numbers, stated = model.joints, model.model
     for joint in model.mechanism.joints:
         kind = KINDS[joint.kind]
         for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
-            try:
-                (address,), (dof,) = dofs_of(model, {name: 0.0})
-            except InputError:
+            if name not in numbers:
                 continue
-            index = None if kind.single else i
+            index, number = None if kind.single else i, numbers[name]
+            address, dof = stated.jnt_qposadr[number], stated.jnt_dofadr[number]
             values = states.qpos[:, address], states.qvel[:, dof], fields["qacc"][:, dof]
             joints[name] = JointMotion(*values, "m" if unit == "m" else "rad", index)
     first = leading_joint(joints, (), len(states.time))

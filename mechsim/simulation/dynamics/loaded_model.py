@@ -33,6 +33,7 @@ from mechsim.simulation.mjcf.force_elements import (
     actuator_slices,
     motor_control,
 )
+from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.simulation.recording import States
 from mechsim.simulation.source import assembled, from_mechanism
@@ -77,6 +78,13 @@ class LoadedModel(ClosedModel):
     forces: Forces
     actuators: Actuators
     dry: Sequence[DryJoint]
+
+    @cached_property
+    def joints(self) -> dict[str, int]:
+        """A map: coordinate or ball joint -> its joint in the model, without those that close loops."""
+        joints = {self.model.joint(i).name: i for i in range(self.model.njnt)}
+        called = model_names(self.mechanism)
+        return joints | {name: joints[own] for name, own in called.items() if own in joints}
 
     def controls(self, angle: Array, time: Array | None) -> Array:
         """Return the controls at crank angles and times, (n, nu): motor, loads and torque on the crank."""

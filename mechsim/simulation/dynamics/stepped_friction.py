@@ -24,7 +24,6 @@ from mechsim.simulation.dynamics.friction import DryJoint
 from mechsim.simulation.dynamics.inverse_dynamics import forces_of_couplings, row_scale
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
-from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
 
 # Coulomb friction in [N] or [N m] by which a model has one where only the load causes it; it is replaced
@@ -93,20 +92,16 @@ class UpdatedFriction:
 
     def _stored(self, friction: Friction) -> list[StoredFriction]:
         mechanism, stepped = self.model.mechanism, self.loops.model
-        names = model_names(mechanism)
+        joints = self.model.joints
         tendons = [stepped.tendon(i).name for i in range(stepped.ntendon)]
         stored: list[StoredFriction] = []
         for joint, number, index, _ in friction.loaded(mechanism):
             kind = KINDS[joint.kind]
             own = [other for other in self.model.forces.friction if other.joint == joint.name]
             constant = sum(other.sizes(kind)[index][1] for other in own)
-            name = "" if kind.ball else names.get(joint.coordinates[index], joint.coordinates[index])
-            crank = mechanism.has_crank and joint.name == mechanism.crank.name
-            number_of_joint = mujoco.mj_name2id(
-                stepped, mujoco.mjtObj.mjOBJ_JOINT, "crank" if crank else name
-            )
-            if number_of_joint >= 0:
-                array = DOF, int(stepped.jnt_dofadr[number_of_joint])
+            name = "" if kind.ball else joint.coordinates[index]
+            if name in joints:
+                array = DOF, int(stepped.jnt_dofadr[joints[name]])
             elif f"friction in {joint.name}" in tendons:
                 array = "tendon_frictionloss", tendons.index(f"friction in {joint.name}")
             else:
