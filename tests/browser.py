@@ -99,6 +99,7 @@ class Browser:
         self._call(
             "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
         )
+        self._call("Emulation.setTouchEmulationEnabled", enabled=False)
         self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         # the same page with another fragment alone would not be loaded anew
         self._call("Page.navigate", url="about:blank")
@@ -123,6 +124,27 @@ class Browser:
         for position in positions:
             mouse("mouseMoved", position, buttons=1)
         mouse("mouseReleased", (start, *positions)[-1], clickCount=1)
+
+    def swipe(self, start: tuple[float, float], *positions: tuple[float, float]) -> None:
+        """Move a finger from a position of the window over others to the last one, on a phone."""
+
+        def touch(kind: str, *points: tuple[float, float]) -> None:
+            self._call(
+                "Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y} for x, y in points]
+            )
+
+        touch("touchStart", start)
+        for position in positions:
+            touch("touchMove", position)
+            self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        touch("touchEnd")
+
+    def as_phone(self, width: int, height: int) -> None:
+        """Behave as a phone with a touch screen of a size in its pixels, until the next page."""
+        self._call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=3, mobile=True
+        )
+        self._call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
 
     def press(self, key: str, code: int = 0) -> None:
         """Press and release a key."""

@@ -244,6 +244,39 @@ def test_a_dragged_pivot_changes_the_dimension_that_places_it(window, pages):
 
 
 @in_browser
+def test_a_finger_drags_points_and_pivots_and_scrolls_elsewhere(window, pages):
+    open_live(window, pages("four_bar"))
+    window.as_phone(390, 844)
+    window.run("new Promise(done => setTimeout(done, 400))")
+    assert window.run("matchMedia('(pointer: coarse)').matches")
+    # targets of at least 24 pixels, as WCAG 2.2 asks for
+    targets = (
+        "[...document.querySelectorAll('button, select, input, summary')].filter(one => one.offsetParent)"
+    )
+    assert min(window.run(f"{targets}.map(one => one.getBoundingClientRect().height)")) >= 24
+    positions = (
+        "(() => { const box = stage.getBoundingClientRect(), "
+        "pivot = DATA.joints.find(joint => joint.name === 'rocker'); "
+        "const mark = pointMarks[DATA.points.findIndex(point => point.name === 'A')]; "
+        "const seen = [mark.getWorldPosition(new THREE.Vector3()), new THREE.Vector3(...pivot.at), "
+        "new THREE.Vector3()].map(pixel); return seen.map(([x, y]) => [x + box.left, y + box.top]); })()"
+    )
+    point, pivot, crank = window.run(positions)
+    # the crank rotates until A is in the direction of the finger
+    window.swipe(point, *((point[0] - 4 * k, point[1] - 6 * k) for k in range(1, 9)))
+    reached = np.subtract(window.run(positions)[0], crank)
+    target = np.subtract(point, crank) - [32.0, 48.0]
+    assert np.arctan2(*reached) == pytest.approx(np.arctan2(*target), abs=0.02)
+    window.swipe(pivot, *((pivot[0] + 2 * k, pivot[1]) for k in range(1, 11)))
+    assert window.run(positions)[1] == pytest.approx([pivot[0] + 20.0, pivot[1]], abs=1.0)
+    assert window.run("scrollY") == 0
+    corner = window.run("(box => [box.left + 12, box.bottom - 70])(stage.getBoundingClientRect())")
+    window.swipe(corner, *((corner[0], corner[1] - 15 * k) for k in range(1, 15)))
+    assert window.run("new Promise(done => setTimeout(() => done(scrollY), 300))") > 100
+    assert not window.complaints
+
+
+@in_browser
 def test_loads_have_sliders_and_the_torque_follows_as_in_python(window, tmp_path):
     path = tmp_path / "press.toml"
     path.write_text(LOADED)

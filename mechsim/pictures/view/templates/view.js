@@ -258,11 +258,11 @@ function showDimensions(shape) {
   if (shape === shapeShown || (!shape && !shapeShown)) return;
   shapeShown = shape;
   const changed = !!shape && !shape.original;
-  for (const [link, group] of Object.entries(solids)) {
+  for (const [k, [link, group]] of Object.entries(solids).entries()) {
     group.visible = !changed || DATA.own_bodies;
     if (rods[link]) { bodies[link].remove(rods[link]); rods[link].traverse((part) => part.geometry && part.geometry.dispose()); }
     rods[link] = null;
-    if (changed && !DATA.own_bodies) { bodies[link].add(rods[link] = rodsOf(shape.rods[link] || [], materialOf(link))); castShadow(rods[link]); }
+    if (changed && !DATA.own_bodies) { bodies[link].add(rods[link] = rodsOf(shape.rods[link] || [], link, k)); castShadow(rods[link]); }
   }
   DATA.points.forEach((point, i) => {
     point.at = shape ? shape.points[point.name] : point.original;
@@ -278,13 +278,21 @@ function materialOf(link) {
   return found || new THREE.MeshStandardMaterial({ color: 0x808080 });
 }
 
-function rodsOf(pairs, material) {
-  const group = new THREE.Group(), radius = DATA.radius;
+/* rods as wide as the bars and the eyes of a picture; no two links have the same, where one would show through the other */
+function rodsOf(pairs, link, k) {
+  const group = new THREE.Group(), radius = DATA.radius * (1 - 0.02 * (k % 8)), material = materialOf(link);
+  const flat = DATA.cameras[0].name === "straight on", frame = link === "ground", eye = radius * (!frame ? 1.9 : flat ? 2.4 : 1.2), bar = radius * (flat ? 1.15 : 1);
   for (const [a, b] of pairs) {
     const from = new THREE.Vector3(...a), to = new THREE.Vector3(...b), along = to.clone().sub(from), length = along.length();
-    for (const end of [from, to]) { const ball = new THREE.Mesh(new THREE.SphereGeometry(1.05 * radius, 20, 14), material); ball.position.copy(end); group.add(ball); }
+    for (const end of [from, to]) {
+      const ball = new THREE.Mesh(new THREE.SphereGeometry(eye, 20, 14), material);
+      ball.position.copy(end);
+      // a pivot of the frame is a ring around the eye before it
+      if (frame && flat) ball.position.addScaledVector(new THREE.Vector3(...DATA.floor.normal), -2.2 * radius);
+      group.add(ball);
+    }
     if (!(length > 0)) continue;
-    const rod = new THREE.Mesh(new THREE.CylinderGeometry(0.7 * radius, 0.7 * radius, length, 24), material);
+    const rod = new THREE.Mesh(new THREE.CylinderGeometry(bar, bar, length, 24), material);
     rod.position.copy(from).addScaledVector(along, 0.5);
     rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
     group.add(rod);
