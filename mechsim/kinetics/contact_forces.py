@@ -22,7 +22,7 @@ from mechsim.mechanism.cams import Cam
 from mechsim.mechanism.contacts import Contact
 from mechsim.mechanism.joints import Coupling
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import root
+from mechsim.numerics.newton import peak, root
 
 # intervals into which one with a least force next to zero is divided
 FINER = 32
@@ -127,8 +127,12 @@ def _contact_force(
         multiplier = np.where(np.abs(multiplier) <= ROUNDING * driving, 0.0, multiplier)
         return (-multiplier if law is not None and law.rope else multiplier), None
 
+    def preload(instants: Array) -> Array:
+        value, levers = force(instants)
+        return np.zeros_like(value) if levers is None else -value * levers
+
+    samples = times
     value, levers = force(times)
-    preload = None if levers is None else max(0.0, float((-value * levers).max()))
     # a force next to zero that turns between two instants may change its sign twice
     steps, magnitude = np.abs(np.diff(value)), np.abs(value[1:-1])
     turning = (magnitude < np.maximum(steps[1:], steps[:-1])) & (value[:-2] * value[2:] > 0.0)
@@ -143,17 +147,18 @@ def _contact_force(
         for i, k in pairwise(acting)
         if value[i] * value[k] < 0.0
     ]
-    first, last = int(np.argmin(value)), int(np.argmax(value))
+    least_at, least = peak(lambda instants: -force(instants)[0], samples)
+    largest_at, largest = peak(lambda instants: force(instants)[0], samples)
     return ContactForce(
         one_sided=contact is None or contact.one_sided,
         rope=law is not None and law.rope,
         backlash=0.0 if law is None else law.backlash,
-        least=float(value[first]),
-        least_at=float(times[first]),
-        largest=float(value[last]),
-        largest_at=float(times[last]),
+        least=-least,
+        least_at=least_at,
+        largest=largest,
+        largest_at=largest_at,
         changes=tuple(changes),
-        preload=preload,
+        preload=None if levers is None else max(0.0, peak(preload, samples)[1]),
     )
 
 

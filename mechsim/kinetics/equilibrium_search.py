@@ -114,13 +114,16 @@ def all_at_rest(equations: EquationsOfMotion, q: Coordinates) -> bool:
 def difference(equations: EquationsOfMotion, q: Coordinates, other: Coordinates) -> Array:
     """Return the displacement of the free coordinates in units from q to another configuration, (free,).
 
-    Angles differ by less than half a revolution.
+    Angles differ by less than half a revolution, and parameters of closed curves by half a period.
     """
     from scipy.spatial.transform import Rotation
 
     tree, units = equations.loops.tree, equations.loops.units
     change = (other.values - q.values)[:, 0] / units
     change[~tree.slides] = wrapped(change[~tree.slides])
+    for name, period in tree.closed_parameters.items():
+        index = tree.index_of[name]
+        change[index] -= period / units[index] * np.rint(change[index] * units[index] / period)
     for ball, first, last in zip(tree.balls, q.turns[..., 0], other.turns[..., 0], strict=True):
         change[ball.first_angle : ball.first_angle + 3] = Rotation.from_matrix(last @ first.T).as_rotvec()
     return change[equations.free]

@@ -21,6 +21,7 @@ from mechsim.mechanism.coupling_functions import PlainFunction
 from mechsim.mechanism.expressions import Instruction
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Jet
+from mechsim.numerics.newton import peak
 
 LawName = Literal["dwell", "cycloidal", "modified_sine", "polynomial_345"]
 FollowerKind = Literal["knife", "roller", "flat"]
@@ -227,18 +228,14 @@ class Cam:
             )
 
     def _require_no_undercut(self) -> None:
-        q = np.linspace(0.0, REVOLUTION, CHECKED + 1)
-        for _ in range(3):
-            clearance = self.contact(q).clearance
-            worst = int(np.argmin(clearance))
-            if not clearance[worst] > PERIODIC * (self.base_radius if self.kind == "flat" else 1.0):
-                radius = self.contact(q).curvature_radius[worst]
-                raise InputError(
-                    f"cam {self.name!r} is undercut at the cam angle {q[worst]:.4g} rad, where the "
-                    f"radius of curvature of its profile would be {radius:.4g} m; enlarge the base radius, "
-                    "take a smaller roller, or a gentler law"
-                )
-            q = np.linspace(q[max(worst - 1, 0)], q[min(worst + 1, CHECKED)], CHECKED + 1)
+        q, least = peak(lambda q: -self.contact(q).clearance, np.linspace(0.0, REVOLUTION, CHECKED + 1))
+        if not -least > PERIODIC * (self.base_radius if self.kind == "flat" else 1.0):
+            radius = self.contact(np.array([q])).curvature_radius[0]
+            raise InputError(
+                f"cam {self.name!r} is undercut at the cam angle {q:.4g} rad, where the radius of curvature "
+                f"of its profile would be {radius:.4g} m; enlarge the base radius, take a smaller roller, "
+                "or a gentler law"
+            )
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,19 @@ class Contact:
         """The radius of the roller of link b, in [m]; 0 for a point."""
         return self.shape.radius if isinstance(self.shape, Cam) else abs(self.shape.offset)
 
+    @property
+    def base_radius(self) -> float:
+        """The base radius of a cam in [m]; 0 of a curve."""
+        return self.shape.base_radius if isinstance(self.shape, Cam) else 0.0
+
+    @property
+    def period(self) -> float:
+        """Period of the parameter of a closed curve; 0 of other contacts."""
+        if isinstance(self.shape, Cam) or not self.shape.closed:
+            return 0.0
+        low, high = self.shape.interval
+        return high - low
+
     def normals(self, values: Array) -> Array:
         """Return unit normals towards link b at values of the coordinate, (n, 3); of a curve to the left."""
         zero = 0.0 * values

@@ -10,12 +10,11 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.curves import GuideCurve
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import peak
 
 # intervals of s between which a curve is checked; those of its polygon, which is searched for crossings: a
 # prime number, since symmetric curves must not cross at corners of the polygon
 INTERVALS, SEGMENTS = 720, 509
-# times that the search for the largest curvature is refined to two intervals
-REFINEMENTS = 3
 # largest change of direction in [rad] between two values of s that is not halved, and number of halvings;
 # what remains is a corner
 SHARP, HALVINGS = 0.1, 40
@@ -85,19 +84,15 @@ def _require_curvature(curve: GuideCurve) -> None:
     """Raise InputError for a roller that is not smaller than the radius of curvature: it is undercut."""
     if curve.offset == 0.0:
         return
-    low, high = curve.interval
-    for _ in range(REFINEMENTS):
-        s = np.linspace(low, high, INTERVALS + 1)
-        product = curve.offset * curve.curvature(s)
-        worst = int(np.argmax(product))
-        at_s, radius = float(s[worst]), abs(curve.offset / float(product[worst]))
-        low, high = s[max(worst - 1, 0)], s[min(worst + 1, INTERVALS)]
-        if not product[worst] < 1.0:
-            raise InputError(
-                f"curve {curve.name!r} has the radius of curvature {radius:.6g} m at s = {at_s:.6g} on the "
-                f"side of a roller of {abs(curve.offset):.6g} m: the roller cuts under; give a smaller one, "
-                "or the other side"
-            )
+    at_s, product = peak(
+        lambda s: curve.offset * curve.curvature(s), np.linspace(*curve.interval, INTERVALS + 1)
+    )
+    if not product < 1.0:
+        raise InputError(
+            f"curve {curve.name!r} has the radius of curvature {abs(curve.offset / product):.6g} m at s = "
+            f"{at_s:.6g} on the side of a roller of {abs(curve.offset):.6g} m: the roller cuts under; give "
+            "a smaller one, or the other side"
+        )
 
 
 def _require_no_crossing(curve: GuideCurve) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.mechanism.cams import Cam
 from mechsim.mechanism.links import Inertia, Rods, Vector, combine, rows, vector
 from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.numerics.arrays import HUGE, Array, distinct, number
@@ -186,9 +185,9 @@ def _link_inertia(
     ends = mechanism.ends(name)
     length = PIN_LENGTH * diameter
     discs = [
-        (mechanism.joint(joint).a, contact.shape.base_radius)
+        (mechanism.joint(joint).a, contact.base_radius)
         for joint, contact in mechanism.contacts.items()
-        if contact.carrier == name and isinstance(contact.shape, Cam)
+        if contact.carrier == name and contact.base_radius
     ]
     points = distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
     if len(points) == 1:

@@ -200,3 +200,15 @@ def test_the_parts_of_a_joint_on_a_curve_are_not_shown(mechsim):
     for command in ("dynamics inverse", "solve"):
         result = mechsim(*command.split(), str(FOLDER / "window_regulator.toml"))
         assert (result.code, "~" in result.out) == (0, False)
+
+
+@pytest.mark.long
+def test_a_bar_on_a_closed_rail_returns_after_a_round():
+    # whose parameter has then increased by its period: both ends of the bar on one ellipse
+    model = ms.load(str(FOLDER / "toml_curves_shuttle.toml"))
+    trace = ms.trace(model, starts=20)
+    assert [curve.turns for curve in trace.curves] == [1, 1]
+    # a bar of 0.1 m within an ellipse of the half axes 0.3 and 0.2 m: its middle is highest where it is level
+    highest = 0.2 * np.sqrt(1.0 - (0.05 / 0.3) ** 2)
+    assert abs(max(curve.samples(721).points["P"][:, 1].max() for curve in trace.curves) - highest) < 1e-4
+    assert len(ms.dynamics.equilibria(model)) == 2

@@ -35,6 +35,19 @@ def test_a_follower_lifts_off_where_its_weight_is_too_small(tmp_path):
 
 
 @pytest.mark.long
+def test_the_least_force_lies_between_the_instants(tmp_path):
+    forces(tmp_path, 0.0)
+    model = dynamic_model(ms.load(str(tmp_path / "cam.toml")))
+    profile = profile_of(model.solver, SPEED, 1.0)
+    contact = contact_forces(model, profile.state, np.linspace(0.0, profile.duration, 14))["contact"]
+    # cam angle of pi, where no instant lies; 1e-7 of their distance changes the cosine by 1e-14
+    missing = MASS * (LIFT * SPEED**2 - 9.81)
+    assert [contact.least, contact.preload] == pytest.approx([-missing, missing], abs=1e-11)
+    assert contact.least_at == pytest.approx(np.pi / SPEED, rel=1e-6)
+    assert contact.largest == pytest.approx(MASS * (LIFT * SPEED**2 + 9.81), abs=1e-11)
+
+
+@pytest.mark.long
 def test_the_preload_that_is_named_keeps_the_contact_closed(tmp_path):
     preload = forces(tmp_path, 0.0).preload
     assert forces(tmp_path, -1.0001 * preload).changes == ()

@@ -119,3 +119,10 @@ def test_platforms_and_gallery_mechanisms_report_their_true_outcomes():
     assert stability_map.steps(ms.load("planar_3rrr"), 1e3).outcome == "passed"
     assert stability_map.far_start(ms.load("jansen"), 1.0, seed=0).passed
     assert stability_map.mass_ratio(ms.load("jansen"), 1e-3).passed
+
+
+@pytest.mark.parametrize("name", ["cam_follower", "geneva_drive", "window_regulator"])
+def test_masses_vary_only_where_mjcf_holds_the_whole_mechanism(name):
+    # a file has no functions: their polynomials would stay those at the start
+    assert "mass ratio" not in {axis for axis, *_ in stability_map.axes_of(ms.load(name), quick=True)}
+    assert "mass ratio" in {axis for axis, *_ in stability_map.axes_of(ms.load("four_bar"), quick=True)}

@@ -112,12 +112,12 @@ class CurveJoints:
 
     @cached_property
     def gains(self) -> Array:
-        """Increase of each coordinate along the whole curve: whole revolutions, or zero, (columns,)."""
-        return (
-            self.angular
-            * REVOLUTION
-            * np.round((self.interpolated(self.traced.length) - self.interpolated(0.0)) / REVOLUTION)
-        )
+        """Increase of each coordinate along the whole curve in revolutions or periods, (columns,)."""
+        increase = self.interpolated(self.traced.length) - self.interpolated(0.0)
+        closed = self.tree.closed_parameters
+        periods = [closed.get(column.coordinate, REVOLUTION) for column in self.columns]
+        counted = [column.unit == "rad" or column.coordinate in closed for column in self.columns]
+        return np.where(counted, np.round(increase / periods), 0.0)
 
     def turns(self) -> list[tuple[int, Extremum, float]]:
         """Return the turning points: index of the column, its kind, and the arc.
@@ -251,8 +251,8 @@ class AssemblyCurve:
 
     @property
     def turns(self) -> int:
-        """Revolutions of the crank along the whole curve; 0 if it only oscillates."""
-        return round(float(self.joints.gains[self._driver]) / REVOLUTION)
+        """Revolutions of the crank, or rounds of a closed curve; 0 if it only oscillates."""
+        return round(float(self.joints.gains[self._driver]))
 
     @cached_property
     def turning_points(self) -> tuple[TurningPoint, ...]:

@@ -15,7 +15,7 @@ from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.loop_solver import NEARBY, Linearised
-from mechsim.numerics.newton import NewtonSettings, newton, square_solution
+from mechsim.numerics.newton import PEAK_POINTS, NewtonSettings, newton, peak, square_solution
 from mechsim.numerics.rank import pivot_columns, right_vectors, significant
 
 # component of a unit motion below which a coordinate or a point is at rest
@@ -70,7 +70,11 @@ def pose_features(tree: SpanningTree, poses: LinkPoses, idle: Array) -> PoseFeat
         twist = np.abs(twists(tree, poses, idle)).max(2)
         spins = np.maximum(twist[:, :3].max(1) / length, twist[:, 3:].max(1)) > REST
     rows: list[tuple[int, tuple[float, ...], bool, float]] = []
+    # after a round of a closed curve its parameter has another value at the same pose
+    parameters = {mechanism.joint(name).b.link for name in tree.closed_parameters}
     for i, link in enumerate(mechanism.links):
+        if link.name in parameters:
+            continue
         if not spins[i]:
             rows.append((i, (0.0, 0.0, 0.0), True, 1.0 / length))
             rows += [(i, tuple(axis), False, np.sqrt(0.5)) for axis in np.eye(3).tolist()]
@@ -280,14 +284,11 @@ class FreeLoops:
             The arc, the singular value that vanishes at a branch point, and the residual along its left
             singular vector.
         """
-        best = 0.5 * (low + high)
-        lower, upper = low, high
-        for _ in range(11):
-            arcs = np.linspace(lower, upper, 25)
-            jacobian = self.loops.linearise(self.unflat(rows(arcs)))[1]
-            i = int(np.argmin(self.singular_value(jacobian)))
-            best = float(arcs[i])
-            lower, upper = float(arcs[max(i - 2, 0)]), float(arcs[min(i + 2, 24)])
+
+        def singularity(arcs: Array) -> Array:
+            return -self.singular_value(self.loops.linearise(self.unflat(rows(arcs)))[1])
+
+        best, _ = peak(singularity, np.linspace(low, high, PEAK_POINTS))
         residual, jacobian, _ = self.loops.linearise(self.unflat(rows(np.array([best]))))
         u, values, _ = np.linalg.svd(jacobian[:, self.loops.unknown, 0])
         return best, float(values[self.rank - 1]), float(abs(u[:, self.rank - 1] @ residual[:, 0]))

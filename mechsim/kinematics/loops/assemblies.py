@@ -41,8 +41,9 @@ def other_assemblies(
     """Return the link poses of the assemblies at a path parameter that are not excluded, and what else moves.
 
     Assemblies are distinct if a joint or a tracked point differs; the spin of a rod about its own axis does
-    not count, nor do other revolutions of a nut on its screw. A configuration that moves while the drivers
-    hold is one of a continuous family: it is not listed, but the sentences say what moves.
+    not count, nor do other revolutions of a nut on its screw or of a point on a closed curve. A configuration
+    that moves while the drivers hold is one of a continuous family: it is not listed, but the sentences say
+    what moves.
 
     Args:
         path: of one assembly.
@@ -129,9 +130,11 @@ def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) ->
 
 def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, float]]]:
     """Yield joint points, and tracked points of links that do not spin: link and position in its frame."""
-    mechanism, spinning = path.loops.tree.original, spinning_links(path.first)
+    tree, spinning = path.loops.tree, spinning_links(path.first)
+    mechanism = tree.original
     for joint in mechanism.joints:
-        yield from ((end.link, end.point) for end in (joint.a, joint.b) if end.link != GROUND)
+        if joint.name not in tree.closed_parameters:
+            yield from ((end.link, end.point) for end in (joint.a, joint.b) if end.link != GROUND)
     for link, position in mechanism.points.values():
         if link != GROUND and link not in spinning:
             yield link, position

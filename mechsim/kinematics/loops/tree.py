@@ -127,6 +127,12 @@ class SpanningTree:
         return {link.name: self.index[link.name] for link in self.original.links}
 
     @cached_property
+    def closed_parameters(self) -> dict[str, float]:
+        """Parameter of each closed curve -> its period, after which the pose is the same."""
+        contacts = self.original.contacts.values()
+        return {each.coordinate: each.period for each in contacts if each.period}
+
+    @cached_property
     def index(self) -> dict[str, int]:
         """Moving link -> index, with the virtual bodies of split joints."""
         return {link.name: i for i, link in enumerate(self.mechanism.links)}

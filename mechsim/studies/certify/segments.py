@@ -363,10 +363,8 @@ def inside(equations: ClosureEquations, first: Segments, second: Segments) -> Bo
 
 def along_tangents(equations: ClosureEquations, segments: Segments, by: Array) -> CentreConfigurations:
     """Return approximate configurations of segments at distances (n,) from their centres, along tangents."""
-    values = segments.values.copy()
     step = np.nan_to_num(segments.rate * by[:, None], posinf=0.0, neginf=0.0)
-    values[:, equations.unknown] += step * equations.tree.units[equations.unknown]
-    return CentreConfigurations(values, segments.quaternions)
+    return _moved(equations, CentreConfigurations(segments.values, segments.quaternions), step)
 
 
 def halves(segments: Segments, equations: ClosureEquations) -> tuple[Array, Array, CentreConfigurations]:

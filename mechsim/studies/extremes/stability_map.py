@@ -161,7 +161,9 @@ def axes_of(solver: KinematicSolver, quick: bool) -> list[tuple[str, Push, Seque
             ("size", characteristic_length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
             ("size", characteristic_length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
         ]
-    if coupler_of(solver.mechanism) is not None:
+    # MJCF, whose masses change, has no functions
+    functions = any(coupling.function is not None for coupling in solver.mechanism.couplings)
+    if coupler_of(solver.mechanism) is not None and not functions:
         pushes += [
             ("mass ratio", mass_ratio, _decades(1e-12, 1.0, 2 * coarse)[::-1]),
             ("mass ratio", mass_ratio, _decades(10.0, 1e11, 2 * coarse)),

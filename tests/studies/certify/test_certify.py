@@ -4,7 +4,7 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, model_text
 
 import mechsim as ms
 from mechsim.io import catalog, reference_data
@@ -402,3 +402,15 @@ def test_a_spent_work_budget_is_named(monkeypatch):
     assert not proof.certified
     assert f"the work budget of {limit} segments is spent" in proof.summary
     assert "work budget" not in ms.certify("slider_crank", (0.1, 0.2)).summary
+
+
+@pytest.mark.long
+def test_a_ball_that_moves_evenly_is_certified():
+    # its segments begin on the tangents before them, and Newton's method need not move them
+    model = ms.load(str(FOLDER / "certify_bearing.toml"))
+    proof = ms.certify(model)
+    assert proof.certified, proof.summary
+    # crank of 30 mm; a point of the coupler 100, 0, 20 mm from the ball is on the line y = 0, z = 20 mm
+    angles = np.linspace(0.0, 2 * np.pi, 25)
+    along = 0.03 * np.cos(angles) + np.sqrt(0.0104 - (0.03 * np.sin(angles)) ** 2 - 0.0004)
+    assert np.abs(model.solve(angles).joints["line.way"].value - along + 0.12).max() < 1e-14
