@@ -65,6 +65,7 @@ GATES = {
     ("io.toml_coordinates", "mechanism.nonlinear_springs"): "soft stops in TOML",
     ("io.toml_values", "mechanism.coupling_functions"): "functions in TOML",
     ("mechanism.forces", "mechanism.nonlinear_springs"): "soft stops",
+    ("simulation.mjcf_reader.forces", "mechanism.nonlinear_springs"): "polynomials of springs, ropes",
     ("cli", "simulation.mujoco_loading"): "a command that runs MuJoCo",
     ("io.toml_reader", "io.toml_backlash"): "backlash of joints in TOML",
     ("io.toml_reader", "io.toml_stated"): "sources of parameters in TOML",

@@ -155,11 +155,11 @@ def _verdict(
     release: Release, result: DynamicRun, options: ForwardOptions, report: Progress
 ) -> Verdict | None:
     """Return the comparison with MuJoCo; None if it is omitted."""
-    ended = result.outcome in ("done", "stopped") and compared_segments(result)
-    if options.method == "none" or not ended:
+    if options.method == "none" or result.outcome not in ("done", "stopped"):
         return None
     values = initial_values(release.model, release.initial)
-    return crosscheck_forward(result, release.model, values, progress=report)
+    verdict = crosscheck_forward(result, release.model, values, progress=report)
+    return verdict if verdict.checks or verdict.outcome == "diverged" else None
 
 
 def _result(

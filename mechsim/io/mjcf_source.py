@@ -105,7 +105,7 @@ def read_mjcf(source: "MujocoInput", request: Prescription = AS_WRITTEN) -> Kine
         facts=(
             *model.remarks,
             *printed(model.unread),
-            *_initial_gap(model),
+            *_initial_gap(model, request.key),
             *exact.facts,
             *filter(None, [initial.note]),
         ),
@@ -113,13 +113,14 @@ def read_mjcf(source: "MujocoInput", request: Prescription = AS_WRITTEN) -> Kine
     )
 
 
-def _initial_gap(model: "MjcfModel") -> list[str]:
+def _initial_gap(model: "MjcfModel", key: str | None) -> list[str]:
     """Return a sentence on the initial loop-closure error of a file; empty for rounding."""
     if model.gap <= 1e-12 * model.mechanism.characteristic_length:
         return []
+    others = "" if key or not model.keyframes else f"; --key starts at {' or '.join(model.keyframes)}"
     return [
         f"the initial loop-closure error of the file is {model.gap:.2g} m; "
-        "solved configurations close the loops as exactly as its dimensions allow"
+        f"solved configurations close the loops as exactly as its dimensions allow{others}"
     ]
 
 

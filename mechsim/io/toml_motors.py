@@ -1,4 +1,4 @@
-"""Motors and actuators on the joints of a TOML file: `[forces.motors.NAME]`."""
+"""Motors and actuators of a TOML file, on joints or between points: `[forces.motors.NAME]`."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,8 +6,10 @@ from typing import Any, get_args
 
 from mechsim.errors import InputError
 from mechsim.io.law_text import control_law, parse_motion_law
+from mechsim.io.toml_springs import point_of
 from mechsim.io.toml_values import KeyPath, Values, suggestion
 from mechsim.mechanism.actuators import NO_LIMIT, Actuator
+from mechsim.mechanism.forces import Location
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motors import Controller
 from mechsim.units import Unit
@@ -45,7 +47,7 @@ def actuators_of(values: Values, mechanism: Mechanism, table: Mapping[str, Any])
         _require_keys(values, entry, path)
         if entry["kind"] == "general":
             with values.source.error_context(path):
-                yield _general(values, name, entry)
+                yield _general(mechanism, name, entry)
             continue
         units = {
             coordinate: unit
@@ -54,20 +56,32 @@ def actuators_of(values: Values, mechanism: Mechanism, table: Mapping[str, Any])
             for unit in get_args(Unit)
             if unit == mechanism.unit(coordinate)
         }
-        if entry["joint"] not in units:
-            nearest = suggestion(entry["joint"], units)
-            raise values.source.error((*path, "joint"), f"names coordinate {entry['joint']!r}{nearest}")
+        joint = entry.get("joint")
+        if joint is not None and joint not in units:
+            nearest = suggestion(joint, units)
+            raise values.source.error((*path, "joint"), f"names coordinate {joint!r}{nearest}")
         with values.source.error_context(path):
-            yield _motor(values, name, entry, units[entry["joint"]], path)
+            ends = None if joint else _ends(mechanism, entry)
+            yield _motor(values, name, entry, ends, units[joint] if joint else "m", path)
+
+
+def _ends(mechanism: Mechanism, entry: Mapping[str, Any]) -> tuple[Location, Location]:
+    """Return the points a and b of a motor."""
+    return point_of(mechanism, entry["a"]), point_of(mechanism, entry["b"])
 
 
 def _require_keys(values: Values, entry: Mapping[str, Any], path: KeyPath) -> None:
     """Raise InputError for keys of another kind of motor on a joint, and for missing ones."""
     kind = entry["kind"]
     required, optional = (keys.split() for keys in JOINT_MOTORS[kind])
-    if kind != "general":
-        required = ["joint", *required]
-    others = () if kind == "expression" else ("rotor", "force_range" if kind == "general" else "limit")
+    if kind != "expression" and {"a", "b"} & {*entry}:
+        required, optional = ["a", "b", *required], [key for key in optional if key != "joint"]
+        others = ["force_range" if kind == "general" else "limit"]
+    elif kind == "expression":
+        required, others = ["joint", *required], []
+    else:
+        required = required if kind == "general" else ["joint", *required]
+        others = ["rotor", "force_range" if kind == "general" else "limit"]
     require_motor_keys(values, entry, path, required, (*optional, *others))
 
 
@@ -85,8 +99,15 @@ def require_motor_keys(
             raise values.source.error((*path, key), f"does not go with kind {kind!r}; leave it out")
 
 
-def _motor(values: Values, name: str, entry: Mapping[str, Any], unit: Unit, path: KeyPath) -> Actuator:
-    """Return a motor on one coordinate with a unit, "m" or "rad"."""
+def _motor(
+    values: Values,
+    name: str,
+    entry: Mapping[str, Any],
+    ends: tuple[Location, Location] | None,
+    unit: Unit,
+    path: KeyPath,
+) -> Actuator:
+    """Return a motor between two points, or on one coordinate with a unit, "m" or "rad"."""
     effort: Unit = "N" if unit == "m" else "N m"
     speed: Unit = "m/s" if unit == "m" else "rad/s"
 
@@ -100,7 +121,9 @@ def _motor(values: Values, name: str, entry: Mapping[str, Any], unit: Unit, path
         limits = (-largest / abs(gear), largest / abs(gear))
     common: dict[str, Any] = {
         "name": name,
-        "gear": {entry["joint"]: gear},
+        "gear": {} if ends else {entry["joint"]: gear},
+        "ends": ends,
+        "pull": gear,
         "force_range": limits,
         "inertia": entry.get("rotor", 0.0),
     }
@@ -159,21 +182,27 @@ def _direct_current(entry: Mapping[str, Any], common: dict[str, Any]) -> Actuato
     return Actuator(control=law, gain=(constant, 0.0, 0.0), inflow=inflow, **common)
 
 
-def _general(values: Values, name: str, entry: Mapping[str, Any]) -> Actuator:
-    """Return an actuator in the form of `model.actuators`, in SI."""
+def _general(mechanism: Mechanism, name: str, entry: Mapping[str, Any]) -> Actuator:
+    """Return an actuator in the form of `mechanism.actuators`, in SI."""
     stated = {key: entry[key] for key in ("gain", "bias", "direct", "inflow", "start") if key in entry}
     ranges: dict[str, Any] = {
         key: (float(entry[key][0]), float(entry[key][1]))
         for key in ("control_range", "state_range", "force_range")
         if key in entry
     }
-    gear = entry.get("gear", 1.0)
-    if not isinstance(gear, dict):
+    gear, acts = entry.get("gear", 1.0), dict[str, Any]()
+    if "a" in entry:
+        if isinstance(gear, dict):
+            raise InputError(f"motor {name} acts between two points; give gear as a number")
+        acts, gear = {"ends": _ends(mechanism, entry), "pull": gear}, {}
+    elif not isinstance(gear, dict):
         if "joint" not in entry:
-            raise InputError(f"motor {name} names no joint; give joint, or gear as a table by coordinate")
+            raise InputError(
+                f"motor {name} names no joint; give joint, points a and b, or gear as a table by coordinate"
+            )
         gear = {entry["joint"]: gear}
     law = control_law(str(entry.get("control", "0")), name)
     others: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list | tuple) else value for key, value in stated.items()
     }
-    return Actuator(name, gear, law, inertia=entry.get("rotor", 0.0), **others, **ranges)
+    return Actuator(name, gear, law, inertia=entry.get("rotor", 0.0), **acts, **others, **ranges)

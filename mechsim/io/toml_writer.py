@@ -184,9 +184,12 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
     table: dict[str, Any] = {
         "kind": "general",
         "control": text,
-        "gear": dict(actuator.gear),
-        "rotor": actuator.inertia,
     }
+    if actuator.ends is None:
+        table |= {"gear": dict(actuator.gear), "rotor": actuator.inertia}
+    else:
+        table |= {side: _point(end) for side, end in zip("ab", actuator.ends, strict=True)}
+        table["gear"] = actuator.pull
     table |= files.attributes(actuator, "gain", "bias", "direct", "start")
     if actuator.inflow is not None:
         table["inflow"] = actuator.inflow

@@ -199,8 +199,8 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
     springs, damping, coulomb = nothing.copy(), nothing.copy(), nothing.copy()
     for spring in forces.springs:
         tension, damper, stored = _spring(unit, spring)
-        _add_tension(unit, springs, (spring.a, spring.b), tension)
-        _add_tension(unit, damping, (spring.a, spring.b), damper)
+        add_tension(unit, springs, (spring.a, spring.b), tension)
+        add_tension(unit, damping, (spring.a, spring.b), damper)
         energy = energy + stored
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
@@ -284,8 +284,7 @@ def loads(
 def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, Array]:
     """Return the length of a nonlinear spring and its rate at unit speed, (n,) each."""
     if not isinstance(spring.ends, str):
-        line, length, rate = _line(unit, spring.ends)
-        return length, dot(line, rate)
+        return distance_and_rate(unit, spring.ends)
     joint, k = unit.mechanism.joint_with(spring.ends)
     value: Any = _joint_values(unit, joint)[..., k]
     continuous = unit.coordinates.get(spring.ends)
@@ -305,7 +304,7 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
 def _add_along(unit: UnitMotion, stack: Array, spring: NonlinearSpring, tension: Array) -> None:
     """Add the forces of a tension (n,) to a stack of wrenches."""
     if not isinstance(spring.ends, str):
-        return _add_tension(unit, stack, spring.ends, tension)
+        return add_tension(unit, stack, spring.ends, tension)
     joint, k = unit.mechanism.joint_with(spring.ends)
     return add_joint_forces(unit, stack, joint, [-tension * (i == k) for i in range(KINDS[joint.kind].dof)])
 
@@ -371,6 +370,12 @@ def _add_bushing(unit: UnitMotion, springs: Array, damping: Array, bushing: Bush
     return energy
 
 
+def distance_and_rate(unit: UnitMotion, ends: Ends) -> tuple[Array, Array]:
+    """Return the distance of two points and its rate at unit speed, (n,) each."""
+    line, length, rate = _line(unit, ends)
+    return length, dot(line, rate)
+
+
 def _line(unit: UnitMotion, ends: Ends) -> tuple[Array, Array, Array]:
     """Return the direction from a to b (zero if equal), the distance, and the derivative of b - a."""
     (_, a, rate_a), (_, b, rate_b) = (unit.locate(end) for end in ends)
@@ -380,7 +385,8 @@ def _line(unit: UnitMotion, ends: Ends) -> tuple[Array, Array, Array]:
     return gap / safe[:, None], length, rate_b - rate_a
 
 
-def _add_tension(unit: UnitMotion, stack: Stack, ends: Ends, tension: Array) -> None:
+def add_tension(unit: UnitMotion, stack: Stack, ends: Ends, tension: Array) -> None:
+    """Add the forces of a tension (n,) between two points to a stack of wrenches."""
     line, _, _ = _line(unit, ends)
     for location, sign in zip(ends, (1.0, -1.0), strict=True):
         link, where, _ = unit.locate(location)

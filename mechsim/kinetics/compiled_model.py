@@ -89,16 +89,9 @@ COUPLING = np.dtype(
     align=True,
 )
 INERTIA = np.dtype([("mass", _REAL), ("centre", _REAL, 3), ("moments", _REAL, 9)], align=True)
-SPRING = np.dtype(
-    [
-        ("link_a", _INT),
-        ("link_b", _INT),
-        ("a", _REAL, 3),
-        ("b", _REAL, 3),
-        *((name, _REAL) for name in ("stiffness", "rest", "damping")),
-    ],
-    align=True,
-)
+LINE = np.dtype([("link_a", _INT), ("link_b", _INT), ("a", _REAL, 3), ("b", _REAL, 3)], align=True)
+SPRING = np.dtype([("line", LINE), *((name, _REAL) for name in ("stiffness", "rest", "damping"))], align=True)
+PULL = np.dtype([("acts", _INT), ("line", LINE), ("ratio", _REAL)], align=True)
 RESISTANCE = np.dtype(
     [
         ("a", SIDE),
@@ -112,9 +105,8 @@ RESISTANCE = np.dtype(
 SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
 NONLINEAR_SPRING = np.dtype(
     [
-        *((name, _INT) for name in ("link_a", "link_b", "coordinate", "table", "over_rate")),
-        ("a", _REAL, 3),
-        ("b", _REAL, 3),
+        ("line", LINE),
+        *((name, _INT) for name in ("coordinate", "table", "over_rate")),
         *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload", "exponent", "hysteresis")),
         ("expression", EXPRESSION),
     ],
@@ -143,7 +135,8 @@ COUNTS = (
 TABLES = (
     *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
     *("inertias", "spring", "resistance", "load"),
-    *("instruction", "controller", "prescribed", "actuator", "gear", "rotors", "nonlinear_spring", "tables"),
+    *("instruction", "controller", "prescribed", "actuator", "gear", "pull", "rotors"),
+    *("nonlinear_spring", "tables"),
     "bushing",
 )
 
@@ -221,6 +214,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "bushing": _bushings(equations),
         "actuator": added.add_actuators(forces.actuators),
         "gear": _gears(equations),
+        "pull": _pulls(equations),
         "instruction": np.array(added.rows, INSTRUCTION),
         "tables": np.array(added.numbers),
         "rotors": np.ascontiguousarray(equations.rotors),
@@ -416,10 +410,15 @@ def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     """Return the springs between points as data of the C code."""
     rows: list[dict[str, Any]] = []
     for spring in equations.model.forces.springs:
-        (link_a, a), (link_b, b) = (_point(equations, end) for end in (spring.a, spring.b))
         constants = {name: getattr(spring, name) for name in ("stiffness", "rest", "damping")}
-        rows.append({"link_a": link_a, "link_b": link_b, "a": a, "b": b, **constants})
+        rows.append({"line": _line(equations, (spring.a, spring.b)), **constants})
     return _filled(SPRING, rows)
+
+
+def _line(equations: EquationsOfMotion, ends: tuple[Location, Location]) -> tuple[int, int, Vector, Vector]:
+    """Return the links of two points, and the points in their frames."""
+    (link_a, a), (link_b, b) = (_point(equations, end) for end in ends)
+    return link_a, link_b, a, b
 
 
 def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
@@ -429,9 +428,7 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
         if isinstance(law := spring.law, SoftStop):
             row |= {"exponent": law.exponent, "hysteresis": law.side * law.hysteresis}
         if not isinstance(spring.ends, str):
-            (row["link_a"], row["a"]), (row["link_b"], row["b"]) = (
-                _point(equations, end) for end in spring.ends
-            )
+            row["line"] = _line(equations, spring.ends)
         elif spring.ends in equations.sprung:
             row["coordinate"] = equations.sprung[spring.ends]
         else:
@@ -569,3 +566,12 @@ def _gears(equations: EquationsOfMotion) -> Array:
     tree = equations.loops.tree
     gears = [tree.coupled(actuator.gear) for actuator in equations.model.forces.actuators]
     return np.reshape(np.array(gears, dtype=float), (-1, tree.count))
+
+
+def _pulls(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
+    """Return the lines of actuators between points."""
+    rows = [
+        {"acts": 1, "line": _line(equations, actuator.ends), "ratio": actuator.pull} if actuator.ends else {}
+        for actuator in equations.model.forces.actuators
+    ]
+    return _filled(PULL, rows)

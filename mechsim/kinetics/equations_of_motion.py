@@ -18,7 +18,14 @@ from mechsim.errors import InputError
 from mechsim.kinematics.loops.constraints import TreeLoops
 from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, link_poses, twists, velocity_products
 from mechsim.kinematics.loops.start import CLOSED, assembled, close_nearest
-from mechsim.kinetics.applied_forces import applied, length_and_rate, loads
+from mechsim.kinetics.applied_forces import (
+    add_tension,
+    applied,
+    distance_and_rate,
+    length_and_rate,
+    loads,
+    power,
+)
 from mechsim.kinetics.link_forces import (
     DryFriction,
     constrained_acceleration,
@@ -265,8 +272,8 @@ class EquationsOfMotion:
         """
         unit, jacobians, mass = state.unit, state.link_jacobians, state.mass
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time, phases=phases)
-        wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
-        at_joints, activation = _actuator_forces(self, state, time, loaded.crank)
+        at_joints, pulls, activation = _actuator_forces(self, state, time, loaded.crank)
+        wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches + pulls
         directions = self.friction_directions(state)
         twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
         inertial = inertial_wrenches(twist, bias, state.inertia)
@@ -297,7 +304,10 @@ class EquationsOfMotion:
             rows=rows,
             kinetic=kinetic_energy(mass, rates),
             potential=acting.energy + loaded.energy,
-            power_in=loaded.work + (at_joints * rates).sum(1) + (driving * driven_rates).sum(0),
+            power_in=loaded.work
+            + power(unit, pulls)
+            + (at_joints * rates).sum(1)
+            + (driving * driven_rates).sum(0),
             power_lost=loaded.lost - (acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
             activation=activation,
         )
@@ -365,8 +375,8 @@ class EquationsOfMotion:
         """
         unit, jacobians, time = state.unit, state.link_jacobians, np.zeros(len(state.q))
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
-        wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches
-        at_joints, _ = _actuator_forces(self, state, time, loaded.crank)
+        at_joints, pulls, _ = _actuator_forces(self, state, time, loaded.crank)
+        wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches, pulls
         sizes = stepped_sizes(np.stack(wrenches)).sum(0)
         arms = stepped_sizes(unit.position).sum(-1, keepdims=True)
         sizes[..., 3:] += arms * sizes[..., :3].sum(-1, keepdims=True)
@@ -516,10 +526,11 @@ def _stored(model: DynamicModel, unit: UnitMotion) -> Array:
 
 def _actuator_forces(
     equations: EquationsOfMotion, state: Kinematics, time: Array, torque: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Return the generalised force of motor, controllers, actuators and load torque, (n, free).
 
-    Also return the rates of the actuators' states, (states, n).
+    Also return the wrenches of actuators between points, (n, L, 6), and the rates of the actuators' states,
+    (states, n).
     """
     forces, tree, units = equations.model.forces, equations.loops.tree, equations.loops.units
     dtype = np.result_type(state.q.values, state.rates)
@@ -532,18 +543,24 @@ def _actuator_forces(
         index = tree.index_of[controller.coordinate]
         total[index] += controller.effort(values, rates, time) * units[index]
     activations: list[Array] = []
+    pulls = np.zeros_like(state.unit.twist)
     for actuator in forces.actuators:
         arms = tree.coupled(actuator.gear)
         length, speed = arms @ state.q.values, (arms * units) @ state.rates
+        if actuator.ends:
+            length, speed = (actuator.pull * value for value in distance_and_rate(state.unit, actuator.ends))
         inputs = actuator.input(time)
         if state.activation is None or actuator.inflow is None:
             activation = actuator.steady_state(time, length, speed)
         else:
             activation = state.activation[len(activations)]
-        total += np.outer(arms * units, actuator.force(inputs, length, speed, activation))
+        force = actuator.force(inputs, length, speed, activation)
+        total += np.outer(arms * units, force)
+        if actuator.ends:
+            add_tension(state.unit, pulls, actuator.ends, -actuator.pull * force)
         if actuator.inflow is not None:
             activations.append(actuator.state_rate(inputs, length, speed, activation))
-    return total[equations.free].T, np.reshape(activations, (-1, len(time)))
+    return total[equations.free].T, pulls, np.reshape(activations, (-1, len(time)))
 
 
 def _rubbing(limits: Array, sliding: Array, directions: Array, force: Array) -> Array:

@@ -33,6 +33,7 @@ def joint_reactions(model: DynamicModel, run: DynamicRun) -> Mapping[str, Reacti
         forces.armature, *(actuator.gear for actuator in forces.actuators)
     )
     other = sorted(moved - {*model.mechanism.drivers})
+    other += [f"the line of actuator {actuator.name}" for actuator in forces.actuators if actuator.ends]
     stuck = next((segment.first for segment in run.segments if segment.sticking), None)
     if other or stuck is not None:
         where = (

@@ -1,14 +1,14 @@
-"""Actuators: forces on joint coordinates from a control, with gain, bias, limits and a state of their own.
+"""Actuators: forces on joint coordinates, or on the line between two points, from a control.
 
 One linear form covers MuJoCo's actuators (motor, position, velocity, intvelocity, damper, general) and the
 motors of a TOML file (constant, line, dc, pd, pid). With the control u and the coordinates q_k:
 
-    l = sum of gear_k q_k, v = its rate, u within control_range
+    l = sum of gear_k q_k, or pull |b - a| between points a and b; v = its rate, u within control_range
     w' = inflow_0 u + inflow_1 w + inflow_2 l + inflow_3 v, w within state_range
     x = w, or x = u without a state
     p = (gain_0 + gain_1 l + gain_2 v) x + bias_0 + bias_1 l + bias_2 v + direct_0 u + direct_1 u'
     p within force_range
-    force on q_k: gear_k p
+    force on q_k: gear_k p; on b away from a, and on a away from b: pull p
 
 Source: MuJoCo documentation, Computation, section "Actuation model"; of the direct-current motor: K. Ogata,
 Modern Control Engineering, section 3.3, with the current as w.
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.mechanism.links import Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
 from mechsim.numerics.arrays import HUGE, Array
@@ -37,7 +38,7 @@ def no_control(time: Array) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """A force on joint coordinates; see the module's equations.
+    """A force on joint coordinates or between points; see the module's equations.
 
     Attributes:
         name: name of the actuator.
@@ -49,7 +50,9 @@ class Actuator:
         inflow: coefficients of u, w, l and v in w'; None without a state.
         start: initial state w.
         control_range, state_range, force_range: limits of u, w and p.
-        inertia: moment of inertia or mass that moves with l, as a rotor before a gear.
+        inertia: moment of inertia or mass that moves with l, as a rotor before a gear; 0 between points.
+        ends: the points a and b, as those of a spring; None for one on coordinates.
+        pull: change of l per change of the distance.
         text: the control as written.
     """
 
@@ -65,10 +68,12 @@ class Actuator:
     state_range: Range = NO_LIMIT
     force_range: Range = NO_LIMIT
     inertia: float = 0.0
+    ends: tuple[str | tuple[str, Vector], str | tuple[str, Vector]] | None = None
+    pull: float = 1.0
     text: str = field(default="0", compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("gain", "bias", "direct", "inflow", "start", "inertia"):
+        for name in ("gain", "bias", "direct", "inflow", "start", "inertia", "pull"):
             values = np.ravel(getattr(self, name) or 0.0)
             if not (np.abs(values) < HUGE).all():
                 raise InputError(
@@ -77,6 +82,10 @@ class Actuator:
                 )
         if not self.inertia >= 0.0:
             raise InputError(f"inertia of actuator {self.name!r} is {self.inertia}; give 0 or more")
+        if self.ends and (self.gear or self.inertia):
+            raise InputError(
+                f"actuator {self.name!r} acts between two points; leave out its coordinates and its inertia"
+            )
         for name in ("control_range", "state_range", "force_range"):
             low, high = getattr(self, name)
             if not low < high:

@@ -194,11 +194,13 @@ class Forces:
                 raise InputError(f"the {what} acts on the frame, which cannot move; name a moving link")
 
     def _check_ends(self, mechanism: Mechanism) -> None:
-        """Raise InputError unless the ends of springs and bushings lie on links of the mechanism."""
-        for spring in self.springs:
-            links = [located(mechanism, location)[0] for location in (spring.a, spring.b)]
+        """Raise InputError unless the ends of forces between points and frames lie on links."""
+        lines = [("a spring", (spring.a, spring.b)) for spring in self.springs]
+        lines += [(f"actuator {acting.name!r}", acting.ends) for acting in self.actuators if acting.ends]
+        for what, ends in lines:
+            links = [located(mechanism, location)[0] for location in ends]
             if links[0] == links[1]:
-                raise InputError(f"both ends of a spring are on link {links[0]!r}; put them on two links")
+                raise InputError(f"both ends of {what} are on link {links[0]!r}; put them on two links")
         for bushing in self.bushings:
             for end in (bushing.a, bushing.b):
                 located(mechanism, (end.link, end.point))

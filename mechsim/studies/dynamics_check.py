@@ -24,6 +24,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.numerics.arrays import EPS, Array
 from mechsim.numerics.resources import Progress, no_progress
+from mechsim.simulation.dynamics.file_balance import has_balance, imbalance
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
@@ -56,6 +57,9 @@ KINKED = 100.0
 # factor on the compliance of MuJoCo's loops in another run, where the tolerance of compliance and rounding is
 # exceeded: the change shows both errors. In planetary_gear on a spring compliance is 6 times a relative 1e-9
 SOFTER = 10.0
+# largest number of instants at which the forces of a file are balanced, and tolerance of the balance: files
+# state dimensions with six digits
+BALANCED, BALANCE_TOLERANCE = 50, 1e-6
 # units of coordinates, and their relative change that is rounding
 COORDINATE_UNITS, ROUNDING = ("m", "rad"), 1e-12
 # order with which the error is extrapolated if the changes by two halvings of the step show at least this
@@ -147,10 +151,13 @@ def crosscheck_forward(
         dynamic_model: the model of the run.
         initial: its initial values.
         progress: called with a text and the finished fraction of a run in MuJoCo.
+
+    Returns:
+        The verdict; "failed" without checks if nothing can be compared.
     """
     dynamic_model = released(dynamic_model)
-    segments, checks = compared_segments(run), list[Check]()
-    if not segments:
+    segments, checks = compared_segments(run), list(_balance(run, dynamic_model))
+    if not (segments or checks):
         reason = "no segment of the run is comparable: nothing moves, stops touch, or all segments are short"
         return Verdict("failed", (), reason)
     for segment in segments:
@@ -173,6 +180,27 @@ def crosscheck_forward(
         title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
         checks += [replace(check, variant=title) for check in compared]
     return concluded(checks)
+
+
+def _balance(run: DynamicRun, model: DynamicModel) -> Iterator[Check]:
+    """Yield the check that a run of an MJCF file has all forces of the file; none with other forces."""
+    read = model.solver.source
+    if read is None or not has_balance(read, model.forces):
+        return
+    rows = np.arange(0, len(run.time), -(-len(run.time) // BALANCED))
+    section, time = select_instants(run.motion, rows), run.time[rows]
+    # along these, other forces act than those of springs, dampers and actuators
+    fixed = {*model.mechanism.locked, *run.driving}
+    fixed |= {friction.joint for friction in model.forces.friction if friction.coulomb}
+    if run.events or any(segment.touching for segment in run.segments):
+        fixed |= {*read.limits}
+    errors, largest = imbalance(read, model.forces, section, time, run.activation[:, rows], fixed)
+    reason = (
+        f"{BALANCE_TOLERANCE:.0e} of the largest force in the file's own model, whose dimensions are rounded"
+    )
+    tolerance = Tolerance(BALANCE_TOLERANCE * largest, "N m", reason)
+    check = check_of("forces of the file", "", errors, RecordInstants(time, "s"), tolerance)
+    yield replace(check, method="balance")
 
 
 def _guessed_at(mechanism: Mechanism, motion: Motion) -> Mechanism:

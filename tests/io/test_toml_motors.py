@@ -1,4 +1,4 @@
-"""Motors on joints of a TOML file against an integration of the arm's equation by scipy."""
+"""Motors of a TOML file, on joints and between points, against an integration by scipy."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,34 @@ DC = 'kind = "dc"\nresistance = "0.8 ohm"\nconstant = "0.05 N m/A"\ngear = 20\nr
 ROTOR = 20**2 * 1e-5
 
 
+# a cylinder between two points, besides a motor without torque
+CYLINDER = """kind = "constant"
+torque = 0
+[forces.motors.cylinder]
+a = { link = "ground", at = ["0.1 m", "-0.2 m", 0] }
+b = { link = "arm", at = ["0.15 m", 0, 0] }
+"""
+
+
 def volts(t):
     return 12.0 * np.sin(6.0 * t)
+
+
+def length(q):
+    """Return the length of the cylinder, and its derivative by the angle."""
+    gap = 0.15 * np.array([np.cos(q), np.sin(q)]) - [0.1, -0.2]
+    distance = np.linalg.norm(gap)
+    return distance, 0.15 * (gap @ [-np.sin(q), np.cos(q)]) / distance
+
+
+def cylinder(effort):
+    """Return the moment at the hip of a force by length, rate and state."""
+
+    def moment(t, q, v, w):
+        distance, arm = length(q)
+        return arm * effort(distance, arm * v, w)
+
+    return moment
 
 
 # motor in TOML; torque (t, q, v, w), rate of the state w, and added inertia
@@ -51,6 +77,24 @@ CASES = {
         'kind = "pid"\ntarget = "0.5 rad"\nproportional = 20\nintegral = 30\nderivative = 1',
         lambda t, q, v, w: 20.0 * (0.5 - q) - v + 30.0 * w,
         lambda t, q, v, w: 0.5 - q,
+        0.0,
+    ),
+    "constant between points": (
+        CYLINDER + 'kind = "constant"\ntorque = "20 N"',
+        cylinder(lambda distance, rate, w: 20.0),
+        None,
+        0.0,
+    ),
+    "pid between points": (
+        CYLINDER + 'kind = "pid"\ntarget = "0.25 m"\nproportional = 900\nintegral = 700\nderivative = 20',
+        cylinder(lambda distance, rate, w: 900.0 * (0.25 - distance) - 20.0 * rate + 700.0 * w),
+        lambda t, q, v, w: 0.25 - length(q)[0],
+        0.0,
+    ),
+    "general between points": (
+        CYLINDER + 'kind = "general"\ngear = 3\nbias = [4.0, -50.0, -2.0]',
+        cylinder(lambda distance, rate, w: 3.0 * (4.0 - 50.0 * 3.0 * distance - 2.0 * 3.0 * rate)),
+        None,
         0.0,
     ),
     "expression": (
@@ -97,6 +141,15 @@ def test_a_saturated_motor(tmp_path):
 
     exact = solve_ivp(equation, (0.0, 0.2), [0.0, 0.0], "DOP853", run.time, rtol=1e-13, atol=1e-14)
     assert np.abs(run.motion.joints["hip"].value - exact.y[0]).max() < 1e-10
+
+
+def test_a_motor_between_points_is_written_and_read_back(tmp_path):
+    model = model_of(tmp_path, CASES["general between points"][0])
+    (tmp_path / "again.toml").write_text(to_toml(model.solver))
+    again = ms.load(str(tmp_path / "again.toml"), still=True)
+    for own, read in zip(model.forces.actuators, again.forces.actuators, strict=True):
+        assert (read.gear, read.ends, read.pull) == (own.gear, own.ends, own.pull)
+        assert read.bias == own.bias
 
 
 @pytest.mark.parametrize("case", ["dc with inductance", "pid"])

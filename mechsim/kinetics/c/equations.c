@@ -50,10 +50,23 @@ typedef struct {
     double mass, centre[3], moments[9];
 } Inertia;
 
+/* two points, each in the frame of its link */
 typedef struct {
     int link_a, link_b;
-    double a[3], b[3], stiffness, rest, damping;
+    double a[3], b[3];
+} Line;
+
+typedef struct {
+    Line line;
+    double stiffness, rest, damping;
 } Spring;
+
+/* the line of an actuator if it `acts` between points, and the change of its length per change of the distance */
+typedef struct {
+    int acts;
+    Line line;
+    double ratio;
+} Pull;
 
 /* spring, viscous and Coulomb friction along one coordinate of a joint in tree or loop; at rest Coulomb friction
    is `at_rest` times as large, and it falls with the rate as Stribeck's curve if `stribeck` is above zero. If
@@ -70,8 +83,9 @@ enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
    length as coordinate 0 and the rate as rate 0. A table, which lies at `table` if that is 0 or more, is over the
    length or the rate */
 typedef struct {
-    int link_a, link_b, coordinate, table, over_rate;
-    double a[3], b[3], rest, stiffness, damping, preload, exponent, hysteresis;
+    Line line;
+    int coordinate, table, over_rate;
+    double rest, stiffness, damping, preload, exponent, hysteresis;
     Expression expression;
 } NonlinearSpring;
 
@@ -111,7 +125,9 @@ typedef struct {
     const Controller *controller;
     const Prescribed *prescribed;
     const Actuator *actuator;
-    const double *gear, *rotors;
+    const double *gear;
+    const Pull *pull;
+    const double *rotors;
     const NonlinearSpring *nonlinear_spring;
     const double *tables;
     const Bushing *bushing;
@@ -475,16 +491,26 @@ static void set_bodies(const Model *m, Work *w) {
     }
 }
 
+/* distance of two points and its rate; `ends` are the points, and the direction from a to b */
+static double distance(const Work *w, const Line *line, double *rate, double ends[3][3]) {
+    double *a = ends[0], *b = ends[1], *along = ends[2], va[3], vb[3];
+    locate(w, line->link_a, line->a, a, va);
+    locate(w, line->link_b, line->b, b, vb);
+    for (int i = 0; i < 3; i++) along[i] = b[i] - a[i];
+    double length = sqrt(dot(along, along));
+    *rate = 0.0;
+    for (int i = 0; i < 3; i++) along[i] /= length > 0.0 ? length : 1.0, *rate += along[i] * (vb[i] - va[i]);
+    return length;
+}
+
+static void add_tension(Work *w, const Line *line, double tension, double ends[3][3]) {
+    add_force(w, line->link_a, ends[0], tension, ends[2]);
+    add_force(w, line->link_b, ends[1], -tension, ends[2]);
+}
+
 static void add_spring(const Spring *spring, Work *w) {
-    double a[3], b[3], va[3], vb[3], line[3], rate = 0.0;
-    locate(w, spring->link_a, spring->a, a, va);
-    locate(w, spring->link_b, spring->b, b, vb);
-    for (int i = 0; i < 3; i++) line[i] = b[i] - a[i];
-    double length = sqrt(dot(line, line)), stretch = length - spring->rest;
-    for (int i = 0; i < 3; i++) line[i] /= length > 0.0 ? length : 1.0, rate += line[i] * (vb[i] - va[i]);
-    double tension = spring->stiffness * stretch + spring->damping * rate;
-    add_force(w, spring->link_a, a, tension, line);
-    add_force(w, spring->link_b, b, -tension, line);
+    double ends[3][3], rate, stretch = distance(w, &spring->line, &rate, ends) - spring->rest;
+    add_tension(w, &spring->line, spring->stiffness * stretch + spring->damping * rate, ends);
     w->potential += 0.5 * spring->stiffness * stretch * stretch;
     w->power_lost += spring->damping * rate * rate;
 }
@@ -618,13 +644,17 @@ static void add_load(const Model *m, const Load *load, const double *rates, Work
 }
 
 /* adds the force of an actuator with a state, of which the rate is returned */
-static double add_actuator(const Model *m, const Actuator *a, const double *gear, double state, const double *rates,
-                           Work *w) {
-    double length = inner(m->count, gear, w->q), speed = 0.0;
+static double add_actuator(const Model *m, int i, double state, const double *rates, Work *w) {
+    const Actuator *a = m->actuator + i;
+    const Pull *pull = m->pull + i;
+    const double *gear = m->gear + i * m->count;
+    double ends[3][3], length = inner(m->count, gear, w->q), speed = 0.0;
     for (int k = 0; k < m->count; k++) speed += gear[k] * m->coordinates[k].unit * rates[k];
+    if (pull->acts) length = pull->ratio * distance(w, &pull->line, &speed, ends), speed *= pull->ratio;
     Timed control = evaluated(m->instruction, m->tables, a->control, w->time, w->q, rates);
     double flow, force = actuator_force(a, control, state, length, speed, &flow);
     for (int k = 0; k < m->count; k++) w->applied[k] += gear[k] * m->coordinates[k].unit * force;
+    if (pull->acts) add_tension(w, &pull->line, -pull->ratio * force, ends), w->power_in += force * speed;
     return flow;
 }
 
@@ -639,25 +669,19 @@ static void set_applied(const Model *m, Work *w, const double *rates) {
         w->applied[c->coordinate] += effort * m->coordinates[c->coordinate].unit;
     }
     for (int i = 0; i < m->actuators; i++) {
-        const Actuator *a = m->actuator + i;
-        double rate = add_actuator(m, a, m->gear + i * m->count, a->has_state ? *state : 0.0, rates, w);
-        if (a->has_state) *inflow++ = rate, state++;
+        int has_state = m->actuator[i].has_state;
+        double rate = add_actuator(m, i, has_state ? *state : 0.0, rates, w);
+        if (has_state) *inflow++ = rate, state++;
     }
     w->power_in += inner(m->count, w->applied, rates);
 }
 
 /* a nonlinear spring, as mechsim.mechanism.nonlinear_springs states its law within a phase */
 static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, double phase, const double *rates, Work *w) {
-    double a[3], b[3], va[3], vb[3], line[3], length, rate = 0.0, unstored = 0.0;
-    if (s->coordinate >= 0) {
+    double ends[3][3], length, rate, unstored = 0.0;
+    if (s->coordinate >= 0)
         length = w->q[s->coordinate], rate = rates[s->coordinate] * m->coordinates[s->coordinate].unit;
-    } else {
-        locate(w, s->link_a, s->a, a, va);
-        locate(w, s->link_b, s->b, b, vb);
-        for (int i = 0; i < 3; i++) line[i] = b[i] - a[i];
-        length = sqrt(dot(line, line));
-        for (int i = 0; i < 3; i++) line[i] /= length > 0.0 ? length : 1.0, rate += line[i] * (vb[i] - va[i]);
-    }
+    else length = distance(w, &s->line, &rate, ends);
     /* zero while a stop is open; negative while it is left behind */
     double stretch = phase ? length - s->rest : 0.0;
     double power = s->exponent == 1.0 ? stretch : copysign(pow(fabs(stretch), s->exponent), stretch);
@@ -677,7 +701,7 @@ static void add_nonlinear_spring(const Model *m, const NonlinearSpring *s, doubl
     w->potential += (s->stiffness * power / (s->exponent + 1.0) + s->preload) * stretch;
     w->power_in -= unstored * rate, w->power_lost += (tension - elastic - unstored) * rate;
     if (s->coordinate >= 0) w->applied[s->coordinate] -= tension * m->coordinates[s->coordinate].unit;
-    else add_force(w, s->link_a, a, tension, line), add_force(w, s->link_b, b, -tension, line);
+    else add_tension(w, &s->line, tension, ends);
 }
 
 /* all forces; energies and powers */

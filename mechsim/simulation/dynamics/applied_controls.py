@@ -250,16 +250,14 @@ class Controllers:
             data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
         for number, state, actuator in self.others:
             control = actuator.input(np.array(data.time))
-            length, speed = (
-                np.array(sum(ratio * terms[name] for name, ratio in actuator.gear.items()))
-                for terms in (values, rates)
-            )
+            length, speed = data.actuator_length[number], data.actuator_velocity[number]
             activation = np.array(0.0 if actuator.inflow is None else data.act[state])
             force = float(actuator.force(control, length, speed, activation))
             if actuator.inflow is not None:
                 data.ctrl[number] = actuator.state_rate(control, length, speed, activation)
-            for name, ratio in actuator.gear.items():
-                data.qfrc_applied[self.dofs[name]] += ratio * force
+            first, count = data.moment_rowadr[number], data.moment_rownnz[number]
+            arms = slice(first, first + count)
+            data.qfrc_applied[data.moment_colind[arms]] += data.actuator_moment[arms] * force
 
 
 class Drives:

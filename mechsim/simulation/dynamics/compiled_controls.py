@@ -65,6 +65,8 @@ def compiled_controls(
     ]
     gears = np.zeros((len(others), model.model.nv))
     for gear, (_, _, actuator) in zip(gears, others, strict=True):
+        if actuator.ends:
+            raise NotCompiledError(f"the line of {actuator.name}")
         for name, ratio in actuator.gear.items():
             gear[coordinates[name][1]] += ratio
     dry = [(joint.actuators[0], len(joint.actuators), joint.magnitude) for joint in model.dry]

@@ -147,22 +147,17 @@ class _Accelerations:
         self.basis, self.units = basis, model.loops.units
         self.prepared_model, self.controls = loops.model, AppliedControls(model, loops)
         self.data = mujoco.MjData(loops.model)
-        self.stated = [actuator for actuator in model.forces.actuators if actuator.inflow is not None]
-        self.names = sorted({name for actuator in self.stated for name in actuator.gear})
-        self.addresses, self.dofs = dofs_of(model, dict.fromkeys(self.names, 0.0))
+        acting = enumerate(model.forces.actuators, model.actuators.actuators.start)
+        self.stated = [(k, actuator) for k, actuator in acting if actuator.inflow is not None]
 
     def along_basis(self, qpos: Array, qvel: Array) -> Array:
         """Return the accelerations at a state, (dof,)."""
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
-        values, rates = (
-            dict(zip(self.names, state, strict=True)) for state in (qpos[self.addresses], qvel[self.dofs])
-        )
-        for i, actuator in enumerate(self.stated):
-            length, speed = (
-                np.array([sum(ratio * terms[name] for name, ratio in actuator.gear.items())])
-                for terms in (values, rates)
-            )
+        mujoco.mj_fwdPosition(self.prepared_model, data)
+        mujoco.mj_fwdVelocity(self.prepared_model, data)
+        for i, (k, actuator) in enumerate(self.stated):
+            length, speed = data.actuator_length[[k]], data.actuator_velocity[[k]]
             data.act[i] = actuator.steady_state(np.zeros(1), length, speed)[0]
         with self.controls.installed(data) as expand:
             expand()

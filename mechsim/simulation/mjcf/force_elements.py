@@ -141,7 +141,7 @@ def native(actuator: Actuator) -> bool:
 
 
 def _add_actuator(builder: Builder, actuator: Actuator) -> None:
-    """Add an actuator on a joint, or on a tendon over several; one that is not `native` only has its state.
+    """Add an actuator on a joint, or on a tendon; one that is not `native` only has its state.
 
     Its control and its force then come from `AppliedControls`.
     """
@@ -153,10 +153,12 @@ def _add_actuator(builder: Builder, actuator: Actuator) -> None:
         made.gear[0] = ratio
         _add_armature(builder, target, actuator.inertia * ratio**2)
     else:
-        tendon = builder.spec.add_tendon(name=called, armature=actuator.inertia)
+        tendon = _add_line(builder, called, actuator.ends or ())
+        tendon.armature = actuator.inertia
         for name, ratio in actuator.gear.items():
             tendon.wrap_joint(names[name], ratio)
         made = builder.spec.add_actuator(name=called, target=called, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+        made.gear[0] = actuator.pull
     if actuator.inflow is not None:
         by_control = actuator.inflow[0]
         filters = native(actuator) and actuator.inflow[1] != 0.0
@@ -253,22 +255,23 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
 
 
 def _add_spring(builder: Builder, name: str, spring: Spring) -> None:
-    tendon = builder.spec.add_tendon(
-        name=name,
-        stiffness=_linear(spring.stiffness),
-        damping=_linear(spring.damping),
-        springlength=(spring.rest, spring.rest),
-    )
-    for side, point in zip("ab", (spring.a, spring.b), strict=True):
+    tendon = _add_line(builder, name, (spring.a, spring.b))
+    tendon.stiffness, tendon.damping = _linear(spring.stiffness), _linear(spring.damping)
+    tendon.springlength = spring.rest, spring.rest
+
+
+def _add_line(builder: Builder, name: str, ends: Sequence[Location]) -> mujoco.MjsTendon:
+    """Add a tendon between two points, or an empty one."""
+    tendon = builder.spec.add_tendon(name=name)
+    for side, point in zip("ab", ends, strict=False):
         tendon.wrap_site(builder.point(f"{name}.{side}", point))
+    return tendon
 
 
 def _add_nonlinear_spring(builder: Builder, name: str, spring: NonlinearSpring) -> None:
     """Add an actuator along the length of a spring, whose control is the tension."""
     if not isinstance(spring.ends, str):
-        tendon = builder.spec.add_tendon(name=name)
-        for side, point in zip("ab", spring.ends, strict=True):
-            tendon.wrap_site(builder.point(f"{name}.{side}", point))
+        _add_line(builder, name, spring.ends)
         made = builder.spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     elif builder.model_joints(joint := builder.mechanism.joint_with(spring.ends)[0]):
         target = model_names(builder.mechanism)[spring.ends]

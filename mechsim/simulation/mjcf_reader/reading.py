@@ -32,11 +32,8 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import (
     free_bodies,
     free_joints,
 )
-from mechsim.simulation.mjcf_reader.inertias_and_forces import (
-    forces_of_model,
-    left_out_of_dynamics,
-    with_inertias,
-)
+from mechsim.simulation.mjcf_reader.forces import forces_of_model
+from mechsim.simulation.mjcf_reader.inertias import with_inertias
 from mechsim.simulation.mjcf_reader.kinematic_tree import (
     KinematicTree,
     kinematic_tree,
@@ -159,6 +156,8 @@ def read_model(
         model, _ = compile_repaired(path, spec)
     if spins:
         model = _with_locked_spins(spec, model, start, spins)
+    if not (model.njnt or lint):
+        raise InputError("no body can move; give one a joint")
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)
@@ -168,6 +167,8 @@ def read_model(
     names = driven(model, drivers, list(locked), describe_only or lint)
     mechanism = _mechanism(spec, model, start, tree, loops, points, locked, names)
     links = with_inertias(model, mechanism.links, tree.carriers, minimum_mass(remarks))
+    # the linter reports negative damping instead of rejecting it, and needs no forces
+    forces, left_out = (Forces(), ()) if lint else forces_of_model(model, tree.carriers, locked)
     # add a site at each tracked point that is not a site
     sites = {site.name for site in spec.sites}
     for name, (body, position) in points.items():
@@ -192,10 +193,9 @@ def read_model(
         },
         actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
         remarks=(*remarks, *loops.remarks),
-        # the linter reports negative damping instead of rejecting it, and needs no forces
-        forces=Forces() if lint else forces_of_model(model, locked),
+        forces=forces,
         fixed=fixed,
-        left_out=tuple(left_out_of_dynamics(model)),
+        left_out=left_out,
         with_meshes=parsed_model if lint else None,
         unread=tuple(unread),
         keyframes=keyframes,
