@@ -30,15 +30,8 @@ GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 # of MuJoCo 4
 PID, DC_MOTOR = (int(getattr(mujoco.mjtGain, f"mjGAIN_{name}", -1)) for name in ("PID", "DCMOTOR"))
-DYNAMICS = tuple(
-    int(kind)
-    for kind in (
-        mujoco.mjtDyn.mjDYN_NONE,
-        mujoco.mjtDyn.mjDYN_INTEGRATOR,
-        mujoco.mjtDyn.mjDYN_FILTER,
-        mujoco.mjtDyn.mjDYN_FILTEREXACT,
-    )
-)
+_STATES = "NONE", "INTEGRATOR", "FILTER", "FILTEREXACT"
+DYNAMICS = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in _STATES)
 SITE, JOINT = int(mujoco.mjtWrap.mjWRAP_SITE), int(mujoco.mjtWrap.mjWRAP_JOINT)
 # number of groups of actuators that `disableactuator` switches off
 GROUPS = 31
@@ -304,12 +297,11 @@ def _left_out(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
     first, kinds, present = model.jnt_dofadr, model.jnt_type, list[str]()
     rotating, damped = ~np.isin(kinds, SCALAR), np.array([_linear(row) for row in model.dof_damping])[first]
     powers = np.array([any(_powers(model, "dof_damping", dof)) for dof in first], bool)
-    stiff = [bool(_linear(row)) for row in model.jnt_stiffness]
     omitted = {
         ("friction", "joint"): rotating & (model.dof_frictionloss[first] > 0.0),
         ("armature", "joint"): rotating & (model.dof_armature[first] > 0.0),
         ("damping", "joint"): ((kinds == FREE) & (damped > 0.0)) | (rotating & powers),
-        ("springs", "joint"): rotating & np.array(stiff, bool),
+        ("springs", "joint"): rotating & (np.array([_linear(row) for row in model.jnt_stiffness]) != 0.0),
         ("limits", "joint"): rotating & (model.jnt_limited != 0),
         ("limits", "tendon"): model.tendon_limited,
         ("friction", "tendon"): model.tendon_frictionloss,
