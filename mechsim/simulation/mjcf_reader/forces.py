@@ -95,12 +95,11 @@ def _in_joint(model: mujoco.MjModel, j: int, locked: Container[str]) -> Iterator
     """Yield spring, damper and Coulomb friction of a joint."""
     name, dof, kind = model.joint(j).name, model.jnt_dofadr[j], int(model.jnt_type[j])
     viscous, coulomb = _linear(model.dof_damping[dof]), float(model.dof_frictionloss[dof])
-    if kind not in SCALAR:
-        if viscous and kind == BALL:
-            yield Friction(name, viscous)
+    scalar = kind in SCALAR
+    if (viscous and kind == BALL) or (scalar and (viscous or coulomb)):
+        yield Friction(name, viscous, coulomb if scalar else 0.0)
+    if not scalar:
         return
-    if viscous or coulomb:
-        yield Friction(name, viscous, coulomb)
     stiffness, rest = _linear(model.jnt_stiffness[j]), float(model.qpos_spring[model.jnt_qposadr[j]])
     powers = _powers(model, "jnt_stiffness", j), _powers(model, "dof_damping", dof)
     if any(map(any, powers)) and name not in locked:
@@ -116,9 +115,7 @@ def _as_switched(model: mujoco.MjModel) -> mujoco.MjModel:
     for flag, names in SWITCHED_OFF.items():
         if is_disabled(model, flag):
             for name in names.split():
-                for values in (getattr(model, name), getattr(model, f"{name}poly", None)):
-                    if values is not None:
-                        values[:] = 0
+                getattr(model, name)[:] = getattr(model, f"{name}poly", np.zeros(1))[:] = 0
     return model
 
 
@@ -145,11 +142,9 @@ def _line(model: mujoco.MjModel, carriers: Sequence[Carrier], t: int) -> Line | 
     wraps = slice(model.tendon_adr[t], model.tendon_adr[t] + model.tendon_num[t])
     if model.wrap_type[wraps].tolist() != [SITE, SITE]:
         return None
-    a, b = (
-        (carriers[body].link, carriers[body].point(model.site_pos[site]))
-        for site in model.wrap_objid[wraps].tolist()
-        for body in [int(model.site_bodyid[site])]
-    )
+    sites = model.wrap_objid[wraps]
+    links = [carriers[body] for body in model.site_bodyid[sites].tolist()]
+    a, b = ((c.link, c.point(local)) for c, local in zip(links, model.site_pos[sites], strict=True))
     return a, b
 
 
@@ -188,9 +183,9 @@ def _acting(
     model: mujoco.MjModel, lines: Sequence[Line | None], locked: Container[str]
 ) -> dict[str, Actuator | None]:
     """Return the actuators that are switched on and can move joints; None for one of another kind."""
-    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
-        return {}
     acting: dict[str, Actuator | None] = {}
+    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+        return acting
     for i, name in enumerate(actuator_names(model)):
         joints, group = actuated_joints(model, i), int(model.actuator_group[i])
         off = model.opt.disableactuator >> group & 1 if 0 <= group < GROUPS else False
@@ -211,10 +206,9 @@ def _transmission(
         return {"gear": {}, "ends": line, "pull": ratio} if line[0][0] != line[1][0] else None
     if any(int(model.joint(joint).type[0]) not in SCALAR or joint in locked for joint in joints):
         return None
-    on_tendon = int(model.actuator_trntype[i]) == ON_TENDON
-    weights = (
-        tendon_weights(model, int(model.actuator_trnid[i, 0])) if on_tendon else dict.fromkeys(joints, 1.0)
-    )
+    weights = dict.fromkeys(joints, 1.0)
+    if int(model.actuator_trntype[i]) == ON_TENDON and joints:
+        weights = tendon_weights(model, int(model.actuator_trnid[i, 0]))
     return {"gear": {joint: ratio * weight for joint, weight in weights.items()}} if joints else None
 
 
@@ -227,23 +221,21 @@ def _actuator(
     regulated = _regulated(model, i, kinds)
     affine = kinds[0] in GAINS and kinds[1] in BIASES and kinds[2] in DYNAMICS
     rotor = float(model.actuator_armature[i])
-    if transmission is None or not (affine or regulated) or (line and rotor):
-        return None
-    if any(_powers(model, "actuator_damping", i)):
+    unread = (line and rotor) or any(_powers(model, "actuator_damping", i))
+    if transmission is None or unread or not (affine or regulated):
         return None
     gain, bias = model.actuator_gainprm[i, :3].copy(), model.actuator_biasprm[i, :3].copy()
     gain[1:] *= kinds[0] == GAINS[1]
     bias *= kinds[1] == BIASES[1]
-    # viscous friction of the actuator itself
-    bias[2] -= _linear(model.actuator_damping[i])
     first = int(model.actuator_ctrladr[i]) if hasattr(model, "actuator_ctrladr") else i
     inflow, direct = None, (0.0, 0.0)
     if regulated:
         gain, bias, inflow, direct = regulated
-        bias = np.array(bias) - [0.0, 0.0, _linear(model.actuator_damping[i])]
     elif kinds[2] != DYNAMICS[0]:
         time = max(float(model.actuator_dynprm[i, 0]), float(mujoco.mjMINVAL))
         inflow = (1.0, 0.0, 0.0, 0.0) if kinds[2] == DYNAMICS[1] else (1.0 / time, -1.0 / time, 0.0, 0.0)
+    # viscous friction of the actuator itself
+    bias[2] -= _linear(model.actuator_damping[i])
     clamped = not is_disabled(model, mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
     return Actuator(
         name,
@@ -262,8 +254,7 @@ def _actuator(
 def _force_range(model: mujoco.MjModel, i: int) -> Range:
     """Return the limits of an actuator's force, also those of the joint or tendon on which it acts."""
     low, high = _range(model.actuator_forcelimited[i], model.actuator_forcerange[i])
-    target, kind = int(model.actuator_trnid[i, 0]), int(model.actuator_trntype[i])
-    name = "tendon" if kind == ON_TENDON else "jnt"
+    target, name = model.actuator_trnid[i, 0], "tendon" if model.actuator_trntype[i] == ON_TENDON else "jnt"
     if getattr(model, f"{name}_actfrclimited")[target]:
         own = getattr(model, f"{name}_actfrcrange")[target] / abs(float(model.actuator_gear[i, 0]) or 1.0)
         low, high = max(low, float(own[0])), min(high, float(own[1]))
@@ -279,9 +270,7 @@ def _regulated(model: mujoco.MjModel, i: int, kinds: tuple[int, int, int]) -> An
     if kinds[0] == PID and kinds[1] == BIASES[1] and not (dynamics.any() or gain[1:].any() or bias[3:].any()):
         inflow = (1.0, 0.0, -1.0, 0.0) if model.actuator_actnum[i] else None
         return (float(gain[0]), 0.0, 0.0), bias[:3].copy(), inflow, (-float(bias[1]), 0.0)
-    if kinds[0] == DC_MOTOR and not (
-        dynamics.any() or gain[2:].any() or bias.any() or model.actuator_actnum[i]
-    ):
+    if kinds[0] == DC_MOTOR and not np.any([*dynamics, *gain[2:], *bias, model.actuator_actnum[i]]):
         resistance, constant = gain[:2].tolist()
         slowing = -(constant**2) / resistance
         return (constant / resistance, 0.0, 0.0), np.array([0.0, 0.0, slowing]), None, (0.0, 0.0)
