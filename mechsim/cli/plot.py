@@ -18,9 +18,6 @@ from mechsim.report.plot_table import OF_RUNS, PLOTS, PlotOptions, PlotSource, r
 from mechsim.studies.drawn_motion import moved_by_forces
 from mechsim.units import crank_speed, option
 
-# kind of plot that needs a crank without a motion law
-OF_CRANKS = ("transmission",)
-
 
 @command
 def plot(
@@ -47,15 +44,15 @@ def plot(
         raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
     row = PLOTS[kind]
     require_taken(kind, row.takes, options)
-    stated.exclude(["track"], f"on plot {kind!r}", kind in OF_CRANKS)
+    stated.exclude(["track"], f"on plot {kind!r}", row.transmission)
     solver, release = replace(source, duration=None).load(still=True), None
     if kind in OF_RUNS and moved_by_forces(solver):
         stated.exclude(["speed"], "in a run from the start, under the forces of the file")
         release = ReleaseOptions().release(released_model(source), source)
     elif kind != "schematic":
         solver = source.load_moving()
-    if not solver.motion_laws.crank and kind in OF_CRANKS:
-        kinds = ", ".join(name for name in PLOTS if name not in OF_CRANKS)
+    if not solver.motion_laws.crank and row.transmission:
+        kinds = ", ".join(name for name, other in PLOTS.items() if not other.transmission)
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")
     more: dict[str, Any] = {"model": LoadOptions().dynamic_model, "release": release}
     plotted = PlotSource(solver=solver, speed=crank_speed(speed), options=options, **more)

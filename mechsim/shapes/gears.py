@@ -172,7 +172,8 @@ def draw_gears(canvas: Canvas) -> None:
             if wheel.key not in drawn:
                 drawn[wheel.key] = wheel
                 draw_wheel(canvas, wheel)
-    draw_racks(canvas, MIN_TEETH)
+    for coupling, rack, pinion in racks_of(mechanism):
+        _draw_rack(canvas, coupling, rack, pinion)
 
 
 def _pitch(radii: Sequence[float]) -> float:
@@ -346,12 +347,6 @@ def _axes_intersection(a: End, b: End, max_distance: float) -> Array | None:
 MAX_RACK_TEETH = 400
 
 
-def draw_racks(canvas: Canvas, teeth: int) -> None:
-    """Draw pinions with a number of teeth, and racks that are as long as their travel."""
-    for coupling, rack, pinion in racks_of(canvas.mechanism):
-        _draw(canvas, coupling, rack, pinion, teeth)
-
-
 def racks_of(mechanism: Mechanism) -> Iterator[tuple[Coupling, Joint, Joint]]:
     """Yield the couplings of a rack with a pinion, and the joints of both; the pitch radius is the ratio."""
     joints = {joint.name: joint for joint in mechanism.joints}
@@ -369,12 +364,12 @@ def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
     return kinds and square and len(coupling.coefficients) == 2 and coupling.ratio != 0.0
 
 
-def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth: int) -> None:
-    """Draw a pinion and the teeth of its rack, with a tooth of one in a gap of the other.
+def _draw_rack(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint) -> None:
+    """Draw a pinion and its rack as long as its travel, with a tooth of one in a gap of the other.
 
     A bracket connects the rack to its slide.
     """
-    radius = abs(coupling.ratio)
+    radius, teeth = abs(coupling.ratio), MIN_TEETH
     step = 2.0 * np.pi * radius / teeth
     slide_axis, axis = np.asarray(rack.a.axis), np.asarray(pinion.a.axis)
     out = np.cross(slide_axis, axis) * np.sign(coupling.ratio)

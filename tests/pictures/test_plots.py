@@ -330,6 +330,15 @@ def test_names_in_a_schematic_cover_neither_each_other_nor_the_scale(name):
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
+def test_a_pivot_at_which_a_tracked_point_stands_has_one_name():
+    linkage = catalog.make("four_bar")
+    (pivot,) = (joint for joint in linkage.mechanism.joints if joint.name == "crank")
+    mechanism = replace(linkage.mechanism, points={"axle": ("crank", pivot.b.point)})
+    motion = linkage.solve(np.linspace(0.0, 6.0, 20))
+    names = {text.get_text() for text in plots.schematic_plot(mechanism, motion).axes[0].texts}
+    assert names & {"axle", "crank", "axle, crank", "rocker"} == {"axle", "rocker"}
+
+
 def test_a_schematic_is_not_mirrored():
     linkage = catalog.make("four_bar")
     mechanism, axis = linkage.mechanism, (0.0, 0.0, -1.0)

@@ -121,7 +121,11 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     length = prefixed(bar[1, 0] - bar[0, 0], "m")
     unit = ax.annotate(length, bar[1], (4, 0), textcoords="offset points", va="center")
     named = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
-    named |= {label: np.asarray(end.point) @ view for label, end in pivots.values()}
+    # a pivot at which a tracked point always stands has the name of the point, as in renderings
+    always = [poses[link].point(local) for link, local in mechanism.points.values()]
+    for label, end in pivots.values():
+        if not any(np.abs(path - end.point).max() < RADIUS * length_scale for path in always):
+            named[label] = np.asarray(end.point) @ view
     _write_names(ax, named, bar, unit)
     return figure
 
