@@ -1,5 +1,6 @@
 """Command `mechsim tune`: the cheapest settings with which plain MuJoCo satisfies a tolerance on a scene."""
 
+import re
 from dataclasses import MISSING, replace
 from typing import Annotated, Any
 
@@ -107,7 +108,13 @@ def _print(result: Tuned, data: dict[str, Any]) -> None:
 
 def _summary(result: Tuned, trial: SceneTrial) -> str:
     changed = setting_changes(result.scene, trial.settings)
-    return ", ".join(f"{name} {value}" for name, value in changed.items()) or "none"
+    return ", ".join(f"{name} {_short(value)}" for name, value in changed.items()) or "none"
+
+
+def _short(text: str) -> str:
+    """Return the words of a setting, numbers with few digits."""
+    words = text.split()
+    return " ".join(number(float(word)) if re.match(r"[-\d.]", word) else word for word in words)
 
 
 def _row(trial: SceneTrial, result: Tuned) -> tuple[str, str, str]:

@@ -8,7 +8,7 @@ from scene_texts import FINGER, scene
 
 from mechsim.errors import InputError
 from mechsim.simulation.plain_settings import PlainSettings, settings_of
-from mechsim.studies.scene.errors import SceneEvaluator
+from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, steps_of
 from mechsim.studies.scene.tune import AIMED_FRACTION, tuned
@@ -120,6 +120,16 @@ def test_an_allowed_limit_is_disabled_only_if_never_reached(tmp_path, most, same
     text = tuned_text(item, disabled_trials[0].settings, [], tmp_path).after
     assert 'limit="disable"' in text
     assert not disabled(replace(item, allowed=()))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("still", [True, False])
+def test_settings_for_a_scene_at_rest_are_called_so(still, tmp_path):
+    weightless = FINGER.replace("<option", '<option gravity="0 0 0"')
+    item = scene(tmp_path, text=weightless, ctrl={"servo": "0" if still else "0.5*sin(6*t)"}, duration=0.2)
+    result = replace(tuned(item, 1e-4, budget=1e-3), errors=SceneErrors(0.0, 0.0, 0.0))
+    result = replace(result, chosen=replace(result.published, settings=STIFF))
+    assert any("for a scene at rest" in sentence for sentence in result.sentences) == still
 
 
 @pytest.mark.slow

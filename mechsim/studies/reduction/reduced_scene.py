@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from mechsim.mechanism.motion_laws import State
-from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import rank
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
@@ -113,11 +113,6 @@ class ReducedSceneEvaluator:
     def tracked_bodies(self) -> frozenset[str]:
         """Names of the bodies that carry tracked points."""
         return frozenset(body for body, _ in self.tracked.values())
-
-    @property
-    def displacement_range(self) -> float:
-        """Largest distance of a tracked point from its initial position, in [m]."""
-        return worst(np.linalg.norm(self.run.points - self.run.points[0], axis=2))
 
     def scene(self, spec: mujoco.MjSpec) -> UserScene:
         """Return the scene of a specification over the same motion, with the full scene's initial state."""

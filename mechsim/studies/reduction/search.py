@@ -105,10 +105,11 @@ def reduce_scene(
                 f"{scene.path} diverges over {motion_name}: {evaluator.run.broken}; repair the scene, or "
                 f"shorten the motion"
             )
-    if by == "trajectory" and first.displacement_range <= tolerance:
+    moved = first.run.displacement_range
+    if by == "trajectory" and moved <= tolerance:
         raise InputError(
-            f"the tracked points of {scene.path} move by only {first.displacement_range:.2g} m, less than "
-            f"the tolerance {tolerance:.2g} m, so that any scene satisfies it; track a point that moves, "
+            f"the tracked points of {scene.path} move by only {moved:.2g} m, less than the "
+            f"tolerance {tolerance:.2g} m, so that any scene satisfies it; track a point that moves, "
             "as in --track P,BODY@X,Y,Z"
         )
     search = _Search(first, tolerance, by)

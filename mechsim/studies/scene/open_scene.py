@@ -4,6 +4,7 @@ import re
 import shlex
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,6 +17,7 @@ from mechsim.errors import InputError
 from mechsim.io.law_text import control_laws, python_expression
 from mechsim.io.prescription import duration_of
 from mechsim.io.readers import load
+from mechsim.kinematics.loops.joint_locks import undetermined_joints
 from mechsim.mechanism.links import Vector
 from mechsim.mechanism.mechanism import described
 from mechsim.mechanism.motion_laws import State, steady
@@ -74,9 +76,20 @@ def open_scene(
     """
     seconds = si(duration, "s", "the duration")
     # without motion laws of joints the duration is that of the controls
+    driven = bool(options.get("drive"))
     solver = load(
-        path, lock=lock, track=track, key=key, duration=seconds if options.get("drive") else None, **options
+        path,
+        lock=lock,
+        track=track,
+        key=key,
+        duration=seconds if driven else None,
+        still=not driven,
+        **options,
     )
+    mechanism = solver.mechanism
+    if not mechanism.drivers:
+        # actuators between sites: closure is measured at independent joints
+        mechanism = replace(mechanism, driver=tuple(undetermined_joints(mechanism)))
     joint_laws = dict(solver.motion_laws.by_name)
     joint_laws |= {name: steady(value, 0.0) for name, value in solver.mechanism.locked.items()}
     controls = control_laws({name: str(law) for name, law in (ctrl or {}).items()})
@@ -84,7 +97,7 @@ def open_scene(
     points: dict[str, tuple[str, Vector]] | None = dict(solver.mechanism.points) if track else None
     scene = scene_of(
         solver.source,
-        solver.mechanism,
+        mechanism,
         joint_laws=joint_laws,
         ctrl=controls,
         duration=duration_of(seconds, None, laws),

@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.mechanism.limits import MAX_SCENE_STEPS, require_steps
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.state import PointJacobians, PosedBodies
@@ -73,6 +73,11 @@ class SceneRun:
         tracked = self.scene.tracked.values()
         points = [position[:, body] + rotation[:, body] @ local for body, local in tracked]
         return np.stack(points, 1) if points else np.empty((len(self.qpos), 0, 3))
+
+    @property
+    def displacement_range(self) -> float:
+        """Largest distance of a tracked point from its initial position, in [m]."""
+        return worst(np.linalg.norm(self.points - self.points[0], axis=2))
 
     @cached_property
     def velocities(self) -> Array:

@@ -127,7 +127,19 @@ class Tuned:
             return [first, f"the settings stay as published{cheaper}"]
         satisfies = "satisfies" if self.reached else "does not satisfy"
         figures = _figures(self.error, self.best)
-        return [first, f"the tuned file {satisfies} it: {figures}{self._cost}", *self._trajectory]
+        tuned = f"the tuned file {satisfies} it: {figures}{self._cost}"
+        return [first, tuned, *self._trajectory, *self._still]
+
+    @property
+    def _still(self) -> list[str]:
+        """The statement that the scene hardly moves; empty otherwise."""
+        run = self.reference.converged_run
+        if self.by == "torque" or run is None or run.displacement_range > self.tolerance:
+            return []
+        return [
+            f"its points move by only {run.displacement_range:.2g} m: these settings are for a scene at "
+            "rest; give it a motion by --ctrl or --drive"
+        ]
 
     @property
     def _cost(self) -> str:
