@@ -169,8 +169,8 @@ class Pose:
         return self.position + self.rotation @ np.asarray(local)
 
     def select(self, index: int | slice | NDArray[np.intp]) -> Pose:
-        """Return the pose or poses at an index of the first axis."""
-        return Pose(self.position[index], self.rotation[index])
+        """Return the pose or poses at an index of the first axis; a single pose is that at every index."""
+        return self if self.position.ndim == 1 else Pose(self.position[index], self.rotation[index])
 
 
 IDENTITY = Pose(np.zeros(3), np.eye(3))

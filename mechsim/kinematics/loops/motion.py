@@ -99,11 +99,8 @@ def assemble(
     mechanism = described(mechanism)
     angles, initial = crank_angles(mechanism.name, angles), initial_coordinates(mechanism)
     poses = guessed_poses(mechanism) if guess is None else guess
-    loops, _ = tree_loops(
-        mechanism,
-        {name: pose if pose.position.ndim == 1 else pose.select(0) for name, pose in poses.items()},
-        initial,
-    )
+    first = {name: pose.select(0) for name, pose in poses.items()}
+    loops, _ = tree_loops(mechanism, first, initial)
     q = loops.with_multi_turn(loops.read(poses), initial)
     q = q.repeated(len(angles)) if len(q) == 1 else q
     if mechanism.has_crank:

@@ -88,7 +88,7 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     mechanism, moved = with_rods(mechanism, moved_links(mechanism, motion))
     poses = {GROUND: IDENTITY, **moved}
     frame = clearest_pose(mechanism, poses, (view[:, 0], view[:, 1]))
-    shown = {link: pose if pose.position.ndim == 1 else pose.select(frame) for link, pose in poses.items()}
+    shown = {link: pose.select(frame) for link, pose in poses.items()}
     figure, axes = blank(1, 1, (4.8, 3.6))
     ax, length_scale = axes[0, 0], span(mechanism)
     hidden, of_frame = hidden_links(mechanism), fixed_links(mechanism)

@@ -163,8 +163,7 @@ def _frame(
     """Draw the links as lines at one instant."""
     poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
     for link in mechanism.links:
-        pose = poses[link.name]
-        pose = pose if pose.position.ndim == 1 else pose.select(frame)
+        pose = poses[link.name].select(frame)
         for ends in edges(stations(mechanism, link.name)):
             line = np.array([pose.point(tuple(end)) @ view for end in ends])
             ax.plot(*line.T, color=colour, ls=style, lw=1.6, solid_capstyle="round")

@@ -30,15 +30,13 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 
-ROUND: Mapping[int, Kind] = {
+SOLIDS: Mapping[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
 }
-BOX, BALL, MESH = (
-    int(kind)
-    for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID, mujoco.mjtGeom.mjGEOM_MESH)
-)
+BALL, MESH = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID), int(mujoco.mjtGeom.mjGEOM_MESH)
 # MuJoCo shows these groups of geoms by default; collision shapes lie in the others
 SHOWN = 2
 # meshes with more triangles are simplified
@@ -99,29 +97,14 @@ def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
 def _shape(model: mujoco.MjModel, i: int, pose: Pose) -> Shape | None:
     kind, half_sizes, colour = int(model.geom_type[i]), model.geom_size[i], _colour(model, i)
     middle, along = pose.position, pose.rotation[:, 2]
-    if kind in ROUND:
-        half = 0.0 if ROUND[kind] == "sphere" else float(half_sizes[1])
-        return Shape(
-            ROUND[kind],
-            vector(middle, -half * along),
-            vector(middle, half * along),
-            (float(half_sizes[0]),),
-            colour,
-        )
-    if kind == BOX:
-        ends = vector(middle, -half_sizes[2] * along), vector(middle, half_sizes[2] * along)
-        return Shape(
-            "box", *ends, (float(half_sizes[0]), float(half_sizes[1])), colour, vector(pose.rotation[:, 1])
-        )
-    facets = (
-        _mesh(model, int(model.geom_dataid[i]))
-        if kind == MESH
-        else _ellipsoid(half_sizes)
-        if kind == BALL
-        else None
-    )
-    if facets is None:
+    if kind in SOLIDS:
+        half = {"sphere": 0.0, "box": half_sizes[2]}.get(SOLIDS[kind], half_sizes[1]) * along
+        sizes = (float(half_sizes[0]), float(half_sizes[1]))[: 2 if SOLIDS[kind] == "box" else 1]
+        ends = vector(middle, -half), vector(middle, half)
+        return Shape(SOLIDS[kind], *ends, sizes, colour, vector(pose.rotation[:, 1]))
+    if kind not in (MESH, BALL):
         return None
+    facets = _mesh(model, int(model.geom_dataid[i])) if kind == MESH else _ellipsoid(half_sizes)
     placed = TriangleMesh(middle + facets.vertices @ pose.rotation.T, facets.faces)
     return Shape("facets", vector(middle), vector(middle), (0.0,), colour, facets=placed)
 
@@ -314,20 +297,14 @@ class DrawnModel:
     def _free_sides(self) -> dict[str, float]:
         """The side of every shaft from which the links keep the larger distance over the motion."""
         samples = np.linspace(0, len(self.frames) - 1, 24).astype(int)
-        poses = {
-            name: pose if pose.position.ndim == 1 else pose.select(samples)
-            for name, pose in self.frames.poses.items()
-        }
+        poses = {name: pose.select(samples) for name, pose in self.frames.poses.items()}
         return free_sides(self.mechanism, poses)
 
     def _extent(self) -> tuple[Array, Array]:
         """Balls that enclose all shapes over all frames: centres (k, 3) and radii (k,)."""
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
-        return extent(
-            (pose if pose.position.ndim == 1 else pose.select(step), self.shapes[link])
-            for link, pose in poses
-        )
+        return extent((pose.select(step), self.shapes[link]) for link, pose in poses)
 
     def _clear_walls(self) -> None:
         """Keep walls clear of the mechanism, except a wall that supports it."""

@@ -144,9 +144,7 @@ class FramePoses:
 
     def position(self, link: str, point: Vector, frame: int) -> Array:
         """Return the position of a point of a link in a frame, (3,) in [m]."""
-        return (
-            self.poses[link].point(point) if link == GROUND else self.poses[link].select(frame).point(point)
-        )
+        return self.poses[link].select(frame).point(point)
 
     def instant(self, frame: int) -> str:
         """Return the label of a frame: its crank angle, or without a crank its time."""
@@ -301,10 +299,8 @@ def _longest_stretch(angles: Array) -> tuple[int, int]:
 
 def _between(pose: Pose, indices: Array) -> Pose:
     """Return poses at fractional indices, accurate enough for pictures only."""
-    if pose.position.ndim == 1:
-        return pose
     whole = indices.astype(np.intp)
-    if np.array_equal(whole, indices):
+    if pose.position.ndim == 1 or np.array_equal(whole, indices):
         return pose.select(whole)
     u, _, v = np.linalg.svd(mixed(pose.rotation, indices))  # the rotation nearest to the mixture
     return Pose(mixed(pose.position, indices), u @ v)
