@@ -22,7 +22,7 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError, OutputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
-from mechsim.units import table_in_si
+from mechsim.units import Unit, table_in_si
 
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
@@ -371,9 +371,9 @@ def read(path: str | Path) -> Table:
         raise InputError(f"{path} needs more than the memory; give a shorter table") from None
 
 
-def read_in_si(path: str | Path) -> Table:
+def read_in_si(path: str | Path, units: Mapping[str, Unit] | None = None) -> Table:
     """Read a table whose headers may have units (`units.table_in_si`), as `read`."""
-    return table_in_si(read(path), str(path))
+    return table_in_si(read(path), str(path), units)
 
 
 def csv_head(names: Iterable[str]) -> str:

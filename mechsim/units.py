@@ -447,15 +447,22 @@ def parse_coordinate(
     return value
 
 
-def table_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array]:
+def table_in_si(
+    table: Mapping[str, ArrayLike], where: str, units: Mapping[str, Unit] | None = None
+) -> dict[str, Array]:
     """Return the columns of a table in SI, without the units of headers such as `P.x [mm]`; others are SI.
 
+    Args:
+        table: header -> values.
+        where: name of the table, for messages.
+        units: name of a column -> the SI unit that its own must suit; those of instants are known.
+
     Raises:
-        InputError: for a unit that is unknown or does not suit a time or angle, or two columns of one name.
+        InputError: for a unit that is unknown or does not suit its column, or two columns of one name.
     """
     columns: dict[str, Array] = {}
     for header, values in table.items():
-        name, factor = _column_in_si(header, where)
+        name, factor = _column_in_si(header, where, {**_COLUMNS, **(units or {})})
         if name in columns:
             raise InputError(f"{where} has the column {name!r} twice; leave one out")
         columns[name] = factor * np.asarray(values, dtype=np.float64)
@@ -463,18 +470,19 @@ def table_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array]:
 
 
 # units of the columns of instants; and a header with its unit
-_COLUMNS: dict[str, Unit] = {"t": "s", "time": "s", "angle": "rad"}
+_COLUMNS: Mapping[str, Unit] = {"t": "s", "time": "s", "angle": "rad"}
 _UNIT_OF_COLUMN = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
 
 
-def _column_in_si(header: str, where: str) -> tuple[str, float]:
+def _column_in_si(header: str, where: str, units: Mapping[str, Unit]) -> tuple[str, float]:
     """Return the name in a header such as `P.x [mm]`, and the factor that converts its values to SI."""
     match = _UNIT_OF_COLUMN.fullmatch(header)
     if match is None:
         return header, 1.0
     name, written = match.groups()
-    for unit in (_COLUMNS[name],) if name in _COLUMNS else get_args(Unit):
+    for unit in (units[name],) if name in units else get_args(Unit):
         with suppress(InputError):
             return name, parse(f"1 {written}", unit)
-    expected = {"s": "[s]", "rad": "[deg]"}.get(_COLUMNS.get(name, ""), "[mm] or [deg]")
+    examples = {"rad": "[deg]", "m": "[mm]"}
+    expected = examples.get(units[name], f"[{units[name]}]") if name in units else "[mm] or [deg]"
     raise InputError(f"{where} has the column {header!r}, whose unit does not suit; write it as {expected}")

@@ -139,8 +139,10 @@ def leaders(mechanism: Mechanism, format: str) -> dict[str, tuple[str, float]]:
     """Return joint -> the joint that it follows, and the ratio.
 
     Raises:
-        InputError: for a coupling that is not linear between two joints with one axis.
+        InputError: for a curve or cam, or a coupling that is not linear between two joints with one axis.
     """
+    for name, contact in mechanism.contacts.items():
+        raise InputError(f"joint {name} is on a {contact.kind}, which {format} does not have; keep its file")
     single = {joint.name for joint in mechanism.joints if KINDS[joint.kind].single}
     by_follower: dict[str, tuple[str, float]] = {}
     for law in mechanism.laws:

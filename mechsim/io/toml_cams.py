@@ -19,6 +19,7 @@ from mechsim.mechanism.contacts import Contact
 from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.numerics.arrays import REVOLUTION
+from mechsim.units import Unit
 
 # follower -> lengths that it has besides the base radius, and those that it may have
 _LENGTHS: Mapping[tuple[str, str], tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -69,13 +70,13 @@ def cam_of(values: Values, name: str, entry: Mapping[str, Any]) -> Cam:
         return Cam(name, kind, motion, entry["base_radius"], law, **follower)
 
 
-def _law(values: Values, name: str, written: Any, unit: Any) -> LiftLaw:
+def _law(values: Values, name: str, written: Any, unit: Unit) -> LiftLaw:
     """Return the law of a cam: segments, a table of q and value, or an expression of q."""
     path: KeyPath = ("cams", name, "law")
     if isinstance(written, str) and not is_table(written):
         return written_function(values, f"{written} + 0*q", path)
     if isinstance(written, str):
-        law = tabled_function(values, written, path, periodic=True)
+        law = tabled_function(values, written, path, periodic=True, units={"q": "rad", "value": unit})
         q, lift = law.positions, law.targets
         if not (
             abs(q[-1] - q[0] - REVOLUTION) <= PERIODIC

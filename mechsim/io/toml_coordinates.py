@@ -473,7 +473,11 @@ def _function(written: WrittenCoupling) -> Coupling:
         raise written.error("is a function without a driver; name the coordinate q")
     if is_table(text):
         periodic = table.get("periodic", False)
-        function = tabled_function(values, text, (*written.path, "function"), periodic=periodic)
+        sides, units = {"value": driven, "q": driver}, written.coordinates.units
+        own: dict[str, Unit] = {
+            column: units[side] for column, side in sides.items() if isinstance(side, str)
+        }
+        function = tabled_function(values, text, (*written.path, "function"), periodic=periodic, units=own)
     else:
         function = written_function(values, text, (*written.path, "function"))
     return Coupling(written.name, driven, driver, (), zeros, table.get("turns", False), function=function)

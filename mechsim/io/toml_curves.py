@@ -122,15 +122,17 @@ def _curve(values: Values, name: str, entry: Mapping[str, Any]) -> GuideCurve:
             )
         if not {*entry} & {*"xyz"}:
             raise InputError(f"curve {name!r} has no x, y, z and no table; give expressions of s, or a table")
-        texts = [entry.get(axis, "0") for axis in ("xyz" if "z" in entry else "xy")]
-        functions = tuple(written_function(values, f"{text} + 0*s", ("curves", name), "s") for text in texts)
+        functions = tuple(
+            written_function(values, f"{entry.get(axis, '0')} + 0*s", ("curves", name, axis), "s")
+            for axis in ("xyz" if "z" in entry else "xy")
+        )
         interval = stated or ((0.0, REVOLUTION) if closed else (-np.pi, np.pi))
         return GuideCurve(name, functions, interval, closed, bounded=bool(stated) and not closed)
 
 
 def _tabled(path: str, closed: bool) -> tuple[PlainFunction, ...]:
     """Return splines through a table with x, y, maybe z and s, by default the length of the chords."""
-    columns = read_in_si(path)
+    columns = read_in_si(path, dict.fromkeys("xyz", "m"))
     names = [axis for axis in "xyz" if axis in columns]
     if names[:2] != ["x", "y"] or not {*columns} <= {*"sxyz"}:
         raise InputError(

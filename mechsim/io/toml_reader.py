@@ -147,10 +147,10 @@ class TomlModel(ModelSource):
 
 
 def has_forces(read: Mapping[str, Any]) -> bool:
-    """Whether a file has forces, friction or clearance of joints, or teeth."""
-    joints, couplings = (read.get(table, {}).values() for table in ("joints", "couplings"))
-    teeth = any("pressure_angle" in coupling for coupling in couplings)
-    return "forces" in read or teeth or any({"friction", "clearance"} & {*joint} for joint in joints)
+    """Whether a file has forces, friction or clearance of joints, or teeth or an efficiency of couplings."""
+    tables = (*read.get("joints", {}).values(), *read.get("couplings", {}).values())
+    keys = {"friction", "clearance", "pressure_angle", "efficiency"}
+    return "forces" in read or any(keys & {*table} for table in tables)
 
 
 def has_curves(document: Mapping[str, Any]) -> bool:

@@ -346,7 +346,10 @@ def written_function(values: Values, text: str, path: KeyPath, variable: str = "
     if (values.length, values.angle) != ("m", "rad"):
         raise values.source.error(path, "is in SI; give the file the units m and rad")
     names = [name for name in values.parameters if re.search(rf"\b{re.escape(name)}\b", text)]
-    return WrittenFunction(text, tuple(names), tuple(values.parameters[name] for name in names), variable)
+    try:
+        return WrittenFunction(text, tuple(names), tuple(values.parameters[name] for name in names), variable)
+    except InputError as error:
+        raise values.source.error(path, str(error)) from None
 
 
 def tabled_function(
@@ -357,6 +360,7 @@ def tabled_function(
     value: str = "value",
     *,
     periodic: bool = False,
+    units: Mapping[str, Unit] | None = None,
 ) -> "TabledFunction":
     """Return a function in SI that a table next to the file has in two columns.
 
@@ -367,14 +371,15 @@ def tabled_function(
         over: possible names of the column of the variable.
         value: name of the column of values.
         periodic: whether the function repeats.
+        units: column -> its unit in SI.
 
     Raises:
-        InputError: for a table with other columns.
+        InputError: for a table with other columns, or units that do not suit them.
     """
     from mechsim.mechanism.coupling_functions import TabledFunction
 
     file = str(values.source.sibling(text))
-    columns = read_in_si(file)
+    columns = read_in_si(file, units)
     variable = next((name for name in over if name in columns), over[0])
     if {*columns} != {variable, value}:
         expected = f"{' or '.join(over)}, and {value}, each in SI or with its unit in brackets"

@@ -54,7 +54,7 @@ def to_usd(solver: KinematicSolver) -> tuple[str, str]:
     scene = UsdPhysics.Scene.Define(stage, root.GetPath().AppendChild("physics")).GetPrim()
     _add(scene, "gravityMagnitude", magnitude)
     _add(scene, "gravityDirection", *(gravity / magnitude if magnitude else (0.0, 0.0, -1.0)))
-    paths = {GROUND: str(root.GetPath())}
+    paths, followed = {GROUND: str(root.GetPath())}, leaders(mechanism, "USD")
     for link in links:
         body = _named(stage, root.GetPath(), "Xform", link.name, unique)
         paths[link.name] = str(body.GetPath())
@@ -77,7 +77,7 @@ def to_usd(solver: KinematicSolver) -> tuple[str, str]:
         if KINDS[joint.kind].single:
             _set(prim, "position", values[joint.name], Sdf.ValueTypeNames.Double)
             _add_axis_data(prim, joint, solver)
-    for name, (leader, ratio) in leaders(mechanism, "USD").items():
+    for name, (leader, ratio) in followed.items():
         prims[name].AddAppliedSchema(MIMIC)
         prims[name].CreateRelationship("newton:mimicJoint").SetTargets([prims[leader].GetPath()])
         degrees = np.rad2deg(1.0) if prims[name].IsA(UsdPhysics.RevoluteJoint) else 1.0

@@ -219,6 +219,11 @@ class Cam:
             np.array([entry + 0.0 * q for entry in self.law(q + later)[:2]]) for later in (0.0, REVOLUTION)
         )
         scale = max(self.base_radius if self.motion == "translating" else 1.0, float(np.abs(first).max()))
+        if not np.isfinite(first).all():
+            undefined = q[~np.isfinite(first).all(0)][0]
+            raise InputError(
+                f"cam {self.name!r} has a law that is not finite at {undefined:.4g} rad; change it"
+            )
         if not np.abs(last - first).max() <= PERIODIC * scale:
             worst = int(np.abs(last - first).max(0).argmax())
             raise InputError(

@@ -37,8 +37,9 @@ def _require_closed(curve: GuideCurve) -> None:
     ends = np.array([axis(np.array(curve.interval))[:2] for axis in curve.axes])
     if not np.isfinite(ends).all():
         raise InputError(f"curve {curve.name!r} is not finite at the ends of s, {_ends(curve)}; change range")
-    largest = np.abs(ends[:, 0]).max()
-    if curve.closed and not np.abs(np.diff(ends[:, 0])).max() <= CLOSED * largest:
+    # the position of the ends alone can be zero
+    scale = np.abs(ends[:, 0]).max() + np.ptp(curve.interval) * np.abs(ends[:, 1]).max()
+    if curve.closed and not np.abs(np.diff(ends[:, 0])).max() <= CLOSED * scale:
         gap = float(np.linalg.norm(np.diff(ends[:, 0])))
         raise InputError(
             f"curve {curve.name!r} is not closed: its ends at s = {_ends(curve)} are {gap:.4g} m apart; "
@@ -98,6 +99,9 @@ def _require_curvature(curve: GuideCurve) -> None:
 def _require_no_crossing(curve: GuideCurve) -> None:
     """Raise InputError if two segments of the curve's polygon cross, of neighbours all but the next ones."""
     s = np.linspace(*curve.interval, SEGMENTS + 1)
+    if curve.closed:
+        # a crossing at the ends would be a corner
+        s += 0.37 * (s[1] - s[0])
     points = np.array([jet.value + 0.0 * s for jet in curve.jets(s)])
     start, end = points[:, :-1], points[:, 1:]
 
@@ -108,6 +112,8 @@ def _require_no_crossing(curve: GuideCurve) -> None:
 
     parted = side(start) * side(end) < 0.0
     crossed = np.triu(parted & parted.T, 2)
+    # of a closed curve the last segment ends where the first begins
+    crossed[0, -1] &= not curve.closed
     if crossed.any():
         first, second = (0.5 * (s[index[0]] + s[index[0] + 1]) for index in np.nonzero(crossed))
         what = "the path of the roller's centre on curve" if curve.offset else "curve"

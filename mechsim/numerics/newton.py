@@ -179,7 +179,7 @@ def _largest(values: Array) -> Array:
 
 
 def peak(function: Callable[[Array], Array], grid: Array) -> tuple[float, float]:
-    """Return where a function is largest, and its value there.
+    """Return where a function is largest, or NaN, and its value there.
 
     Each grid of `PEAK_POINTS` lies between the neighbours of the largest value of the one before.
 
@@ -193,7 +193,9 @@ def peak(function: Callable[[Array], Array], grid: Array) -> tuple[float, float]
     for _ in range(PEAK_GRIDS):
         values = function(grid)
         i = int(np.argmax(values))
-        if values[i] > largest:
+        if not values[i] <= largest:
             largest, argument = float(values[i]), float(grid[i])
+        if np.isnan(largest):
+            break
         grid = np.linspace(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], PEAK_POINTS)
     return argument, largest

@@ -212,3 +212,11 @@ def test_a_bar_on_a_closed_rail_returns_after_a_round():
     highest = 0.2 * np.sqrt(1.0 - (0.05 / 0.3) ** 2)
     assert abs(max(curve.samples(721).points["P"][:, 1].max() for curve in trace.curves) - highest) < 1e-4
     assert len(ms.dynamics.equilibria(model)) == 2
+
+
+def test_a_closed_curve_may_start_at_the_origin(tmp_path):
+    text = model_text("toml_curves_shuttle.toml")
+    moved = text.replace("0.3*cos(s)", "0.3*sin(s)").replace("0.2*sin(s)", "0.2 - 0.2*cos(s)")
+    (tmp_path / "origin.toml").write_text(moved.replace("at = [0.3, 0, 0], turn", "at = [0, 0, 0], turn"))
+    ends = ms.load(str(tmp_path / "origin.toml"), drive={"rail1": "0.5m"}).solve(t=[0.0]).links["bar"]
+    assert np.abs(ends.position[0, :2] - [0.3 * np.sin(0.5), 0.2 - 0.2 * np.cos(0.5)]).max() < 1e-14

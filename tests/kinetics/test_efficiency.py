@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.io import gallery
+from mechsim.kinetics import dynamic_model, prescribed
 from mechsim.kinetics.initial_state import InitialValues
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
@@ -52,7 +53,11 @@ def test_drive_torques_agree_with_mujoco(tmp_path):
 
 def test_a_gear_that_carries_nothing_loses_nothing_by_mujoco_too(tmp_path):
     text = gallery.machines()["wankel"].read_text()
-    (tmp_path / "wankel.toml").write_text(text.replace('ratio = "-2/3"', 'ratio = "-2/3"\nefficiency = 0.8'))
+    text = text.replace('ratio = "-2/3"', 'ratio = "-2/3"\nefficiency = 0.8')
+    # a rotor that is balanced on its eccentric, at constant rates and without weight
+    balanced = "[links.rotor]\ninertia = { mass = 1, centre = [0, 0, 0], moments = [1e-3, 1e-3, 2e-3] }"
+    text = text.replace("[links.rotor]", balanced)
+    (tmp_path / "wankel.toml").write_text(f"{text}[forces]\ngravity = [0, 0, 0]\n")
     source = ms.load(str(tmp_path / "wankel.toml"))
     run = driven(source.mechanism, source.forces, speed=5.0, samples=12)
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(source))
@@ -140,3 +145,12 @@ def test_an_efficiency_is_written_and_read_back(tmp_path):
     (again,) = ms.load(tmp_path / "written.toml", still=True).forces.friction
     assert again.coupling == "pinion-wheel"
     assert again.coefficient == pytest.approx(0.05, rel=1e-14)
+
+
+def test_an_efficiency_acts_in_a_file_without_other_forces(tmp_path):
+    # it was read only where the file has forces, friction or teeth
+    text = model_text("efficiency_hoist.toml", efficiency=0.8)
+    (tmp_path / "hoist.toml").write_text(text[: text.index("[forces]")])
+    model = ms.load(str(tmp_path / "hoist.toml"), drive={"pinion": "t**2"})
+    torque = prescribed(dynamic_model(model), t=np.array([1.0])).forces.drives["pinion"]
+    assert torque[0] == pytest.approx(2.0 * (PINION + RATIO**2 * WHEEL / 0.8), rel=1e-12)
