@@ -1,6 +1,6 @@
 """A mechanism as a spanning tree of links with joint coordinates, and the joints that close its loops."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from mechsim.mechanism.link_poses import require_placed, split_joints
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.graphs import spanning_edges
 
 # a rotation about the third axis is the sum of these times 1, the cosine and the sine of its angle
 ABOUT_Z = np.array(
@@ -246,7 +247,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         return not first & names, not multi_turn & names, KINDS[joint.kind].dof
 
     ordered = sorted(mechanism.joints, key=cost)
-    chosen = _forest(ordered)
+    chosen = {*spanning_edges((joint.a.link, joint.b.link, joint.name) for joint in ordered)}
     closing = {
         joint.name
         for joint in mechanism.joints
@@ -268,21 +269,3 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         placed.add(child_end.link)
     require_placed(mechanism, placed)
     return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
-
-
-def _forest(joints: Sequence[Joint]) -> set[str]:
-    """Return the names of the joints of a spanning forest, taken in order."""
-    group: dict[str, str] = {}
-
-    def root(link: str) -> str:
-        while group.get(link, link) != link:
-            link = group[link]
-        return link
-
-    chosen: set[str] = set()
-    for joint in joints:
-        a, b = root(joint.a.link), root(joint.b.link)
-        if a != b:
-            group[a] = b
-            chosen.add(joint.name)
-    return chosen
