@@ -8,7 +8,6 @@ from mechsim._version import __version__
 from mechsim.codegen.expressions import comment_text
 from mechsim.codegen.kinematics import INERTIA_NUMBERS, identifiers
 from mechsim.codegen.solver_code import STATUSES, SolverCode
-from mechsim.numerics.arrays import Array
 
 # numbers per line in a constant array
 PER_LINE = 5
@@ -60,7 +59,7 @@ def c_header(code: SolverCode) -> str:
     for name, (values, comment) in code.integers.items():
         lines += _array("int", name, [str(value) for value in values], comment)
     for name, (numbers, comment) in code.reals.items():
-        lines += _array("@real", name, _numbers(numbers), comment)
+        lines += _array("@real", name, [repr(value) for value in numbers.tolist()], comment)
     for name, record in code.records.items():
         lines += ["", "typedef struct {"]
         for field, count, comment in record:
@@ -131,7 +130,3 @@ def _array(kind: str, name: str, values: Sequence[str], comment: str) -> Iterato
     for i in range(0, len(values), width):
         yield f"  {', '.join(values[i : i + width])},"
     yield "};"
-
-
-def _numbers(values: Array) -> list[str]:
-    return [repr(value) for value in values.tolist()]

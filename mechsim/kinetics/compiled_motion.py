@@ -189,31 +189,12 @@ def integrated(
     scale = np.ascontiguousarray(settings.scale, dtype=np.float64)
     sliding, phase, at_rest = _arrays(settings.mode, settings.at_rest)
     correction, largest, drift, fastest = balance
-    run = RunData(
-        time=time,
-        end=end,
-        tolerance=settings.tolerance,
-        length=length,
-        longest=settings.longest,
-        nearest=settings.nearest,
-        fastest=fastest,
-        energy=energy,
-        correction=correction,
-        largest=largest,
-        drift=drift,
-        rank=settings.rank,
-        implicit=settings.implicit,
-        resting=len(at_rest),
-        max_steps=max_steps,
-        at_rest=at_rest.ctypes.data,
-        phase=phase.ctypes.data,
-        sliding=sliding.ctypes.data,
-        scale=scale.ctypes.data,
-        origin=settings.origin.ctypes.data,
-        rule=collocation_rule().ctypes.data,
-        state=state.ctypes.data,
-        step=numbers.ctypes.data,
-        dense=dense.ctypes.data,
+    arrays = at_rest, phase, sliding, scale, settings.origin, collocation_rule(), state, numbers, dense
+    run = RunData(  # in the order of its fields
+        *(time, end, settings.tolerance, length, settings.longest, settings.nearest, fastest),
+        *(energy, correction, largest, drift),
+        *(settings.rank, settings.implicit, len(at_rest), max_steps, 0, 0, 0),
+        *(array.ctypes.data for array in arrays),
     )
     model.library.integrate(ctypes.byref(model.data), ctypes.byref(run))
     m = run.steps

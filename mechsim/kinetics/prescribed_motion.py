@@ -251,7 +251,7 @@ def moved_as(
         power_lost=reduced.damping * w**2 + reduced.coulomb * np.abs(w),
         residual=forces.residual,
         sliding=_sliding(acting.dry, np.where(standing, 0.0, np.sign(w))),
-        drive_accelerations=_drive_accelerations(unit, w),
+        drive_accelerations={name: value * w**2 for name, value in unit.driver_seconds.items()},
         drives={**forces.drives, **forces.holds} if unit.drivers else {},
         locked={} if unit.drivers else forces.holds,
         straight=unit.mechanism.straight,
@@ -275,10 +275,6 @@ def _add_actuators(unit: UnitMotion, stack: Array, actuators: Mapping[str, Array
         if {*joint.coordinates} & {*actuators}:
             own = [actuators.get(name, np.zeros(len(unit))) for name in joint.coordinates]
             add_joint_forces(unit, stack, joint, own)
-
-
-def _drive_accelerations(unit: UnitMotion, rate: Array) -> dict[str, Array]:
-    return {name: second * rate**2 for name, second in unit.driver_seconds.items()}
 
 
 def _parameter_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
