@@ -113,11 +113,11 @@ class Suite:
 
 
 def rejected(name: str, error: Exception, cause: Mapping[str, Any], evidence: tuple[Row, ...] = ()) -> Case:
-    """Return the case that mechsim rejects, by its message, or by a cause whose words the message `says`."""
+    """Return the case that mechsim rejects: unexplained unless its message has the words of a cause."""
     text = " ".join(str(error).split())
-    if cause.get("says", "") not in text:
-        return Case(name, note=cut(text, MAX_REASON))
-    return Case(name, rejected=cause.get("rejected") or cut(text, MAX_REASON), evidence=evidence)
+    if "says" in cause and cause["says"] in text:
+        return Case(name, rejected=cause["rejected"], evidence=evidence)
+    return Case(name, note=cut(text, MAX_REASON))
 
 
 def printed_rows(answers: str, value_of: Callable[[str], float]) -> Iterator[Row]:

@@ -49,22 +49,20 @@ def counts(suite: Suite, cases: Sequence[Case]) -> str:
 def section(suite: Suite, clone: Clone | None, cases: Sequence[Case]) -> str:
     source = f"`{suite.repository}` at {clone.commit}. " if clone else ""
     nearest = max(cases, key=lambda case: (case.outcome == "right", case.nearness), default=None)
-    lines = [f"\n## {suite.title}\n\n{source}{suite.about}\n\n"]
+    lines, reasons = [f"\n## {suite.title}\n\n{source}{suite.about}\n\n"], set[str]()
     lines.append("| case | worst | difference | tolerance | remark |\n|---|---|---|---|---|\n")
     for case in cases:
-        row = case.worst
-        if row and (case is nearest or case.outcome != "right" or (case.note and len(cases) <= FEW)):
+        if (row := case.worst) and (
+            case is nearest or case.outcome != "right" or (case.note and len(cases) <= FEW)
+        ):
             worst = f"{row.quantity} | {row.error:.1e} {row.unit} | {row.tolerance:.0e}"
             lines.append(f"| {case.name} | {worst} | {case.remark} |\n")
-    texts = {case.name: case.remark for case in cases if case.outcome == "rejected"}
-    texts |= {
-        case.name: f"unexplained: {case.remark}" for case in cases if not case.rows and case.name not in texts
-    }
+            reasons.add(row.reason)
+    texts = {c.name: "unexplained: " * (c.outcome == "unexplained") + c.remark for c in cases if not c.rows}
     lines += ["\n| rejected | reason |\n|---|---|\n"] * bool(texts)
     for text in dict.fromkeys(texts.values()):
         lines.append(f"| {', '.join(name for name in texts if texts[name] == text)} | {text} |\n")
-    reasons = sorted({case.worst.reason for case in cases if case.worst})
-    return "".join(lines) + "\nTolerances: " + "; ".join(reasons) + ".\n"
+    return "".join(lines) + "\nTolerances: " + "; ".join(sorted(reasons)) + ".\n"
 
 
 def kept(suite: Suite, page: str) -> tuple[str, str]:

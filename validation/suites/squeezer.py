@@ -38,7 +38,7 @@ def cases(_: Clone | None) -> Iterator[Case]:
     rows = (Row(what, getattr(errors, what), GOVERNOR, unit, BY_HAND) for what, unit in units.items())
     yield Case("A05, stiff flyball governor, 1 s", tuple(rows))
     for name, rows in STEPPED.items():
-        yield Case(name, tuple(rows()), note="by MuJoCo")
+        yield Case(name, tuple(rows()))
     yield Case("IVP slider-crank", rejected="its connecting rod is flexible")
     yield Case(
         "IFToMM bicycle", rejected="rolling without slip constrains velocities; mechsim constrains positions"
