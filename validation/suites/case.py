@@ -138,7 +138,7 @@ def printed_case(name: str, entry: Mapping[str, str], value_of: Callable[[str], 
     evidence = [*printed_rows(entry.get("exact", ""), value_of)]
     if caused:
         evidence += printed_rows(entry["values"], lambda quantity: float(caused[quantity]))
-    fault = entry.get("source_fault", "")
+    fault = entry.get("source_fault", "") + (f"; exact: {entry['exact']}" if "exact" in entry else "")
     return Case(name, tuple(printed_rows(entry["values"], value_of)), "", fault, tuple(evidence))
 
 

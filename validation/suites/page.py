@@ -14,10 +14,9 @@ from validation.suites.case import Case, Clone, Suite
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "outside_evidence.md"
 HEAD = """# Evidence from others
 
-Others have published answers. `python -m validation.suites [SUITE] --source FOLDER` solves their cases and
-writes the sections of this page; FOLDER holds git clones. Without it, kept figures are compared. The tables
-list cases that are not right, and the right one nearest to its tolerance. A fault counts only if figures of a
-third method, in `--json`, confirm it.
+`python -m validation.suites [SUITE] --source FOLDER` solves cases with published answers and writes the
+sections of this page; FOLDER holds git clones. The tables list cases that are not right, and the right one
+nearest to its tolerance. A fault counts only if figures of a third method, in `--json`, confirm it.
 
 Last written on {day} with mechsim {mechsim}, numpy {numpy}.
 
