@@ -49,7 +49,7 @@ def described(text: str) -> mujoco.MjSpec:
 
 def moved(spec: mujoco.MjSpec, entry: Mapping[str, Any], fix_base: bool, key: str | None) -> KinematicSolver:
     """Return the solver of a file whose motors swing about the start, within their limits."""
-    lock = {name: tuple(turn) for name, turn in entry.get("spins", {}).items()}
+    lock = {name: tuple(vector) for name, vector in entry.get("spins", {}).items()}
     options = {"fix_base": fix_base, "lock_others": True, "lock": lock, "key": key}
     model = ms.load(spec.copy(), still=True, **options, **entry.get("motors", {}))
     mechanism, laws = model.mechanism, {}
