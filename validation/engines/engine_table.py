@@ -113,7 +113,7 @@ the worst error in brackets.
 
 float32 has a floor near 1e-6, which MuJoCo Warp cannot pass. Torques of Drake and PyBullet are differences of
 velocities. Newton 1.8.0 lacks an adapter (its interface: `Engine` in `reference_problem.py`), Chrono a wheel.
-Not run:
+MJX was not measured. Not run:
 
 {failures}
 
