@@ -90,6 +90,13 @@ def test_cases_differ(tmp_path):
         ({"line": 'frictionloss="1"'}, "friction of the tendons line"),
         ({"pair": 'stiffness="3" springlength=".1 .5"'}, "spring, damper and armature of tendon pair"),
         ({"pair": 'limited="true" range="-1 1"'}, "limits of the tendons pair"),
+        (
+            {
+                "j": 'actuatorfrcrange="-1 1"',
+                "actuator": '<motor name="a" joint="j"/><position name="b" joint="j" kp="9"/>',
+            },
+            "limits of all actuators of the joints j",
+        ),
         ({"actuator": '<motor name="push" site="elbow" gear="0 0 1 0 0 0"/>'}, "actuators push"),
         ({"actuator": '<general name="push" tendon="line" armature="1"/>'}, "actuators push"),
     ],

@@ -7,7 +7,7 @@ Source: MuJoCo documentation, XML reference, attributes stiffness, damping and s
 
 import copy
 from collections.abc import Container, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import mujoco
 import numpy as np
@@ -17,7 +17,13 @@ from mechsim.mechanism.forces import Forces, Friction, JointSpring, LinkPoint, L
 from mechsim.mechanism.links import GROUND, vector
 from mechsim.mechanism.load_profile import constant
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.coordinates import ON_TENDON, actuated_joints, actuator_names, listed
+from mechsim.simulation.mjcf_reader.coordinates import (
+    ON_JOINT,
+    ON_TENDON,
+    actuated_joints,
+    actuator_names,
+    listed,
+)
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import BALL, FREE, SCALAR, gravity, is_disabled
@@ -44,7 +50,6 @@ SWITCHED_OFF = {
 }
 
 
-Kind = TypeVar("Kind")
 Line = tuple[LinkPoint, LinkPoint]
 
 
@@ -61,21 +66,20 @@ def forces_of_model(
     model = _as_switched(model)
     lines = [_line(model, carriers, t) for t in range(model.ntendon)]
     acting = _acting(model, lines, locked)
-    elements = [element for j in range(model.njnt) for element in _in_joint(model, j, locked)]
+    elements: list[Any] = [element for j in range(model.njnt) for element in _in_joint(model, j, locked)]
     elements += [actuator for actuator in acting.values() if actuator is not None]
     elements += [_in_tendon(model, t, line, locked) for t, line in enumerate(lines)]
 
-    def every(kind: type[Kind]) -> tuple[Kind, ...]:
+    def every(kind: type[Any]) -> tuple[Any, ...]:
         return tuple(element for element in elements if isinstance(element, kind))
 
-    nonlinear: Any = tuple(element for element in elements if hasattr(element, "law"))
     forces = Forces(
         gravity=vector(gravity(model)),
         friction=every(Friction),
         springs=every(Spring),
         joint_springs=every(JointSpring),
         loads=tuple(_gravity_compensation(model, carriers)),
-        nonlinear_springs=nonlinear,
+        nonlinear_springs=tuple(element for element in elements if hasattr(element, "law")),
         actuators=every(Actuator),
         armature={
             model.joint(j).name: float(inertia)
@@ -157,12 +161,10 @@ def _in_tendon(model: mujoco.MjModel, t: int, line: Line | None, locked: Contain
         return None
     name = f"tendon {model.tendon(t).name or t}"
     low, high = (float(value) for value in model.tendon_lengthspring[t])
-    if line is None:
-        weights = tendon_weights(model, t) if model.wrap_type[model.tendon_adr[t]] == JOINT else {}
-        if not weights or low != high or higher or any(joint in locked for joint in weights):
-            return f"spring, damper and armature of {name}"
+    weights = tendon_weights(model, t) if model.wrap_type[model.tendon_adr[t]] == JOINT else {}
+    if weights and low == high and not (higher or any(joint in locked for joint in weights)):
         return Actuator(name, weights, bias=(stiffness * low, -stiffness, -damping), inertia=inertia)
-    if inertia:
+    if line is None or inertia:
         return f"spring, damper and armature of {name}"
     if low == high and not higher:
         return Spring(*line, stiffness, low, damping)
@@ -285,6 +287,8 @@ def _left_out(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
     """Return what is omitted besides springs and dampers of tendons; `actuators` are those that are."""
     first, kinds, present = model.jnt_dofadr, model.jnt_type, list[str]()
     rotating, damped = ~np.isin(kinds, SCALAR), np.array([_linear(row) for row in model.dof_damping])[first]
+    targets = model.actuator_trnid[np.isin(model.actuator_trntype, ON_JOINT), 0]
+    shared = np.bincount(targets, minlength=model.njnt) > 1
     powers = np.array([any(_powers(model, "dof_damping", dof)) for dof in first], bool)
     omitted = {
         ("friction", "joint"): rotating & (model.dof_frictionloss[first] > 0.0),
@@ -293,6 +297,7 @@ def _left_out(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
         ("springs", "joint"): rotating & (np.array([_linear(row) for row in model.jnt_stiffness]) != 0.0),
         ("limits", "joint"): rotating & (model.jnt_limited != 0),
         ("limits", "tendon"): model.tendon_limited,
+        ("limits of all actuators", "joint"): model.jnt_actfrclimited & shared,
         ("friction", "tendon"): model.tendon_frictionloss,
     }
     for (what, kind), chosen in omitted.items():
