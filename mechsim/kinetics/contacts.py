@@ -16,12 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechsim.errors import FrictionError, MechsimError
-from mechsim.kinetics.equations_of_motion import (
-    Dynamics,
-    EquationsOfMotion,
-    Kinematics,
-    with_locked_rows,
-)
+from mechsim.kinetics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
 from mechsim.kinetics.gaps import gap_limits, gaps_of
 from mechsim.kinetics.link_forces import constrained_acceleration
 from mechsim.mechanism.joint_friction import Friction
@@ -244,9 +239,9 @@ class Contacts:
     def _sides(self, stops: Sequence[int]) -> Array:
         return np.array([self.stops[i].side for i in stops])
 
-    def _restitutions(self, stops: Sequence[int]) -> Array:
-        own = (self.stops[i].restitution for i in stops)
-        return np.array([self.restitution if value is None else value for value in own])
+    def _rows(self, indices: Sequence[int]) -> Array:
+        """Return the rows (k, free) of coordinates by their indices in the tree."""
+        return np.eye(self.equations.loops.tree.count)[list(indices)][:, self.equations.free]
 
     def gaps(self, values: Array) -> Array:
         """Return the gaps of the stops, (stops, n), at coordinates in units, (count, n)."""
@@ -279,7 +274,8 @@ class Contacts:
         closed, rates, still = self._closed(state), state.rates, NO_APPROACH * fastest
         if not (self.gap_rates(rates)[closed] < -still).any():
             return rates
-        mass = state.mass
+        own, mass = [self.stops[i].restitution for i in closed], state.mass
+        restitutions = np.array([self.restitution if value is None else value for value in own])
         falling = self.equations.accelerate(
             state, np.array([time]), mode.sliding, phases=mode.phases
         ).acceleration
@@ -288,27 +284,27 @@ class Contacts:
             before = self.gap_rates(rates)[closed, 0]
             if not (before < -still).any():
                 break
-            rebound = np.maximum(-self._restitutions(closed) * before, 0.0)
+            rebound = np.maximum(-restitutions * before, 0.0)
             rebound[rebound <= slowest] = 0.0
             last = number == MAX_IMPACTS - 1
             taking_part = np.flatnonzero((before <= still) | last)
             stops, target = [closed[i] for i in taking_part], rebound[taking_part] * (not last)
             pressed = self._pressed(mass, state.jacobian, stops, before[taking_part] - target, still)
             hit = np.array([k for k, i in enumerate(stops) if i in pressed], dtype=np.intp)
-            rates = self._impact(state, mass, rates, [stops[k] for k in hit], target[hit])
+            struck = [stops[k] for k in hit]
+            rows = self._rows([self.stops[i].index for i in struck])
+            rates = self._after_impulses(state, rates, rows, -self._sides(struck) * target[hit])
         return rates
 
-    def _impact(self, state: Kinematics, mass: Array, rates: Array, hit: list[int], target: Array) -> Array:
-        """Return the rates (count, 1) after an impact that gives some gaps their target rates."""
-        equations, indices = self.equations, [self.stops[i].index for i in hit]
-        free = rates[equations.free].T
-        rows = with_locked_rows(equations, state.jacobian, indices)
-        # impulses change no rate that the loops and prescribed motion determine
-        loops = (state.jacobian @ free[..., None])[..., 0]
-        kept = np.concatenate([loops, -(self._sides(hit) * target)[None]], 1)
-        after = np.zeros_like(rates)
-        momentum = (mass @ free[..., None])[..., 0]
-        after[equations.free] = constrained_acceleration(mass, momentum, rows, -kept)[0].T
+    def _after_impulses(self, state: Kinematics, rates: Array, rows: Array, target: Array) -> Array:
+        """Return the rates (count, 1) after impulses along rows (k, free) that give these the rates (k,).
+
+        They change no rate that the loops and prescribed motion determine.
+        """
+        free, after, rows = rates[self.equations.free].T[..., None], np.zeros_like(rates), rows[None]
+        kept = np.concatenate([(state.jacobian @ free)[..., 0], target[None]], 1)
+        rows, momentum = np.concatenate([state.jacobian, rows], 1), (state.mass @ free)[..., 0]
+        after[self.equations.free] = constrained_acceleration(state.mass, momentum, rows, -kept)[0].T
         return after
 
     def _pressed(
@@ -328,7 +324,7 @@ class Contacts:
         """
         indices = [self.stops[i].index for i in stops]
         sides = self._sides(stops)
-        units = with_locked_rows(self.equations, np.zeros((1, 0, mass.shape[1])), indices)[0]
+        units = self._rows(indices)
         count = len(stops)
         repeated, loops = np.repeat(mass, count, 0), np.repeat(rows, count, 0)
         moved, _ = constrained_acceleration(repeated, units, loops, np.zeros((count, rows.shape[1])))
@@ -354,14 +350,8 @@ class Contacts:
         mode = self._by_rates(state, fastest)
         if not mode.stuck:
             return state.rates
-        free, rates = self.equations.free, state.rates.copy()
-        rows = np.concatenate(
-            [state.jacobian, self.equations.friction_directions(state)[mode.stuck, 0][None]], 1
-        )
-        kept = np.zeros((1, rows.shape[1]))
-        kept[:, : state.jacobian.shape[1]] = (state.jacobian @ rates[free].T[..., None])[..., 0]
-        momentum = (state.mass @ rates[free].T[..., None])[..., 0]
-        rates[free] = constrained_acceleration(state.mass, momentum, rows, -kept)[0].T
+        rows = self.equations.friction_directions(state)[mode.stuck, 0]
+        rates = self._after_impulses(state, state.rates, rows, np.zeros(len(rows)))
         return rates if np.abs(rates - state.rates).max() <= SOFT_IMPACT * fastest else state.rates
 
     def _by_rates(self, state: Kinematics, fastest: float) -> ContactMode:

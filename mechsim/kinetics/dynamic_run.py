@@ -24,14 +24,7 @@ from mechsim.kinetics.equations_of_motion import (
     conditionings,
     equations_of_motion,
 )
-from mechsim.kinetics.forward_dynamics import (
-    BUDGET,
-    UNTIL,
-    Executed,
-    Integration,
-    Piece,
-    Trajectory,
-)
+from mechsim.kinetics.forward_dynamics import BUDGET, UNTIL, Executed, Integration, Piece, Trajectory
 from mechsim.kinetics.gaps import GAP, gaps_of, released
 from mechsim.kinetics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.kinetics.model import DynamicModel, dynamic_model

@@ -36,10 +36,7 @@ from mechsim.kinetics.link_forces import (
     mass_matrix,
     spatial_inertias,
 )
-from mechsim.kinetics.load_friction import (
-    ConstrainedMotion,
-    frictions_in_motion,
-)
+from mechsim.kinetics.load_friction import ConstrainedMotion, frictions_in_motion
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.actuators import no_control

@@ -252,10 +252,7 @@ class Integration:
         self.balance = EnergyBalance(equations, start)
 
     def run(
-        self,
-        duration: float,
-        ends: Mapping[str, EventFunction] | None = None,
-        expected: float | None = None,
+        self, duration: float, ends: Mapping[str, EventFunction] | None = None, expected: float | None = None
     ) -> Trajectory:
         """Integrate up to a duration or an event, and return the trajectory.
 
@@ -697,15 +694,10 @@ class Integration:
         if still and (np.abs(resting).max(initial=0.0) <= 1e-9 * fastest**2 or rounding < AT_REST**2 * free):
             constant = StepSolution.constant(self.time, self.state)
             self.pieces.append(Piece(self.time, self.time, constant, mode, self.contacts.indices(mode)))
-            return "stopped", f"{_holding(mode)} the mechanism at rest from {self.time:.6g} s on"
+            both, one = "friction and stops hold", "friction holds" if mode.stuck else "stops hold"
+            cause = both if mode.stuck and mode.contacts else one
+            return "stopped", f"{cause} the mechanism at rest from {self.time:.6g} s on"
         return None
-
-
-def _holding(mode: ContactMode) -> str:
-    """Return the cause of rest, with its verb."""
-    if mode.stuck and mode.contacts:
-        return "friction and stops hold"
-    return "friction holds" if mode.stuck else "stops hold"
 
 
 def search_instants(solution: StepSolution | DenseSteps, before: float, after: float) -> Array:
@@ -725,9 +717,7 @@ def _simultaneous(times: Array) -> float:
 
 
 def first_event(
-    functions: Sequence[tuple[str, EventFunction]],
-    states_at: Callable[[Array], Kinematics],
-    times: Array,
+    functions: Sequence[tuple[str, EventFunction]], states_at: Callable[[Array], Kinematics], times: Array
 ) -> tuple[float, str] | None:
     """Return the instant in [s] and kind of the first event; None without an event.
 

@@ -17,11 +17,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.kinematics import Coordinates
-from mechsim.kinetics.curve_equilibria import (
-    EquilibriumCurve,
-    curve_through,
-    tangents_next_to,
-)
+from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, tangents_next_to
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.kinetics.linearization import independent_rates, reduced_forces

@@ -11,13 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import FrictionError, InputError
-from mechsim.kinetics.applied_forces import (
-    Applied,
-    add_joint_forces,
-    dry_friction,
-    joint_rates,
-    require_idle,
-)
+from mechsim.kinetics.applied_forces import Applied, add_joint_forces, dry_friction, joint_rates, require_idle
 from mechsim.kinetics.link_forces import DryFriction, constrained_acceleration, friction_wrenches
 from mechsim.kinetics.reactions import linear_reactions
 from mechsim.kinetics.unit_motion import UnitMotion
@@ -161,8 +155,7 @@ def with_load_friction(
     labels = [f"{unit.mechanism.name} at {value:.6g} rad" for value in unit.angle]
     magnitudes = friction_by_load(unit, np.stack(columns, -1), coordinates, directions, ratios, labels).T
     coulomb = acting.coulomb + sum(
-        (magnitude[:, None, None] * stack for magnitude, stack in zip(magnitudes, stacks, strict=True)),
-        0.0,
+        (magnitude[:, None, None] * stack for magnitude, stack in zip(magnitudes, stacks, strict=True)), 0.0
     )
     loaded = [replace(dry, magnitude=magnitude) for dry, magnitude in zip(frictions, magnitudes, strict=True)]
     return replace(acting, coulomb=coulomb, dry=(*acting.dry, *loaded))

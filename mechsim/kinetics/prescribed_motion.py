@@ -10,14 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 from mechsim.kinematics.path_instants import PathInstants, path_instants
-from mechsim.kinetics.applied_forces import (
-    STILL,
-    Dry,
-    add_couple,
-    add_joint_forces,
-    applied,
-    loads,
-)
+from mechsim.kinetics.applied_forces import STILL, Dry, add_couple, add_joint_forces, applied, loads
 from mechsim.kinetics.load_friction import with_load_friction
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.reactions import balance

@@ -15,13 +15,7 @@ from mechsim.kinetics.contacts import CLOSED_GAP
 from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
 from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
-from mechsim.kinetics.equilibrium_search import (
-    RestingState,
-    all_at_rest,
-    distinct,
-    newton_equilibria,
-    same,
-)
+from mechsim.kinetics.equilibrium_search import RestingState, all_at_rest, distinct, newton_equilibria, same
 from mechsim.kinetics.initial_state import initial_state, projected
 from mechsim.kinetics.linearization import LinearModel, Mode, independent_rates, linear_model
 from mechsim.kinetics.model import DynamicModel, dynamic_model
@@ -227,11 +221,7 @@ def _on_curves(
 
 
 def _starts(
-    equations: EquationsOfMotion,
-    q: Coordinates,
-    starts: int,
-    assemblies: int,
-    random: np.random.Generator,
+    equations: EquationsOfMotion, q: Coordinates, starts: int, assemblies: int, random: np.random.Generator
 ) -> Iterator[tuple[Coordinates, bool]]:
     """Yield configurations, and whether they are reached along the motion from the first."""
     yield q, True

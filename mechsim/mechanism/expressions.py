@@ -33,13 +33,7 @@ _POWERS: dict[str, Powers] = {
     "W": (1, 2, -3, 0),
 }
 _NAMED = ("1", "m", "rad", "m/s", "rad/s", "m/s2", "rad/s2", "N", "N m", "W", "kg m2", "kg", "s")
-_DESCRIPTIONS = {
-    "1": "a plain number",
-    "m": "a length",
-    "rad": "an angle",
-    "N": "a force",
-    "N m": "a moment",
-}
+_DESCRIPTIONS = {"1": "a plain number", "m": "a length", "rad": "an angle", "N": "a force", "N m": "a moment"}
 
 
 def unit_powers(unit: str) -> Powers:
@@ -270,7 +264,8 @@ class Evaluator:
         if any(term.powers[:3]):
             raise InputError(f"gives {name} {term.description}; give it a plain number")
         if function.unit == "angle" and self.angle != 1.0:
-            if any(_has_pi(argument) for argument in arguments):
+            nodes = (node for argument in arguments for node in ast.walk(argument))
+            if any(isinstance(node, ast.Name) and node.id == "pi" for node in nodes):
                 raise InputError(
                     f"gives {name} an argument with pi, but angles in this file are in degrees: "
                     "write 45, not pi/4"
@@ -355,10 +350,6 @@ _OPERATORS: dict[type[ast.AST], tuple[Callable[[Combine, Term, Term], Term], Com
     ast.Div: (_product, operator.truediv),
     ast.Pow: (_power, operator.pow),
 }
-
-
-def _has_pi(node: ast.AST) -> bool:
-    return any(isinstance(child, ast.Name) and child.id == "pi" for child in ast.walk(node))
 
 
 def evaluate_number(text: str, names: Callable[[str], float], angle: float = 1.0) -> float:
@@ -535,12 +526,7 @@ def compiled(text: str, names: Iterable[str]) -> Expression:
 
 
 # possible variables of an expression
-VARIABLES = {
-    "t": "the time in s",
-    "angle": "the crank's in rad",
-    "l": "the length",
-    "v": "its rate",
-}
+VARIABLES = {"t": "the time in s", "angle": "the crank's in rad", "l": "the length", "v": "its rate"}
 _VARIABLE = re.compile(rf"(?<![\w.])({'|'.join(VARIABLES)})(?!\w)")
 
 

@@ -149,11 +149,7 @@ def slender_rod(start: Vector, end: Vector, mass: float) -> Inertia:
     return _rod(start, end, mass, mass * length2 * SLENDERNESS**2 / 8.0, mass * length2 / 12.0)
 
 
-def with_inertia(
-    mechanism: Mechanism,
-    density: float = STEEL,
-    diameter: float | None = None,
-) -> Mechanism:
+def with_inertia(mechanism: Mechanism, density: float = STEEL, diameter: float | None = None) -> Mechanism:
     """Return the mechanism with an inertia on every link.
 
     A link consists of the straight rods of least total length that connect its joint points and outline;

@@ -127,11 +127,7 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
 
     def state(time: Array) -> tuple[Array, Array, Array]:
         phase = rate * time
-        return (
-            middle - reach * np.cos(phase),
-            reach * rate * np.sin(phase),
-            reach * rate**2 * np.cos(phase),
-        )
+        return (middle - reach * np.cos(phase), reach * rate * np.sin(phase), reach * rate**2 * np.cos(phase))
 
     return CrankProfile(REVOLUTION / rate, abs(fastest), state)
 

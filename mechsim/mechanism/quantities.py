@@ -21,15 +21,7 @@ from mechsim.mechanism.joint_kinds import KINDS as JOINT_KINDS
 from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.links import AXES, GROUND
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.quantity import (
-    ELEMENTS,
-    TRANSMISSION,
-    Column,
-    Function,
-    Quantity,
-    Source,
-    link_column,
-)
+from mechsim.mechanism.quantity import ELEMENTS, TRANSMISSION, Column, Function, Quantity, Source, link_column
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import angle_of
 
@@ -275,11 +267,7 @@ def _rate_of_point(letter: str, order: int) -> "Callable[[Mechanism, str], Any]"
     def derive(mechanism: Mechanism, point: str) -> tuple[Sequence[Column], Function, str]:
         if point not in moving_points(mechanism):
             raise unknown(point, mechanism)
-        return (
-            quantity(f"{point}.{letter}", mechanism).columns,
-            _length,
-            f"m/s{'2'[: order - 1]}",
-        )
+        return (quantity(f"{point}.{letter}", mechanism).columns, _length, f"m/s{'2'[: order - 1]}")
 
     return derive
 

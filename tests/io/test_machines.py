@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
@@ -183,6 +184,24 @@ def test_machines_are_shown_balanced_and_drawn(name, mechsim, tmp_path):
 def test_findings_name_the_file_that_is_checked():
     path = str(gallery.machines()["cam_press"])
     assert {violation.file for violation in ms.check(path)} == {path}
+
+
+def test_limits_on_one_side_springs_and_initial_states_are_no_mistakes(file):
+    expression = 'force = "-2 N*exp(20*l)"'
+    clamp = model_text("latch_clamp.toml").replace('stiffness = "40 N/mm"\nrest = 50', expression)
+    assert "exp" in clamp
+    ranged = clamp.replace('limits = { upper = "174 deg"', 'limits = { lower = "120 deg", upper = "174 deg"')
+    for state, rules in (("", {"MS105"}), ('[initial]\nhandle.q = "130 deg"\n', set[str]())):
+        assert {
+            finding.rule for finding in ms.check(file(ranged + state)) if finding.severity != "note"
+        } == rules
+    assert ms.check(file(clamp), select=["MS103", "MS105", "MS201"]) == []
+    # both assemblies of the rod, by Pythagoras, are within a range without a lower end
+    tips = [
+        each["tip"][0] for each in ms.assemblies(ms.load(file(clamp), still=True), np.deg2rad(100.0)).points
+    ]
+    x, y = 0.04 * np.cos(np.deg2rad(100.0)), 0.04 * np.sin(np.deg2rad(100.0))
+    assert np.allclose(tips, x + 0.02 + np.sqrt(0.09**2 - y**2) * np.array([1.0, -1.0]), rtol=0, atol=1e-12)
 
 
 def test_the_rods_of_peaucellier_guide_a_mass_on_a_straight_line():

@@ -110,7 +110,8 @@ def _within(
             continue
         value = q.values[index]
         if not loops.tree.slides[index]:
-            value = low + (value - low + LIMIT_TOLERANCE) % REVOLUTION - LIMIT_TOLERANCE
+            least = low if low > -np.inf else high - REVOLUTION
+            value = least + (value - least + LIMIT_TOLERANCE) % REVOLUTION - LIMIT_TOLERANCE
         inside &= (value > low - LIMIT_TOLERANCE) & (value < high + LIMIT_TOLERANCE)
     q = q.select(inside)
     poses = link_poses(loops.tree, q).by_link(loops.tree.links)

@@ -9,6 +9,7 @@ from mechsim.mechanism.finding import Finding
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.findings.inspected import Inspected
+from mechsim.simulation.mjcf.joints import UNLIMITED
 from mechsim.simulation.state import SCALAR, SLIDE, gravity
 
 # largest plausible radius of gyration, in characteristic lengths; 10 times this for the centre of mass
@@ -218,7 +219,8 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
         for j in np.flatnonzero(model.jnt_limited)
         if int(model.jnt_type[j]) in SCALAR and int(model.jnt_type[j]) != SLIDE
     ]
-    widths = {j: float(np.abs(model.jnt_range[j]).max()) for j in hinges}
+    ends = np.where(np.abs(model.jnt_range) < UNLIMITED, np.abs(model.jnt_range), 0.0)
+    widths = {j: float(ends[j].max()) for j in hinges}
     wide = [j for j, width in widths.items() if width > WIDE_RANGE and _in_loop(scene, j)]
     # a range of several revolutions in degrees is intended
     if wide and not spec.compiler.degree:
