@@ -694,8 +694,8 @@ class Integration:
         if still and (np.abs(resting).max(initial=0.0) <= 1e-9 * fastest**2 or rounding < AT_REST**2 * free):
             constant = StepSolution.constant(self.time, self.state)
             self.pieces.append(Piece(self.time, self.time, constant, mode, self.contacts.indices(mode)))
-            both, one = "friction and stops hold", "friction holds" if mode.stuck else "stops hold"
-            cause = both if mode.stuck and mode.contacts else one
+            holding = ["friction"] * bool(mode.stuck) + ["stops"] * bool(mode.contacts)
+            cause = " and ".join(holding) + (" holds" if holding == ["friction"] else " hold")
             return "stopped", f"{cause} the mechanism at rest from {self.time:.6g} s on"
         return None
 

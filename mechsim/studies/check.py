@@ -105,8 +105,6 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     if own is not None:
         return with_nearest_assembly(read_model(own, lint=True))
     from mechsim.io.readers import load
-    from mechsim.io.requested_start import started_near
-    from mechsim.simulation.mjcf.force_elements import NONLINEAR_SPRING
     from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
 
     solver = load(model, still=True)
@@ -114,10 +112,10 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     values = {name: solver.initial.get(f"{name}.q") for name in names}
     start = {name: value for name, value in values.items() if isinstance(value, float)}
     if start and solver.closed_form is None:
-        solver = solver.with_mechanism(started_near(solver.mechanism, start))
+        solver = load(model, still=True, start=start)
     spec = spec_and_unlimited(solver)[0]
     # actuators of nonlinear springs drive nothing
-    for actuator in [each for each in spec.actuators if each.name.startswith(NONLINEAR_SPRING)]:
+    for actuator in [each for each in spec.actuators if each.name.startswith("nonlinear spring ")]:
         spec.delete(actuator)
     drivers = [name for name in solver.mechanism.drivers if spec.joint(name) is not None]
     read = read_model(spec, drivers=drivers, lint=True)

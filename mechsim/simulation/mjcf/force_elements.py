@@ -27,8 +27,6 @@ from mechsim.simulation.state import quaternion
 
 Bodies = Mapping[str, mujoco.MjsBody]
 AXES = "xyz"
-# first words of the names of actuators that stand for nonlinear springs
-NONLINEAR_SPRING = "nonlinear spring"
 BUSHING_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -85,7 +83,7 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
         for axis, gear in zip(AXES, np.eye(6)[first : first + 3], strict=True):
             _between(spec, f"{name}.{axis}", site, "ground axes", gear)
     for number, spring in enumerate(forces.nonlinear_springs, 1):
-        _add_nonlinear_spring(builder, f"{NONLINEAR_SPRING} {number}", spring)
+        _add_nonlinear_spring(builder, f"nonlinear spring {number}", spring)
     _add_bushings(builder, forces.bushings)
     for number, spring in enumerate(forces.springs, 1):
         _add_spring(builder, f"spring {number}", spring)
