@@ -12,8 +12,8 @@ from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import EZ, GROUND, Inertia, Link, Pose, Vector, vector
 from mechsim.numerics.arrays import REVOLUTION
 
-# largest number of sectors of an outline
-MAX_REPEAT = 1000
+# largest number of sectors of an outline, and difference below which it is whole
+MAX_REPEAT, WHOLE = 1000, 0.01
 # inertia of a link that only connects joints
 MASSLESS = {"inertia": {"mass": 0.0, "centre": [0.0] * 3, "moments": [0.0] * 3}}
 
@@ -43,10 +43,13 @@ def links_of(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
 
 def _outline(source: TomlSource, name: str, entry: Mapping[str, Any]) -> tuple[Vector, ...]:
     """Return the points of an outline, as often as it repeats about the z axis of its link."""
-    count, points = entry.get("repeat", 1), np.reshape(entry.get("outline", ()), (-1, 3))
-    if count not in range(1, MAX_REPEAT + 1):
-        raise source.error(("links", name, "repeat"), f"is {count:g}; give a whole number, 1 to {MAX_REPEAT}")
-    angles = REVOLUTION / count * np.arange(round(count))
+    stated, points = entry.get("repeat", 1), np.reshape(entry.get("outline", ()), (-1, 3))
+    # derivatives by a number of slots change it a little
+    count = round(stated)
+    if not (1 <= count <= MAX_REPEAT and abs(stated - count) < WHOLE):
+        reason = f"is {stated:g}; give a whole number, 1 to {MAX_REPEAT}"
+        raise source.error(("links", name, "repeat"), reason)
+    angles = REVOLUTION / count * np.arange(count)
     rotations = turned_by(np.eye(3)[None], angles[:, None] * np.array([EZ]))
     return tuple(vector(point) for rotation in rotations for point in points @ rotation.T)
 
