@@ -1,5 +1,6 @@
 """The scenes and motions that reduced_scenes.py puts `mechsim reduce` through."""
 
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,40 +56,9 @@ class Case:
         )
 
 
-GRIP = {"fingers_actuator": "255*(0.5-0.5*cos(2*pi*t))"}
-ANKLE = {"left_motor_joint": "0.3*sin(2*pi*0.6*t)", "right_motor_joint": "-0.15*sin(2*pi*0.6*t)"}
-SWING = "0.15*(1-cos(2*pi*t))"
-LEG = {
-    "left-hip-roll": "0",
-    "left-hip-yaw": "0",
-    "left-hip-pitch": f"0.5+{SWING}",
-    "left-knee": f"-1.2-{SWING}",
-    "left-foot": "-1.6+0.1*(1-cos(2*pi*t))",
-}
-MOTORS = {"motor1": "0.2*sin(2*pi*t)", "motor2": "0.1*(1-cos(2*pi*t))"}
-SHOULDERS = {f"shoulder_{i}": f"{0.15 if i == 1 else 0.1}*(1-cos(2*pi*t))" for i in (1, 2, 3)}
-MENAGERIE = "Kcygt_mujoco_menagerie"
-# scenes -> files in clones of mujoco_menagerie and of the repositories that tuned_cases.py names
 CASES = {
-    "2F-85, both pads": Case("robotiq_2f85.xml", ("right_pad", "left_pad"), GRIP),
-    "2F-85, one pad": Case("robotiq_2f85.xml", ("right_pad",), GRIP),
-    "Cassie's leg": Case(f"{MENAGERIE}/agility_cassie/cassie.xml", ("left-foot",), drive=LEG, key="home"),
-    "G1 ankle": Case("g1_ankle.xml", ("roll_link", "toe,roll_link@0.1,0.05,0"), ANKLE, duration=2.0),
-    "looper": Case("", ("E",), drive={"crank": "60rpm"}),
-    "jansen": Case("", ("foot",), drive={"crank": "60rpm"}),
-    "xArm gripper": Case(f"{MENAGERIE}/ufactory_xarm7/hand.xml", ("left_finger", "right_finger"), GRIP),
-    "Panda hand": Case(
-        f"{MENAGERIE}/franka_emika_panda/hand.xml",
-        ("left_finger", "right_finger"),
-        {"actuator8": GRIP["fingers_actuator"]},
-    ),
-    "Tiangong ankle": Case(
-        "feidedao_Parallel_Ankle_Joint/5_tiangong/urdf/TG10-00.xml", ("toe,foot_link@0.1,0,0",), ANKLE
-    ),
-    "planar-2dof": Case("Rhoban_onshape-to-robot-examples/planar-2dof/robot.xml", ("branch2",), MOTORS),
-    "delta robot": Case(
-        "jurmy24_delta-simulation/simulation/delta-robot/robot.xml", ("mobile_gripper_side",), SHOULDERS
-    ),
+    name: Case(**entry | {"track": tuple(entry["track"])})
+    for name, entry in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items()
 }
 
 

@@ -18,22 +18,11 @@ from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.export import exported
 
-CRANKS = (
-    *("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett", "jansen", "klann", "hoeken"),
-    *("quick_return", "watt_six_bar", "stephenson_six_bar", "spherical_four_bar", "rsur"),
-    "chebyshev_lambda",
-)
-WITH_SEVERAL_DRIVERS = ("five_bar", "planar_3rrr", "humanoid_ankle")
-# file, and controls of its actuators; without controls its drivers swing
+# names in the catalogue, and files with controls of their actuators; without controls their drivers swing
 PUBLIC = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+CATALOGUE = PUBLIC.pop("catalogue")
 # for every scene: error measure, tolerance relative to its size, speed factor of its motion
-CASES: tuple[tuple[Literal["closure", "trajectory"], float, float], ...] = (
-    ("closure", 1e-5, 1.0),
-    ("closure", 1e-4, 1.0),
-    ("closure", 1e-6, 1.0),
-    ("closure", 1e-5, 2.0),
-    ("trajectory", 1e-4, 1.0),
-)
+CASES: list[tuple[Literal["closure", "trajectory"], float, float]] = PUBLIC.pop("cases")
 
 
 @dataclass(frozen=True)
@@ -87,7 +76,7 @@ def scene_files(folder: Path | None, work: Path, only: set[str]) -> Iterator[Sce
         work: folder for written files.
         only: names; empty for all.
     """
-    for name in (*CRANKS, *WITH_SEVERAL_DRIVERS):
+    for name in CATALOGUE:
         if only and name not in only:
             continue
         mechanism, path = load(name).mechanism, work / f"{name}.xml"
