@@ -1,7 +1,7 @@
 """Masses of the links of a mechanism and their sources."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -30,7 +30,7 @@ class LinkMass:
         length: total length of the rods in [m]; None unless the source is "rod".
         diameter: diameter of the rods in [m]; None unless the source is "rod".
         density: density of the rods in [kg/m3]; None unless the source is "rod".
-        disc: radius of the disc of a cam in [m]; None without one.
+        disc: radius of the disc of a cam in [m]; 0 without one, None unless the source is "rod".
     """
 
     link: str
@@ -96,17 +96,8 @@ def _material(density: float | None) -> str:
 
 
 def _mass(link: str, inertia: Inertia) -> LinkMass:
-    rods = inertia.rods
-    if rods is not None:
-        return LinkMass(
-            link=link,
-            mass=inertia.mass,
-            source="rod",
-            length=rods.length,
-            diameter=rods.diameter,
-            density=rods.density,
-            disc=rods.disc or None,
-        )
+    if inertia.rods is not None:
+        return LinkMass(link=link, mass=inertia.mass, source="rod", **asdict(inertia.rods))
     massless = inertia.negligible or inertia.mass == 0.0
     return LinkMass(link=link, mass=inertia.mass, source="zero" if massless else "given")
 

@@ -68,7 +68,7 @@ class SerialTwin:
 
     def summary(self) -> str:
         """Return the errors of the couplings relative to the loops, one line for each passive joint."""
-        lines = [f"left out: {', '.join(self.left_out)}"]
+        lines = [f"left out: {', '.join(self.left_out)}"] * bool(self.left_out)
         lines += [
             f"{joint.joint}: position off by {joint.position_error:.2g}, "
             f"torque ratio by {joint.torque_error:.2g}"
