@@ -54,6 +54,7 @@ Unit = Literal[
     "ohm",
     "H",
     "N m/A",
+    "N/m^2",
 ]
 
 # ratio of a number in SI to the number that it replaces, and of a position to the size of the mechanism,
@@ -89,6 +90,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "ohm": ("an electric resistance", "0.5 ohm"),
     "H": ("an inductance", "1 mH"),
     "N m/A": ("a motor constant", "0.05 N m/A"),
+    "N/m^2": ("a modulus of elasticity", "207 GPa"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 

@@ -331,7 +331,7 @@ def test_peaks_of_acceleration_fall_with_the_clearance_as_published(tmp_path):
     """
     ideal, ratios, touching = 0.05 * (5000 * np.pi / 30) ** 2 * (1 + 5 / 12), [], []
     for pin in (9.5, 9.9):
-        text = f"hole_radius=10,pin_radius={pin},restitution=0.9,young=207e9"
+        text = f'hole_radius=10,pin_radius={pin},restitution=0.9,young="207 GPa"'
         (tmp_path / "model.toml").write_text(TEXT.replace("radius=0.5,restitution=0.9", text))
         model = load(str(tmp_path / "model.toml"), drive={"A": "5000rpm"})
         run = ms.dynamics.run(model, prescribed=("A",), duration=0.024, samples=12000)
