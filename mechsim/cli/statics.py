@@ -182,7 +182,10 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
             "yes" if equilibrium.reached else "no",
             number(equilibrium.potential),
             ", ".join(
-                [f"stop of {name} presses with {number(force)}" for name, force in equilibrium.stops.items()]
+                [
+                    f"stop of {name} presses with {number(force)} {mechanism.effort_unit(name)}"
+                    for name, force in equilibrium.stops.items()
+                ]
                 + [_root_text(mode) for mode in equilibrium.modes]
             ),
         )
@@ -211,9 +214,9 @@ def _root_text(mode: Mode) -> str:
 
 
 def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
-    """Return the drivers' coordinates at an equilibrium; without drivers, the first coordinate."""
+    """Return the drivers' coordinates at an equilibrium; without drivers, as many as degrees of freedom."""
     units, texts = coordinate_units(mechanism), list[str]()
-    for name in mechanism.drivers or tuple(equilibrium.q)[:1]:
+    for name in mechanism.drivers or tuple(equilibrium.q)[: max(1, len(equilibrium.linear.stiffness))]:
         scale = mechanism.characteristic_length if units[name] == "m" else 1.0
         value = without_noise([equilibrium.q[name], scale])[0]
         by, unit = DEGREES.converted(units[name])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.errors import AssemblyError, FrictionError
+from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.contacts import CLOSED_GAP
 from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
@@ -38,6 +38,8 @@ STARTS = 20
 MAX_STARTS = 100_000
 # number of additional random configurations for mechanisms without loops
 RANDOM_CONFIGURATIONS = 10
+# largest number of sets of stops that are tried for a mechanism with several degrees of freedom
+STOP_SETS = 60
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
 # rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
@@ -94,7 +96,9 @@ def equilibria(
     loops also at ten random configurations. Both also start at `assemblies` random configurations that close
     the loops in any assembly mode. Coulomb friction is ignored; loads over time have their value at time
     zero. If every configuration of the search is an equilibrium, the initial one is returned. Equilibria
-    beyond limits of joints are left out; with one degree of freedom, those at a stop that presses are added.
+    beyond limits of joints are left out, and those at stops that press are added. With several degrees of
+    freedom, the same search runs with coordinates locked at their limits: each alone, and those together
+    beyond which another equilibrium lies, in `STOP_SETS` sets at most.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -121,22 +125,91 @@ def equilibria(
         return (_described(equations, RestingState(initial_q, True, dof, False), everywhere=True),)
     ranges = getattr(model.solver, "ranges", {})
     described = [_described(equations, each) for each in distinct(equations, solutions)]
-    described = [each for each in described if _within(model, each.q, ranges)]
     if ranges and independent_rates(equations, initial_q).shape[1] == 1:
         described += _at_stops(model, equations, initial_q, ranges)
+    elif ranges:
+        described += _at_several_stops(model, equations, (starts, assemblies, seed), described)
+    described = [each for each in described if not _beyond(model, each.q, ranges)]
     return tuple(sorted(described, key=lambda equilibrium: equilibrium.potential))
 
 
-def _within(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> bool:
-    """Whether coordinates, angles up to whole revolutions, are within the ranges that they have."""
+def _beyond(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> dict[str, float]:
+    """Return coordinates beyond the ranges that they have, and their nearest limits.
+
+    Angles count up to whole revolutions.
+    """
+    limits: dict[str, float] = {}
     for name, (low, high) in ranges.items():
         if name in q:
             slides = model.mechanism.unit(name) == "m"
             slack = CLOSED_GAP * (model.mechanism.characteristic_length if slides else 1.0)
             value = q[name] if slides else low - slack + (q[name] - low + slack) % REVOLUTION
             if not low - slack <= value <= high + slack and np.isfinite(value):
-                return False
-    return True
+                past, before = value - high, low - value + (0.0 if slides else REVOLUTION)
+                limits[name] = high if value > high and (past <= before or slides) else low
+    return limits
+
+
+def _at_several_stops(
+    model: DynamicModel,
+    equations: EquationsOfMotion,
+    search: tuple[int, int, int],
+    beyond: Sequence[Equilibrium],
+) -> Iterator[Equilibrium]:
+    """Yield the equilibria at stops that press, of a mechanism with several degrees of freedom.
+
+    Args:
+        model: the model.
+        equations: its equations of motion.
+        search: numbers of starts and assemblies, and the seed.
+        beyond: equilibria without stops.
+    """
+    (starts, assemblies, seed), ranges, tree = search, model.solver.ranges, equations.loops.tree
+    dof = independent_rates(equations, equations.start).shape[1]
+    ends = [(name, limit) for name, limits in ranges.items() if name in tree.index_of for limit in limits]
+    waiting = [_beyond(model, each.q, ranges) for each in beyond]
+    waiting += [{name: limit} for name, limit in ends if np.isfinite(limit)]
+    tried: list[dict[str, float]] = [{}]
+    while waiting and len(tried) <= STOP_SETS:
+        limits = waiting.pop(0)
+        if limits in tried:
+            continue
+        tried.append(limits)
+        moving = len(limits) < dof
+        locked = replace(model.mechanism, locked={**model.mechanism.locked, **(limits if moving else {})})
+        values: dict[str, Initial] = {} if moving else {f"{name}.q": limit for name, limit in limits.items()}
+        try:
+            at_limits, start = prepared_equations(replace(model, mechanism=locked), None, values)
+        except (AssemblyError, InputError):
+            # the loops do not close there
+            continue
+        random = np.random.default_rng(seed)
+        found = _searched(at_limits, start, starts, assemblies, random) if moving else None
+        states = (
+            distinct(at_limits, found or [(start, True)]) if moving else [RestingState(start, True, 0, False)]
+        )
+        for state in states:
+            further = _beyond(model, _coordinates(at_limits, state.q), ranges)
+            if further:
+                waiting.append(limits | further)
+                continue
+            stops = _holding_forces(equations, state.q, [*limits])
+            if all(
+                force * (-1.0 if limits[name] == ranges[name][0] else 1.0) < 0.0
+                for name, force in stops.items()
+            ):
+                stable = not moving or _described(at_limits, state).stable
+                balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
+                yield replace(_described(balanced, state), stable=stable, modes=(), stops=stops)
+
+
+def _holding_forces(equations: EquationsOfMotion, q: Coordinates, names: Sequence[str]) -> dict[str, float]:
+    """Return the forces along coordinates that together hold a configuration at rest, in [N m] or [N]."""
+    indices = [equations.loops.tree.index_of[name] for name in names]
+    state = equations.kinematics(q, np.zeros((equations.loops.tree.count, 1)))
+    none = np.zeros(len(equations.frictions))
+    forces = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
+    return dict(zip(names, (forces / equations.loops.units[indices]).tolist(), strict=True))
 
 
 def _at_stops(
@@ -166,12 +239,8 @@ def _at_stops(
                 float(curve.lengths[k]),
             )
             q = curve.configurations(interval, np.array([length]))
-            state = equations.kinematics(q, np.zeros((tree.count, 1)))
-            none = np.zeros(len(equations.frictions))
-            force = float(equations.accelerate(state, np.zeros(1), none, (), [index]).contact[0, 0])
-            force /= float(equations.loops.units[index])
-            if force * side < 0.0 and _within(model, _coordinates(equations, q), ranges):
-                stops = {name: force}
+            stops = _holding_forces(equations, q, [name])
+            if stops[name] * side < 0.0:
                 balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
                 at_stop = _described(balanced, RestingState(q, True, 0, False))
                 yield replace(at_stop, stable=True, modes=(), stops=stops)
@@ -323,13 +392,7 @@ def holding(
     For redundant drivers it is the minimum-norm solution.
     """
     equations, q = prepared_equations(source, forces, initial or {})
-    tree = equations.loops.tree
-    indices = [tree.index_of[name] for name in equations.model.mechanism.drivers]
-    state = equations.kinematics(q, np.zeros((tree.count, 1)))
-    none = np.zeros(len(equations.frictions))
-    drive_forces = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
-    scaled = drive_forces / equations.loops.units[indices]
-    return dict(zip(equations.model.mechanism.drivers, scaled.tolist(), strict=True))
+    return _holding_forces(equations, q, equations.model.mechanism.drivers)
 
 
 def holding_range(

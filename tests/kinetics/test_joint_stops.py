@@ -1,11 +1,13 @@
 """Joint stops in forward dynamics: impacts and contacts over all closed gaps."""
 
+import itertools
 import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from model_files import model_text
+from scipy.optimize import minimize
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
@@ -187,3 +189,41 @@ def test_friction_holds_coupled_joints_at_their_stops(limits, tmp_path):
     run = ms.dynamics.run(ms.load(str(path), still=True), duration=0.1)
     assert run.outcome == "stopped"
     assert np.abs(run.motion.joints["q"].value).max() <= 1e-15
+
+
+@pytest.mark.parametrize(
+    ("ranges", "at_stops"),
+    [
+        ((("-0.5 1.2"), ("-0.4 0.9")), {"j1", "j2"}),
+        ((("-0.5 1.2"), ("-3 3")), {"j1"}),
+        ((("-3 3"), ("0.2 0.9")), {"j2"}),
+        ((("-3 3"), ("-1 1")), set()),
+    ],
+)
+def test_an_arm_rests_where_its_energy_is_least_within_its_ranges(ranges, at_stops, tmp_path):
+    """Local minima of the potential energy in a box, by scipy; the force of a stop is the energy's slope."""
+    text = TWO_HINGES.format(0.25, 0.5, 2.0, (0.3, 1.5, 0.6), *ranges, 0.0, 0.0)
+    (tmp_path / "arm.xml").write_text(text)
+    box = [tuple(map(float, limits.split())) for limits in ranges]
+
+    def energy(q):
+        return 9.81 * (2.0 * 0.25 * np.sin(q[0]) + 1.5 * (0.5 * np.sin(q[0]) + 0.3 * np.sin(q[0] + q[1])))
+
+    def slope(q):
+        both = 1.5 * 0.3 * np.cos(q[0] + q[1])
+        return 9.81 * np.array([(2.0 * 0.25 + 1.5 * 0.5) * np.cos(q[0]) + both, both])
+
+    minima = {}
+    for start in itertools.product(*(np.linspace(*limits, 4) for limits in box)):
+        end = minimize(energy, start, jac=slope, bounds=box, method="L-BFGS-B", options={"gtol": 1e-12}).x
+        minima[tuple(end.round(5))] = end
+    arm = ms.load(str(tmp_path / "arm.xml"), still=True)
+    found = [each for each in ms.dynamics.equilibria(arm) if each.stable]
+    assert len(found) == len(minima)
+    for each in found:
+        q = np.array([each.q["j1"], each.q["j2"]])
+        nearest = min(minima.values(), key=lambda end: np.abs(end - q).max())
+        assert np.abs(q - nearest).max() < 1e-6
+        for index, name in enumerate(("j1", "j2")):
+            assert each.stops.get(name, 0.0) == pytest.approx(slope(q)[index], abs=1e-9)
+    assert at_stops in [set(each.stops) for each in found]
