@@ -184,9 +184,11 @@ def _at_several_stops(
             # the loops do not close there
             continue
         random = np.random.default_rng(seed)
-        found = _searched(at_limits, start, starts, assemblies, random) if moving else None
+        solutions = _searched(at_limits, start, starts, assemblies, random) if moving else None
         states = (
-            distinct(at_limits, found or [(start, True)]) if moving else [RestingState(start, True, 0, False)]
+            distinct(at_limits, solutions or [(start, True)])
+            if moving
+            else [RestingState(start, True, 0, False)]
         )
         for state in states:
             further = _beyond(model, _coordinates(at_limits, state.q), ranges)

@@ -201,7 +201,7 @@ def test_friction_holds_coupled_joints_at_their_stops(limits, tmp_path):
     ],
 )
 def test_an_arm_rests_where_its_energy_is_least_within_its_ranges(ranges, at_stops, tmp_path):
-    """Local minima of the potential energy in a box, by scipy; the force of a stop is the energy's slope."""
+    """Local minima of the energy in a box, by scipy; the force of a stop is the derivative of the energy."""
     text = TWO_HINGES.format(0.25, 0.5, 2.0, (0.3, 1.5, 0.6), *ranges, 0.0, 0.0)
     (tmp_path / "arm.xml").write_text(text)
     box = [tuple(map(float, limits.split())) for limits in ranges]
@@ -209,21 +209,21 @@ def test_an_arm_rests_where_its_energy_is_least_within_its_ranges(ranges, at_sto
     def energy(q):
         return 9.81 * (2.0 * 0.25 * np.sin(q[0]) + 1.5 * (0.5 * np.sin(q[0]) + 0.3 * np.sin(q[0] + q[1])))
 
-    def slope(q):
+    def gradient(q):
         both = 1.5 * 0.3 * np.cos(q[0] + q[1])
         return 9.81 * np.array([(2.0 * 0.25 + 1.5 * 0.5) * np.cos(q[0]) + both, both])
 
     minima = {}
     for start in itertools.product(*(np.linspace(*limits, 4) for limits in box)):
-        end = minimize(energy, start, jac=slope, bounds=box, method="L-BFGS-B", options={"gtol": 1e-12}).x
+        end = minimize(energy, start, jac=gradient, bounds=box, method="L-BFGS-B", options={"gtol": 1e-12}).x
         minima[tuple(end.round(5))] = end
     arm = ms.load(str(tmp_path / "arm.xml"), still=True)
-    found = [each for each in ms.dynamics.equilibria(arm) if each.stable]
-    assert len(found) == len(minima)
-    for each in found:
+    resting = [each for each in ms.dynamics.equilibria(arm) if each.stable]
+    assert len(resting) == len(minima)
+    for each in resting:
         q = np.array([each.q["j1"], each.q["j2"]])
         nearest = min(minima.values(), key=lambda end: np.abs(end - q).max())
         assert np.abs(q - nearest).max() < 1e-6
         for index, name in enumerate(("j1", "j2")):
-            assert each.stops.get(name, 0.0) == pytest.approx(slope(q)[index], abs=1e-9)
-    assert at_stops in [set(each.stops) for each in found]
+            assert each.stops.get(name, 0.0) == pytest.approx(gradient(q)[index], abs=1e-9)
+    assert at_stops in [set(each.stops) for each in resting]
