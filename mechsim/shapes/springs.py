@@ -13,8 +13,9 @@ from mechsim.mechanism.mechanism import Mechanism
 def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[LinkPoint, LinkPoint, bool], ...]:
     """Return the ends of all springs between points and in slides, each as a link and a point in [m].
 
-    The third entry is whether it is a damper alone. A spring in a slide is drawn from a point on the first
-    link, half of the mechanism's size before the unloaded position of the second.
+    The third entry is whether it is a damper alone, or a cylinder: an actuator between points. A spring in a
+    slide is drawn from a point on the first link, half of the mechanism's size before the unloaded position
+    of the second.
     """
     springs = () if forces is None else (*forces.springs, *forces.nonlinear_springs)
     ends = list[tuple[LinkPoint, LinkPoint, bool]]()
@@ -23,6 +24,10 @@ def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[Link
         if not isinstance(pair, str):
             damper = isinstance(spring, Spring) and spring.stiffness == 0.0
             ends.append((located(mechanism, pair[0]), located(mechanism, pair[1]), damper))
+    for actuator in () if forces is None else forces.actuators:
+        if actuator.ends is not None:
+            a, b = (located(mechanism, end) for end in actuator.ends)
+            ends.append((a, b, True))
     for joint, rest in _joint_springs(mechanism, forces):
         if KINDS[joint.kind].slides:
             before = (rest - 0.5 * mechanism.characteristic_length) * np.asarray(joint.a.axis)

@@ -1,5 +1,6 @@
 """Curves and cams are drawn where they are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
+from mechsim.mechanism.actuators import Actuator
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import STEEL
 from mechsim.shapes.springs import spring_ends, torsion_springs
@@ -147,6 +149,10 @@ def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):
     assert (a, b, damper) == ("ground", "block", False)
     oil = ms.load(str(ELEMENTS / "damper.toml"), still=True)
     assert [damper for *_, damper in spring_ends(oil.mechanism, oil.forces)] == [True]
+    # a cylinder is drawn as a damper
+    ends = ("ground", (0.1, -0.2, 0.0)), (oil.mechanism.links[0].name, (0.15, 0.0, 0.0))
+    cylinder = replace(oil.forces, springs=(), actuators=(Actuator("lift", {}, ends=ends),))
+    assert spring_ends(oil.mechanism, cylinder) == ((*ends, True),)
     # unloaded, the block is half of the mechanism's size from the other end
     length = slide.mechanism.characteristic_length
     assert np.abs(np.add(end, [0.0, 0.1, 0.0]) - start - [0.0, 0.5 * length, 0.0]).max() < 1e-15
