@@ -59,7 +59,7 @@ KINKED = 100.0
 SOFTER = 10.0
 # largest number of instants at which the forces of a file are balanced, and tolerance of the balance: files
 # state dimensions with six digits
-BALANCED, BALANCE_TOLERANCE = 50, 1e-6
+BALANCED, BALANCE_TOLERANCE = 10, 1e-6
 # units of coordinates, and their relative change that is rounding
 COORDINATE_UNITS, ROUNDING = ("m", "rad"), 1e-12
 # order with which the error is extrapolated if the changes by two halvings of the step show at least this
