@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.forces import Forces, JointSpring, forces_of
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS, KindName, coordinates, crossed_at_zero, displaced
@@ -41,6 +42,7 @@ class FileContents:
     points: dict[str, tuple[str, Vector]] = field(default_factory=dict[str, tuple[str, Vector]])
     friction: list[Friction] = field(default_factory=list[Friction])
     springs: list[JointSpring] = field(default_factory=list[JointSpring])
+    actuators: list[Actuator] = field(default_factory=list[Actuator])
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
 
     @property
@@ -73,6 +75,7 @@ class FileContents:
             gravity=vector(self.gravity),
             friction=tuple(self.friction),
             joint_springs=tuple(self.springs),
+            actuators=tuple(self.actuators),
         )
         names = ", ".join(sorted({*unread}))
         return KinematicSolver(

@@ -37,12 +37,23 @@ KIND_OF: dict[str, Any] = {
 }
 # limits that stand for none, gravity without any, and the frame of the model
 UNLIMITED, GRAVITY, MODEL = 1e16, "0 0 -9.8", "__model__"
-# elements that are read: element -> those in it
+# versions in which directions of axes are in the frame of the model, not in that of the joint
+IN_MODEL = ("1.0", "1.2", "1.3", "1.4")
+# elements that are read: element -> those in it; "axis2" also stands for the
+# axes of joints without a single coordinate
 READ = {
-    "model": {"link", "joint", "frame", "pose", DRIVER},
-    "link": {"pose", "inertial"},
-    "joint": {"parent", "child", "pose", "axis", "axis2", POSITION},
-    "axis": {"xyz", "limit", "dynamics", "mimic"},
+    "sdf": "world model",
+    "world": "gravity model",
+    "model": f"link joint frame pose {DRIVER}",
+    "link": "pose inertial",
+    "inertial": "pose mass inertia",
+    "joint": f"parent child pose axis axis2 {POSITION}",
+    "axis": "xyz limit dynamics mimic use_parent_model_frame",
+    "axis2": "xyz use_parent_model_frame",
+    "pose": "",
+    "limit": "lower upper",
+    "dynamics": "damping friction spring_reference spring_stiffness",
+    "mimic": "multiplier offset reference",
 }
 LIMITS = (("lower", -1.0), ("upper", 1.0))
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
@@ -70,9 +81,15 @@ def _solver(path: str) -> KinematicSolver:
     (model,) = models
     frames = {each.get("name", ""): each for each in model if each.tag in ("link", "joint", "frame")}
     bodies = {_label(link): _placed(model, frames, link.get("name", ""))[1] for link in model.findall("link")}
-    gravity = _floats(root.findtext(".//gravity", GRAVITY), 3, "gravity")
+    gravity = _floats(
+        root.findtext("world/gravity") or root.findtext("world/physics/gravity", GRAVITY), 3, "gravity"
+    )
     contents = FileContents(_label(model), gravity, poses=bodies)
     contents.links += [Link(_label(link), inertia=_inertia(link)) for link in model.findall("link")]
+    for axis in (*model.iter("axis"), *model.iter("axis2")):
+        in_model = axis.findtext("use_parent_model_frame", "").strip().lower() in ("1", "true")
+        if in_model or root.get("version") in IN_MODEL:
+            axis.attrib["expressed_in"] = MODEL
     for element in model.findall("joint"):
         _add_joint(contents, element, model, frames)
     for element in model.findall("joint"):
@@ -83,7 +100,7 @@ def _solver(path: str) -> KinematicSolver:
         link, pose = _placed(model, frames, frame.get("name", ""))
         contents.points[_label(frame)] = link, _in_body(bodies.get(link, IDENTITY), pose.position)
     contents.drivers = tuple((each.text or "").strip() for each in model.findall(DRIVER))
-    return contents.solver(_unread(model))
+    return contents.solver(_unread(root))
 
 
 def _placed(
@@ -93,7 +110,9 @@ def _placed(
     if name == "world":
         return GROUND, IDENTITY
     if name in ("", MODEL):
-        return next((_label(link) for link in model.findall("link")), GROUND), _pose(model)
+        links = {link.get("name"): _label(link) for link in model.findall("link")}
+        first = next(iter(links.values()), GROUND)
+        return links.get(model.get("canonical_link"), first), _pose(model)
     if name not in frames or name in behind:
         problem = "is given relative to itself" if name in behind else "is named, but there is none"
         raise InputError(f"frame {name!r} {problem}; correct relative_to, attached_to, parent or child")
@@ -118,7 +137,7 @@ def _add_joint(
     _, own = _placed(model, frames, element.get("name", ""))
     sides = [_placed(model, frames, element.findtext(side, "").strip())[0] for side in ("parent", "child")]
     crossed, single = KINDS[kind].crossed, KINDS[kind].single
-    axes = [own.rotation @ _axis(element.find(tag)) for tag in ("axis", "axis2" if crossed else "axis")]
+    axes = [_axis(element.find(tag), own, model, frames) for tag in ("axis", "axis2" if crossed else "axis")]
     position = _number(element, POSITION) if single else 0.0
     x = np.eye(3)[int(np.argmin(np.abs(axes[0])))]
     x = x - axes[0] * (axes[0] @ x)
@@ -146,18 +165,18 @@ def _add_joint(
     contents.springs += [spring] if spring.stiffness else []
 
 
-def _axis(axis: Element | None) -> Array:
-    """Return the direction of an axis in the joint frame, (3,)."""
+def _axis(axis: Element | None, own: Pose, model: Element, frames: Mapping[str, Element]) -> Array:
+    """Return the direction of an axis in the world, (3,)."""
     xyz = None if axis is None else axis.find("xyz")
-    if xyz is None:
-        return np.array([0.0, 0.0, 1.0])
+    if axis is None or xyz is None:
+        return own.rotation[:, 2]
     direction = _floats(xyz.text, 3, "an axis")
     length = float(np.linalg.norm(direction))
-    if xyz.get("expressed_in") or not length > 0.0:
-        raise InputError(
-            "an axis is zero or expressed in another frame; give its direction in the joint frame"
-        )
-    return direction / length
+    if not length > 0.0:
+        raise InputError("an axis is zero; give its direction")
+    frame = axis.get("expressed_in") or xyz.get("expressed_in")
+    rotation = _placed(model, frames, frame)[1].rotation if frame else own.rotation
+    return rotation @ direction / length
 
 
 def _add_mimic(contents: FileContents, name: str, mimic: Element, frames: Mapping[str, Element]) -> None:
@@ -181,10 +200,17 @@ def _inertia(link: Element) -> Inertia | None:
     return Inertia(_number(inertial, "mass", 1.0), vector(pose.position), moments)
 
 
-def _unread(model: Element) -> Iterator[str]:
-    """Yield the tags of elements that are not read."""
-    for element in (model, *model.iter("link"), *model.iter("joint"), *model.iter("axis")):
-        yield from (each.tag for each in element if each.tag not in READ[element.tag])
+def _unread(element: Element, key: str = "") -> Iterator[str]:
+    """Yield the elements and attributes that are not read, with the element that contains them."""
+    for name in ("placement_frame", "frame", "auto"):
+        if element.get(name, "false") not in ("", "0", "false"):
+            yield f"{element.tag}/{name}"
+    for child in element:
+        if child.tag not in READ[key or element.tag].split():
+            yield f"{element.tag}/{child.tag}"
+        elif child.tag in READ:
+            single = child.tag != "axis" or KINDS[KIND_OF[element.get("type", "")]].single
+            yield from _unread(child, "" if single else "axis2")
 
 
 def _label(element: Element) -> str:

@@ -18,6 +18,7 @@ from mechsim.files import require_file
 from mechsim.io.model_source import ModelSource, PlainFile
 from mechsim.io.plain_joints import FileContents
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.forces import JointSpring
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS, KindName, coordinates
@@ -52,6 +53,15 @@ ROUNDED = np.array([0.0, 0.5, np.sqrt(0.5), np.sqrt(0.75), 1.0])
 ROUNDING = float(np.finfo(np.float32).eps)
 # standard gravity, which a scene without a magnitude has, in [m/s2]
 GRAVITY = 9.81
+# types and schemas that are read, and the first words of those of mechanics
+TYPES = {*KIND_OF, *(f"Physics{name}" for name in ("Joint", "DistanceJoint", "Scene", "CollisionGroup"))}
+SCHEMAS = {
+    MIMIC,
+    *(f"Physics{name}API" for name in ("RigidBody", "Mass", "ArticulationRoot", "Drive", "Limit")),
+}
+ENGINES = ("Physics", "Physx", "Newton", "Mjc")
+# attributes that are not read
+UNREAD = "velocity angularVelocity breakForce breakTorque coneAngle0Limit coneAngle1Limit"
 # largest file in bytes
 MAX_BYTES = 200_000_000
 
@@ -76,10 +86,10 @@ def _solver(path: str) -> KinematicSolver:
 
 def _contents(stage: Any) -> FileContents:
     """Return what a stage contains, in [m] and [kg]."""
-    from pxr import UsdGeom, UsdPhysics
+    from pxr import Usd, UsdGeom, UsdPhysics
 
     metre, kilogram = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
-    prims = [prim for prim in stage.Traverse() if prim.IsActive()]
+    prims = list(stage.Traverse(Usd.TraverseInstanceProxies()))
     bodies = {prim.GetPath(): prim for prim in prims if _is_body(prim)}
     root = stage.GetDefaultPrim()
     name = _name(root) if root else Path(stage.GetRootLayer().identifier).stem
@@ -89,7 +99,7 @@ def _contents(stage: Any) -> FileContents:
     for path, body in bodies.items():
         link = _unused(_name(body), path, contents.poses)
         contents.poses[link] = _pose(transforms, body, metre)
-        contents.links.append(Link(link, inertia=_inertia(body, metre, kilogram)))
+        contents.links.append(Link(link, inertia=_inertia(body, transforms, metre, kilogram)))
         if body.GetAttribute(f"{PHYSICS}kinematicEnabled").Get():
             start = contents.poses[link]
             side = End(
@@ -189,12 +199,15 @@ def _pose(transforms: Any, prim: Any, metre: float) -> Pose:
     return Pose(np.array(matrix.ExtractTranslation(), float) * metre, rotation)
 
 
-def _inertia(body: Any, metre: float, kilogram: float) -> Inertia | None:
-    """Return the inertia of a body; None without a mass."""
+def _inertia(body: Any, transforms: Any, metre: float, kilogram: float) -> Inertia | None:
+    """Return the inertia of a body; None without a mass. Only its centre is scaled, as by pxr."""
+    from pxr import Gf
+
     mass = _number(body, "mass", 0.0) * kilogram
     if not mass > 0.0:
         return None
-    centre = np.nan_to_num(_numbers(body, "centerOfMass", 3), neginf=0.0) * metre
+    scale = np.array(Gf.Transform(transforms.GetLocalToWorldTransform(body)).GetScale())
+    centre = np.nan_to_num(_numbers(body, "centerOfMass", 3), neginf=0.0) * scale * metre
     axes = _rotation(body, "principalAxes")
     moments = axes @ np.diag(np.nan_to_num(_numbers(body, "diagonalInertia", 3))) @ axes.T
     tensor: Any = (moments + moments.T) / 2.0 * kilogram * metre**2
@@ -262,8 +275,7 @@ def _add_axis_data(
     if hinge and stated is not None:  # revolutions, which poses do not show
         value += 2.0 * np.pi * round((stated - value) / (2.0 * np.pi))
     contents.positions[name] = value
-    own = prim.GetTypeName() in KIND_OF
-    which = f"{'rot' if hinge else 'trans'}{AXES[axis]}"
+    own, which = prim.GetTypeName() in KIND_OF, _instance(prim, hinge, axis)
     unit = np.deg2rad(1.0) if hinge else units[0]
     limits = (
         ("lowerLimit", "upperLimit") if own else (f"limit:{which}:physics:{end}" for end in ("low", "high"))
@@ -271,17 +283,30 @@ def _add_axis_data(
     low, high = (_numbers(prim, end)[0] * unit for end in limits)
     if np.isfinite(low) or np.isfinite(high):
         contents.ranges[name] = float(np.nan_to_num(low, nan=-np.inf)), float(np.nan_to_num(high, nan=np.inf))
-    prefix = f"drive:{('angular' if hinge else 'linear') if own else which}:{PHYSICS}"
+    prefix = f"drive:{which}:{PHYSICS}"
     # forces in the unit of the file: torques from [kg m2/s2], forces from [kg m/s2]
     force = units[1] * units[0] ** (2 if hinge else 1)
-    stiffness, damping = (
-        _number(prim, prefix + term, 0.0) * force / unit for term in ("stiffness", "damping")
-    )
-    if stiffness:
-        rest = _number(prim, f"{prefix}targetPosition", 0.0) * unit
+    most = _number(prim, f"{prefix}maxForce", np.inf) * force
+    acts = most > 0.0 and prim.GetAttribute(f"{prefix}type").Get() != "acceleration"
+    factor = force * acts / unit
+    stiffness, damping = (_number(prim, prefix + term, 0.0) * factor for term in ("stiffness", "damping"))
+    rest, rate = (_number(prim, f"{prefix}target{what}", 0.0) * unit for what in ("Position", "Velocity"))
+    limited = (stiffness or damping) and (rate * damping or most < np.inf)
+    if limited:
+        bias = (stiffness * rest + damping * rate, -stiffness, -damping)
+        motor = Actuator(f"{name} drive", {name: 1.0}, bias=bias, force_range=(-most, most))
+        contents.actuators.append(motor)
+    if stiffness and not limited:
         contents.springs.append(JointSpring(name, stiffness, rest))
-    if damping:
+    if damping and not limited:
         contents.friction.append(Friction(name, damping))
+
+
+def _instance(prim: Any, hinge: bool, axis: int) -> str:
+    """Return the name of the drive and the limit of a joint with one axis."""
+    if prim.GetTypeName() in KIND_OF:
+        return "angular" if hinge else "linear"
+    return f"{'rot' if hinge else 'trans'}{AXES[axis]}"
 
 
 def _kind(prim: Any, name: str) -> tuple[KindName, tuple[int, ...], float]:
@@ -354,7 +379,8 @@ def _direction(contents: FileContents, link: str, direction: Array) -> Any:
 
 def _add_mimic(contents: FileContents, prim: Any, names: Mapping[Any, str], metre: float) -> None:
     """Add the coupling of a joint that follows another: q = c0 + c1 q', with c0 in degrees for a hinge."""
-    if MIMIC not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+    enabled = prim.GetAttribute("newton:mimicEnabled").Get() is not False
+    if not enabled or MIMIC not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
         return
     name, targets = names[prim.GetPath()], prim.GetRelationship("newton:mimicJoint").GetTargets()
     if not targets:
@@ -370,16 +396,35 @@ def _add_mimic(contents: FileContents, prim: Any, names: Mapping[Any, str], metr
 
 
 def _unread(stage: Any) -> Iterator[str]:
-    """Yield schemas, joints without effect and masses that are not read."""
-    from pxr import UsdPhysics
+    """Yield types, schemas and attributes, joints without effect, and masses that are not read."""
+    from pxr import Usd, UsdPhysics
 
-    read = {MIMIC, "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsArticulationRootAPI"}
-    for prim in stage.Traverse():
-        schemas = {schema.partition(":")[0] for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()}
-        yield from schemas - read - {"PhysicsDriveAPI", "PhysicsLimitAPI"}
-        if prim.IsA(UsdPhysics.Joint) and not _enabled(prim):
-            yield "joints that are not enabled"
-        if _is_body(prim) and not _number(prim, "mass", 0.0) > 0.0:
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        applied = {*prim.GetPrimTypeInfo().GetAppliedAPISchemas()}
+        yield from {schema for schema in applied if schema.partition(":")[0] not in SCHEMAS}
+        if prim.GetTypeName().startswith(ENGINES) and prim.GetTypeName() not in TYPES:
+            yield prim.GetTypeName()
+        if prim.IsA(UsdPhysics.Joint):
+            yield from _unread_in_joint(prim, applied) if _enabled(prim) else ["joints that are not enabled"]
+        for name in (PHYSICS + name for name in UNREAD.split() if prim.HasAttribute(PHYSICS + name)):
+            if prim.GetAttribute(name).Get() != prim.GetPrimDefinition().GetAttributeFallbackValue(name):
+                yield name
+        if not _is_body(prim):
+            continue
+        if not _number(prim, "mass", 0.0) > 0.0:
             yield "masses by density"
-        if np.nan_to_num(_numbers(prim, "velocity", 3)).any():
-            yield "velocities"
+        elif not np.isfinite(_numbers(prim, "centerOfMass", 3)).all():
+            yield "centres of mass by shapes"
+        elif not _numbers(prim, "diagonalInertia", 3).any():
+            yield "moments of inertia by shapes"
+
+
+def _unread_in_joint(prim: Any, applied: Iterable[str]) -> Iterator[str]:
+    """Yield drives and limits of coordinates other than that of a joint with one axis."""
+    kind, axes, _ = _kind(prim, _name(prim))
+    read = _instance(prim, KINDS[kind].hinge, axes[0]) if KINDS[kind].single else ""
+    for schema, _, instance in (schema.partition(":") for schema in applied):
+        if instance and instance != read and not _locked(prim, instance):
+            yield f"{schema}:{instance}"
+        if prim.GetAttribute(f"drive:{instance}:physics:type").Get() == "acceleration":
+            yield "drives of type acceleration"

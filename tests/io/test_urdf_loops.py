@@ -154,6 +154,13 @@ def test_a_scikit_robot_sidecar_file_closes_a_loop(written):
         (f"<gazebo>{DIALECTS['Isaac Sim']}</gazebo>", "<loop_joint> in <gazebo>"),
         ("<gazebo><model><joint name='a'/></model></gazebo>", "<model> in <gazebo>"),
         ("<drake:joint name='a' type='ball'/>", "<drake:joint> in <robot>"),
+        ("<gazebo reference='rod'><springStiffness>3</springStiffness></gazebo>", "<springStiffness>"),
+        ("<gazebo reference='rod'><gravity>false</gravity></gazebo>", "<gravity> in <gazebo>"),
+        ("<gazebo><static>true</static></gazebo>", "<static> in <gazebo>"),
+        (
+            "<transmission><actuator><drake:rotor_inertia value='1'/></actuator></transmission>",
+            "<transmission> in <robot>",
+        ),
         (
             DIALECTS["two parents"].replace("<axis", "<limit lower='-1' upper='1'/><axis"),
             "<limit> of loop joint 'closing'",
@@ -178,10 +185,12 @@ def test_what_is_not_read_is_a_finding_with_its_line(written, element, what):
 @pytest.mark.long
 def test_a_sensor_is_a_note_and_a_complete_file_has_no_finding(written):
     text = robot(
-        "<gazebo reference='rod'><mu1>1</mu1></gazebo><transmission name='a'/><gz:a/>", DIALECTS["URDF+"]
+        "<gazebo reference='rod'><mu1>1</mu1></gazebo><transmission name='a'/><gz:a/>"
+        "<gazebo reference='rod'><gravity>true</gravity></gazebo>",
+        DIALECTS["URDF+"],
     )
     notes = [violation for violation in ms.check(written(text)) if violation.rule == "MS115"]
-    assert [note.severity for note in notes] == ["note"] * 3
+    assert [note.severity for note in notes] == ["note"] * 4
     for dialect in DIALECTS.values():
         complete = written(robot(dialect))
         assert "MS115" not in {violation.rule for violation in ms.check(complete)}

@@ -23,8 +23,12 @@ WITHOUT_MOTION = (
     "transmission ros2_control plugin sensor material contact self_collision_checking calibration "
     "safety_controller drake_collision_filter_group drake_proximity_properties verbose"
 )
-# tags in <gazebo>, or with the prefix of another program, that can describe a motion; the others are settings
-_MOTION = re.compile(r"loop|closure|constraint|coupling|mimic|^(?:joint|model|link)$", re.IGNORECASE)
+# tags with text, in <gazebo> or of another program, that describe a motion; the others are settings
+_MOTION = re.compile(
+    r"loop|closure|constraint|coupling|mimic|spring|damping|^(?:joint|model|link) |"
+    r"^gravity (?:0|false)|(?:static|turnGravityOff) (?:1|true)",
+    re.IGNORECASE,
+)
 MOVABLE = ("revolute", "continuous", "prismatic")
 REMEDY = "write it as an element that is read (docs/reference/mjcf.md), or take it out"
 
@@ -94,10 +98,11 @@ def _unread_in(element: Element) -> Iterator[tuple[Element, Element]]:
 
 
 def _describes_motion(parent: Element, child: Element) -> bool:
-    if child.tag in WITHOUT_MOTION.split():
-        return False
+    if child.tag in WITHOUT_MOTION.split():  # a transmission of Drake has the inertia of a rotor
+        return any(element.tag.endswith("inertia") for element in child.iter())
     foreign = parent.tag == "gazebo" or ":" in child.tag
-    return not foreign or any(_MOTION.search(element.tag.split(":")[-1]) for element in child.iter())
+    texts = (f"{each.tag.split(':')[-1]} {(each.text or '').strip()}" for each in child.iter())
+    return not foreign or any(map(_MOTION.search, texts))
 
 
 def _states_values(element: Element | None) -> bool:
