@@ -85,14 +85,14 @@ def prescribed_solver(
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
             solver = _assembled(solver)
-        if not prescription.still and (turning := _turning_balls(solver.mechanism)) is not None:
-            law: dict[str, State] = {turning.drivers[0]: steady(0.0, REVOLUTION)}
+        requested = prescription.still or prescription.drive or prescription.lock or prescription.fix_base
+        if not requested and (turning := _turning_balls(solver.mechanism)) is not None:
             fact = (
                 f"nothing is driven: {turning.drivers[0]} turns once about one oblique axis, and the other "
                 "joints keep their pose"
             )
-            laws, facts = make_motion_laws(turning, law, DEFAULT_DURATION), (*solver.facts, fact)
-            return solver.with_mechanism(turning, motion_laws=laws, facts=facts)
+            laws = make_motion_laws(turning, {turning.drivers[0]: steady(0.0, REVOLUTION)}, DEFAULT_DURATION)
+            solver = solver.with_mechanism(turning, motion_laws=laws, facts=(*solver.facts, fact))
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
 
 

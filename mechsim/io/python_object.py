@@ -4,6 +4,7 @@ import inspect
 import os
 import runpy
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -87,12 +88,13 @@ def _is_factory(loaded: Any) -> bool:
 
 
 def _defaults(function: Any) -> dict[str, float]:
-    parameters = inspect.signature(function).parameters.values()
-    return {
-        parameter.name: parameter.default
-        for parameter in parameters
-        if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool)
-    }
+    with suppress(ValueError):  # a type of Python such as `int` has no signature
+        return {
+            parameter.name: parameter.default
+            for parameter in inspect.signature(function).parameters.values()
+            if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool)
+        }
+    return {}
 
 
 def _arguments(model: str, function: Any, changed: Mapping[str, str | float]) -> dict[str, float]:

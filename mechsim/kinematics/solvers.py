@@ -88,6 +88,10 @@ class KinematicSolver:
 
     __repr__ = short_repr
 
+    def __post_init__(self) -> None:
+        if not self.described.joints:
+            raise InputError(f"{self.name}: no body can move; give one a joint")
+
     @classmethod
     def by_formula(cls, formula: ClosedForm) -> KinematicSolver:
         """Return the solver of a mechanism with formulas."""

@@ -135,7 +135,8 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
     particular = -(along @ (np.swapaxes(u, 1, 2) @ gamma[..., None]))
     projector = np.eye(mass.shape[1]) - np.swapaxes(basis, 1, 2) @ basis
     scale = np.trace(mass, axis1=1, axis2=2)[:, None, None] / mass.shape[1]
-    reduced = projector @ mass @ projector + scale * (np.eye(mass.shape[1]) - projector)
+    # drivers may move links without mass
+    reduced = projector @ mass @ projector + (scale + (scale == 0.0)) * (np.eye(mass.shape[1]) - projector)
     # forces that are not finite give such accelerations, which the integrator rejects
     with np.errstate(invalid="ignore", over="ignore"):
         free = np.linalg.solve(reduced, projector @ (force[..., None] - mass @ particular))

@@ -226,17 +226,12 @@ class Mechanism:
     @cached_property
     def driven_joints(self) -> tuple[Joint, ...]:
         """The joints with driven coordinates, in the order of the drivers."""
-        joint_of = {name: joint for joint in self.joints for name in joint.coordinates}
-        return tuple(joint_of[name] for name in self.drivers)
+        return tuple(self.joint_with(name)[0] for name in self.drivers)
 
     def unit(self, coordinate: str) -> str:
         """Return the unit of a coordinate, "m" or "rad"."""
-        unit_of = {
-            name: unit
-            for joint in self.joints
-            for name, unit in zip(joint.coordinates, KINDS[joint.kind].units, strict=True)
-        }
-        return unit_of[coordinate]
+        joint, number_in_joint = self.joint_with(coordinate)
+        return KINDS[joint.kind].units[number_in_joint]
 
     def effort_unit(self, coordinate: str) -> str:
         """Return the unit of the force or torque along a coordinate, "N" or "N m"."""

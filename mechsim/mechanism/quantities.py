@@ -132,7 +132,8 @@ def unknown(name: str, mechanism: Mechanism) -> InputError:
             f"distance:P,{point} is a quantity"
         )
     words = [f"{word}:{subject}" for subject in short] if colon else []
-    close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
+    choices = [*short, *columns, "torque", TRANSMISSION, *words]
+    close = get_close_matches(name, [other for other in choices if other != name], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
     names = (
         f"choose from points and joints ({', '.join(short)}) and names such as P.x, J.v, torque:J, "

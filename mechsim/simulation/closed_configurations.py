@@ -437,7 +437,7 @@ def _closed_nearby(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], we
     settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
     result = newton(LoopEquations(loops), starts, settings, step)
     remaining = step(result.linearised.matrix, result.linearised.rhs) / loops.units
-    rounded = (result.residual < ROUNDED_ERROR) & (np.abs(remaining).max(1) < CONVERGED)
+    rounded = (result.residual < ROUNDED_ERROR) & (np.abs(remaining).max(1, initial=0.0) < CONVERGED)
     return result.q[(result.residual < CLOSED_ERROR) | rounded]
 
 

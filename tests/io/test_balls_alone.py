@@ -49,6 +49,15 @@ def test_initial_values_of_a_ball_that_is_driven_as_a_hinge_name_the_remedy(tmp_
     assert ms.dynamics.run(str(path), duration=0.01).motion.time[-1] == pytest.approx(0.01)
 
 
+def test_requests_for_a_ball_without_a_driver_are_not_ignored(tmp_path):
+    path = tmp_path / "pendulum.toml"
+    path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))
+    with pytest.raises(InputError, match="has no coordinate 'nonsense' to drive"):
+        ms.load(str(path), drive={"nonsense": "1rad/s"})
+    solver = ms.load(str(path), track=["tip,ground@1,2,3"], duration=2.0)
+    assert (list(solver.mechanism.points), solver.motion_laws.duration) == (["tip"], 2.0)
+
+
 def test_an_undriven_ball_is_exported_as_a_ball_and_not_driven_in_a_live_page(tmp_path, mechsim):
     path, copy = tmp_path / "pendulum.toml", tmp_path / "copy.toml"
     path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))

@@ -18,6 +18,8 @@ def made():
 def broken():
     raise ZeroDivisionError("no wonder\\nat all")
 number = 3
+int = int
+largest = max
 """
 
 
@@ -39,6 +41,8 @@ def test_mechanisms_and_functions_of_a_python_file_are_models(path):
     [
         ("broken", "ends in ZeroDivisionError: no wonder; repair the file"),
         ("number", "is of type int"),
+        ("int", "is of type int"),
+        ("largest", "ends in TypeError: max expected"),
         ("plane", "did you mean 'plain'"),
         ("", "names no object"),
     ],

@@ -100,3 +100,12 @@ def test_mujoco_has_negligible_masses_in_place_of_zeros():
     assert links[0].inertia.mass == MASS
     assert links[1].inertia.mass < 1e-5 * MASS
     assert links[2].inertia.moments[2][2] == MOMENT
+
+
+def test_a_driver_moves_a_link_without_mass():
+    arm = ms.Link("arm", inertia=NOTHING)
+    hinge = ms.Joint("crank", "revolute", ms.End("ground"), ms.End("arm"))
+    pendulum = ms.Mechanism("arm", (arm,), (hinge,), "crank", {"P": ("arm", (0.1, 0.0, 0.0))})
+    solver = ms.load(pendulum, drive={"crank": "2rad/s"}, duration=0.5)
+    run = ms.dynamics.run(solver, prescribed=["crank"], duration=0.5)
+    assert run.motion.joints["crank"].value[-1] == pytest.approx(1.0, abs=1e-12)

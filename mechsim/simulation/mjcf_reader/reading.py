@@ -156,8 +156,6 @@ def read_model(
         model, _ = compile_repaired(path, spec)
     if spins:
         model = _with_locked_spins(spec, model, start, spins)
-    if not (model.njnt or lint):
-        raise InputError("no body can move; give one a joint")
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)

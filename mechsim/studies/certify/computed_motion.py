@@ -116,8 +116,8 @@ class ComputedMotion:
         turns = [ball(np.moveaxis(matrix, -1, 0)) for matrix in matrices]
         jacobians = equations.evaluate(ball(samples.values[..., None]), turns)[1].mid[..., unknown]
         choices = [np.sort(pivot_columns(jacobian.T)[0][: len(unknown)]) for jacobian in jacobians]
-        smallest = [np.linalg.svd(jacobians[:, rows], compute_uv=False).min() for rows in choices]
-        chosen = equations.kept[choices[int(np.argmax(smallest))]]
+        values = [np.linalg.svd(jacobians[:, rows], compute_uv=False) for rows in choices]
+        chosen = equations.kept[choices[int(np.argmax([value.min(initial=np.inf) for value in values]))]]
         return replace(self, equations=replace(equations, selected=tuple(chosen.tolist())))
 
 

@@ -2,6 +2,7 @@ import re
 from dataclasses import replace
 
 import mpmath
+import mujoco
 import numpy as np
 import pytest
 from model_files import FOLDER, model_text
@@ -111,6 +112,19 @@ def test_an_overconstrained_mechanism_is_not_certified():
 
 
 @pytest.mark.long
+def test_an_equation_without_an_unknown_is_not_certified():
+    hinge = '<body><joint name="crank"/><geom size="1"/></body>'
+    tendon = '<fixed name="t"><joint joint="crank" coef="0"/></fixed>'
+    equality = '<tendon tendon1="t"/>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{hinge}</worldbody><tendon>{tendon}</tendon>"
+        f"<equality>{equality}</equality></mujoco>"
+    )
+    proof = ms.certify(ms.load(model))
+    assert not proof.certified
+    assert "overconstrained: 0 of 1 equations" in proof.reason
+
+
 def test_change_points_and_dead_centres_are_enclosed():
     def enclosed(kind, exact, name, **options):
         proof = ms.certify(name, **options)
