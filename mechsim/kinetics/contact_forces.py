@@ -22,7 +22,8 @@ from mechsim.mechanism.cams import Cam
 from mechsim.mechanism.contacts import Contact
 from mechsim.mechanism.joints import Coupling
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import peak, root
+from mechsim.numerics.newton import root
+from mechsim.numerics.peaks import peak
 
 # intervals into which one with a least force next to zero is divided
 FINER = 32

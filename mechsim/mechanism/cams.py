@@ -21,7 +21,7 @@ from mechsim.mechanism.coupling_functions import PlainFunction
 from mechsim.mechanism.expressions import Instruction
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Jet
-from mechsim.numerics.newton import peak
+from mechsim.numerics.peaks import peak
 
 LawName = Literal["dwell", "cycloidal", "modified_sine", "polynomial_345"]
 FollowerKind = Literal["knife", "roller", "flat"]

@@ -10,7 +10,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.curves import GuideCurve
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import peak
+from mechsim.numerics.peaks import peak
 
 # intervals of s between which a curve is checked; those of its polygon, which is searched for crossings: a
 # prime number, since symmetric curves must not cross at corners of the polygon

@@ -15,7 +15,8 @@ from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.loop_solver import NEARBY, Linearised
-from mechsim.numerics.newton import PEAK_POINTS, NewtonSettings, newton, peak, square_solution
+from mechsim.numerics.newton import NewtonSettings, newton, square_solution
+from mechsim.numerics.peaks import PEAK_POINTS, peak
 from mechsim.numerics.rank import pivot_columns, right_vectors, significant
 
 # component of a unit motion below which a coordinate or a point is at rest
