@@ -1,14 +1,15 @@
 """What SDF and USD share: files of links, poses and joints with one axis or a ball, without formulas."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import networkx as nx
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.actuators import Actuator
+from mechsim.mechanism.actuators import Actuator, no_control
 from mechsim.mechanism.forces import Forces, JointSpring, forces_of
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS, KindName, coordinates, crossed_at_zero, displaced
@@ -19,6 +20,14 @@ from mechsim.numerics.arrays import Array
 
 # inertia of a link that only connects the two joints into which one is split, in [kg] and [kg m2]
 BETWEEN = Inertia(1e-6, ORIGIN, ((1e-9, 0.0, 0.0), (0.0, 1e-9, 0.0), (0.0, 0.0, 1e-9)))
+# format -> what it can contain, of the names in `left_out`
+WRITTEN = {
+    "USD": {"gravity", "springs in joints", "viscous friction"},
+    "SDF": {"gravity", "springs in joints", "viscous friction", "constant friction"},
+}
+WRITTEN["MJCF"] = WRITTEN["SDF"] | {
+    *("springs between points", "motors", "rotors", "friction about several axes", "locked coordinates"),
+}
 
 
 @dataclass
@@ -158,27 +167,44 @@ def leaders(mechanism: Mechanism, format: str) -> dict[str, tuple[str, float]]:
     return by_follower
 
 
-def left_out(solver: KinematicSolver, format: str, *, coulomb: bool) -> str:
+def left_out(solver: KinematicSolver, format: str, limits: Collection[str] | None = None) -> str:
     """Return a sentence on what a format cannot contain; empty if there is nothing.
 
     Args:
         solver: the mechanism.
-        format: "SDF" or "USD".
-        coulomb: whether the format has constant friction of joints.
+        format: a key of `WRITTEN`, or another that has no masses and forces.
+        limits: coordinates whose limits it cannot contain; None for those of joints with several.
     """
-    forces = forces_of(solver)
-    present = {
-        "springs between points": forces.springs or forces.nonlinear_springs,
+    forces, joints = forces_of(solver), solver.mechanism.joints
+    several = {joint.name: joint.coordinates for joint in joints if not KINDS[joint.kind].single}
+    limited = limits if limits is not None else [*solver.ranges.keys() & {*chain(*several.values())}]
+    varying = [friction.joint for friction in forces.friction if friction.varies]
+    controlled = [actuator for actuator in forces.actuators if actuator.control is not no_control]
+    present: dict[str, object] = {
+        "gravity": any(forces.gravity),
+        "springs between points": forces.springs,
+        "springs with a law or stops": forces.nonlinear_springs,
+        "springs in joints": forces.joint_springs,
         "bushings": forces.bushings,
         "loads": forces.load_profiles,
-        "motors and controllers": forces.replaced_by_motion or forces.controllers or forces.flywheel,
+        "motors": forces.motor or forces.actuators,
+        "controls": forces.motor or controlled or forces.controllers,
+        "rotors": forces.armature or forces.flywheel,
         "clearances": forces.clearances,
-        "friction by load and rate": [friction for friction in forces.friction if friction.varies],
-        "constant friction": [friction for friction in forces.friction if friction.coulomb and not coulomb],
+        "viscous friction": [friction for friction in forces.friction if friction.viscous],
+        "constant friction": [friction for friction in forces.friction if friction.coulomb],
+        "friction about several axes": [
+            friction for friction in forces.friction if friction.joint in several
+        ],
+        f"friction by load and rate in {', '.join(varying)}": varying,
+        f"limits of {', '.join(sorted(limited))}": limited,
+        "restitution": solver.restitution,
+        "initial states": solver.initial,
         "locked coordinates": solver.mechanism.locked,
         "motion laws": not solver.motion_laws.crank,
     }
-    names = ", ".join(name for name, exists in present.items() if exists)
+    written = WRITTEN.get(format, {"gravity", "locked coordinates"})
+    names = ", ".join(name for name, exists in present.items() if exists and name not in written)
     return f"left out, because {format} has no place for it: {names}" if names else ""
 
 

@@ -80,36 +80,34 @@ def _solver(path: str) -> KinematicSolver:
         )
     (model,) = models
     frames = {each.get("name", ""): each for each in model if each.tag in ("link", "joint", "frame")}
-    bodies = {_label(link): _placed(model, frames, link.get("name", ""))[1] for link in model.findall("link")}
-    gravity = _floats(
-        root.findtext("world/gravity") or root.findtext("world/physics/gravity", GRAVITY), 3, "gravity"
-    )
-    contents = FileContents(_label(model), gravity, poses=bodies)
+    frames[MODEL] = model
+    bodies = {_label(link): _placed(frames, link.get("name", ""))[1] for link in model.findall("link")}
+    gravity = root.findtext("world/gravity") or root.findtext("world/physics/gravity", GRAVITY)
+    contents = FileContents(_label(model), _floats(gravity, 3, "gravity"), poses=bodies)
     contents.links += [Link(_label(link), inertia=_inertia(link)) for link in model.findall("link")]
     for axis in (*model.iter("axis"), *model.iter("axis2")):
         in_model = axis.findtext("use_parent_model_frame", "").strip().lower() in ("1", "true")
         if in_model or root.get("version") in IN_MODEL:
             axis.attrib["expressed_in"] = MODEL
     for element in model.findall("joint"):
-        _add_joint(contents, element, model, frames)
+        _add_joint(contents, element, frames)
     for element in model.findall("joint"):
         mimic = element.find("axis/mimic")
         if mimic is not None:
             _add_mimic(contents, _label(element), mimic, frames)
     for frame in model.findall("frame"):
-        link, pose = _placed(model, frames, frame.get("name", ""))
+        link, pose = _placed(frames, frame.get("name", ""))
         contents.points[_label(frame)] = link, _in_body(bodies.get(link, IDENTITY), pose.position)
     contents.drivers = tuple((each.text or "").strip() for each in model.findall(DRIVER))
     return contents.solver(_unread(root))
 
 
-def _placed(
-    model: Element, frames: Mapping[str, Element], name: str, behind: tuple[str, ...] = ()
-) -> tuple[str, Pose]:
+def _placed(frames: Mapping[str, Element], name: str, behind: tuple[str, ...] = ()) -> tuple[str, Pose]:
     """Return the link to which a link, joint or frame is fixed, and its pose in the world."""
     if name == "world":
         return GROUND, IDENTITY
     if name in ("", MODEL):
+        model = frames[MODEL]
         links = {link.get("name"): _label(link) for link in model.findall("link")}
         first = next(iter(links.values()), GROUND)
         return links.get(model.get("canonical_link"), first), _pose(model)
@@ -119,25 +117,23 @@ def _placed(
     element, behind = frames[name], (*behind, name)
     own = element.find("pose")
     fixed = element.findtext("child", "").strip() or element.get("attached_to", MODEL)
-    link = _label(element) if element.tag == "link" else _placed(model, frames, fixed, behind)[0]
+    link = _label(element) if element.tag == "link" else _placed(frames, fixed, behind)[0]
     stated = None if own is None else own.get("relative_to")
-    base, pose = _placed(model, frames, stated or fixed, behind)[1], _pose(element)
+    base, pose = _placed(frames, stated or fixed, behind)[1], _pose(element)
     return link, Pose(base.position + base.rotation @ pose.position, base.rotation @ pose.rotation)
 
 
-def _add_joint(
-    contents: FileContents, element: Element, model: Element, frames: Mapping[str, Element]
-) -> None:
+def _add_joint(contents: FileContents, element: Element, frames: Mapping[str, Element]) -> None:
     """Add a joint, and what its axis states."""
     name, kind = _label(element), KIND_OF.get(element.get("type", ""))
     if kind is None:
         raise InputError(
             f"joint {name} is of type {element.get('type')!r}; types that are read are {', '.join(KIND_OF)}"
         )
-    _, own = _placed(model, frames, element.get("name", ""))
-    sides = [_placed(model, frames, element.findtext(side, "").strip())[0] for side in ("parent", "child")]
+    _, own = _placed(frames, element.get("name", ""))
+    sides = [_placed(frames, element.findtext(side, "").strip())[0] for side in ("parent", "child")]
     crossed, single = KINDS[kind].crossed, KINDS[kind].single
-    axes = [_axis(element.find(tag), own, model, frames) for tag in ("axis", "axis2" if crossed else "axis")]
+    axes = [_axis(element.find(tag), own, frames) for tag in ("axis", "axis2" if crossed else "axis")]
     position = _number(element, POSITION) if single else 0.0
     x = np.eye(3)[int(np.argmin(np.abs(axes[0])))]
     x = x - axes[0] * (axes[0] @ x)
@@ -165,7 +161,7 @@ def _add_joint(
     contents.springs += [spring] if spring.stiffness else []
 
 
-def _axis(axis: Element | None, own: Pose, model: Element, frames: Mapping[str, Element]) -> Array:
+def _axis(axis: Element | None, own: Pose, frames: Mapping[str, Element]) -> Array:
     """Return the direction of an axis in the world, (3,)."""
     xyz = None if axis is None else axis.find("xyz")
     if axis is None or xyz is None:
@@ -175,7 +171,7 @@ def _axis(axis: Element | None, own: Pose, model: Element, frames: Mapping[str, 
     if not length > 0.0:
         raise InputError("an axis is zero; give its direction")
     frame = axis.get("expressed_in") or xyz.get("expressed_in")
-    rotation = _placed(model, frames, frame)[1].rotation if frame else own.rotation
+    rotation = _placed(frames, frame)[1].rotation if frame else own.rotation
     return rotation @ direction / length
 
 

@@ -62,7 +62,7 @@ def to_sdf(solver: KinematicSolver) -> tuple[str, str]:
         frame.set("mechsim:name", name)
         _add_pose(frame, Pose(np.array(point), np.eye(3)))
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n", left_out(solver, "SDF", coulomb=True)
+    return ElementTree.tostring(root, encoding="unicode") + "\n", left_out(solver, "SDF")
 
 
 def _in_world(link: str) -> str:

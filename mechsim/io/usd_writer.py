@@ -83,7 +83,7 @@ def to_usd(solver: KinematicSolver) -> tuple[str, str]:
         degrees = np.rad2deg(1.0) if prims[name].IsA(UsdPhysics.RevoluteJoint) else 1.0
         _add(prims[name], "newton:mimicCoef0", (values[name] - ratio * values[leader]) * degrees)
         _add(prims[name], "newton:mimicCoef1", ratio)
-    return stage.GetRootLayer().ExportToString(), left_out(solver, "USD", coulomb=False)
+    return stage.GetRootLayer().ExportToString(), left_out(solver, "USD")
 
 
 def _named(stage: Any, parent: Any, type: str, name: str, unique: dict[str, str]) -> Any:

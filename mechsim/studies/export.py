@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from mechsim import files
 from mechsim.errors import InputError, needs
+from mechsim.io.plain_joints import left_out
 from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinematics.solvers import KinematicSolver
@@ -18,6 +19,7 @@ from mechsim.mechanism.scene import Level, Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.equalities import TIME_CONSTANT_STEPS
 from mechsim.simulation.mjcf.generator import set_drive_inertia
+from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 from mechsim.simulation.settings import plain_settings
 from mechsim.simulation.source import assembled
 from mechsim.units import crank_speed, si
@@ -122,24 +124,14 @@ def export(
         loaded = isinstance(model, KinematicSolver) and not set
         solver = model if loaded else load(model, set, still=True, **options)
         contents = _Contents(scene, settings, timestep, speed, hole)
-        solver, left_out = _with_formula_from(solver, Path(fspath(output or "")).parent)
+        solver, elsewhere = _with_formula_from(solver, Path(fspath(output or "")).parent)
         result = _exported(solver, format, style, contents)
-        if format in ("xml", "toml"):
-            own = left_out if format == "toml" else _friction_left_out(solver, scene)
-            result = replace(result, left_out=own)
+        if format == "toml":
+            result = replace(result, left_out=elsewhere)
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(result.text, encoding="utf-8")
     return result
-
-
-def _friction_left_out(solver: KinematicSolver, scene: str) -> str:
-    """Return a sentence on friction that a MuJoCo file cannot contain; empty if there is none."""
-    frictions = solver.forces.friction if solver.forces is not None else ()
-    joints = [friction.joint for friction in frictions if friction.varies]
-    if not joints or scene not in ("dynamics", "picture"):
-        return ""
-    return f"friction by load and rate in {', '.join(joints)} is left out, because MuJoCo's is constant"
 
 
 @dataclass(frozen=True)
@@ -165,18 +157,19 @@ def _exported(solver: KinematicSolver, format: str, style: str, contents: _Conte
     if style != "plain":
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
     if format in ("sdf", "usda"):
-        text, left_out = _text_of_joints(solver, format)
-        return ExportedModel(solver.name, format, text, left_out=left_out)
+        text, omitted = _text_of_joints(solver, format)
+        return ExportedModel(solver.name, format, text, left_out=omitted)
     if format in DRAWINGS:
         from mechsim.pictures.flat_plates import drawing_text, flat_plates
 
         hole = None if contents.hole is None else si(contents.hole, "m", "--hole")
-        plates, left_out = flat_plates(solver.mechanism, hole)
-        return ExportedModel(solver.name, format, drawing_text(plates, format), left_out=left_out)
+        plates, omitted = flat_plates(solver.mechanism, hole)
+        return ExportedModel(solver.name, format, drawing_text(plates, format), left_out=omitted)
     if format == "toml":
         text = to_toml(solver)
         return ExportedModel(solver.name, format, text)
-    return ExportedModel(solver.name, format, _mjcf_text(solver, contents))
+    text, omitted = _mjcf_text(solver, contents)
+    return ExportedModel(solver.name, format, text, left_out=omitted)
 
 
 def _text_of_joints(solver: KinematicSolver, format: str) -> tuple[str, str]:
@@ -248,11 +241,15 @@ def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     return to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
 
 
-def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> str:
-    """Return the text of a model with settings."""
+def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> tuple[str, str]:
+    """Return the text of a model with settings, and a sentence on what is left out."""
     settings = contents.settings
     scene = Scene(level=cast(Level, contents.scene), forces=solver.forces)
     spec = exported(solver.mechanism, scene)
+    crank = solver.mechanism.has_crank and solver.mechanism.crank.name
+    ranges = {CRANK if name == crank else name: limits for name, limits in solver.ranges.items()}
+    container = "MJCF" if scene.holds("dynamics") else f"the scene {contents.scene}"
+    omitted = left_out(solver, container, limit_joints(spec, ranges))
     rate = crank_speed(SPEED if contents.speed is None else contents.speed)
     if "solref" not in settings:
         settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
@@ -263,4 +260,4 @@ def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> str:
         from mechsim.studies.scene import tune_model
 
         spec = tune_model.turning(spec, solver.mechanism, rate)
-    return to_xml(spec)
+    return to_xml(spec), omitted

@@ -1,0 +1,92 @@
+"""Forces, limits and motors of a TOML file are in the written file, with their values, or are named."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+
+FORCES = """
+[forces]
+gravity = [0, 0, -9.81]
+friction.slide = { viscous = 2.0, coulomb = 0.5 }
+joint_springs.slide = { stiffness = 3.0, rest = 0.4 }
+springs.s = { a = { link = "ground", at = [0, 0, 1] }, b = "P", stiffness = 7.0, rest = 0.2, damping = 0.1 }
+loads.l = { at = "P", force = [1, 0, 0] }
+armature.slide = 0.3
+[forces.motors.m]
+kind = "general"
+gear = { slide = 2.0 }
+gain = [4.0, 0, 0]
+control = "sin(t)"
+force_range = [-6, 5]
+"""
+LIMITS = "limits = { lower = -0.9, upper = 0.8 }"
+
+
+@pytest.fixture
+def written(tmp_path):
+    text = ms.export("slider_crank", format="toml").text
+    point = next(iter(ms.load("slider_crank").mechanism.points))
+    text = text.replace("[joints.slide]", f"[joints.slide]\n{LIMITS}")
+    path = tmp_path / "model.toml"
+    path.write_text(text + FORCES.replace('"P"', f'"{point}"'))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("format", "missing"),
+    [
+        ("toml", ""),
+        ("sdf", "SDF has no place for it: springs between points, loads, motors, controls, rotors"),
+        (
+            "usda",
+            "USD has no place for it: springs between points, loads, motors, controls, rotors, "
+            "constant friction",
+        ),
+    ],
+)
+def test_forces_return_or_are_named(format, missing, written, tmp_path):
+    exact = ms.load(written, still=True)
+    result = ms.export(written, tmp_path / f"m.{format}", format=format)
+    assert result.left_out == (f"left out, because {missing}" if missing else "")
+    read = ms.load(tmp_path / f"m.{format}", still=True)
+    assert read.ranges["slide"] == pytest.approx(exact.ranges["slide"], rel=1e-15)
+    (friction,), (spring,) = read.forces.friction, read.forces.joint_springs
+    assert (friction.viscous, friction.coulomb) == (2.0, 0.0 if format == "usda" else 0.5)
+    assert (spring.stiffness, spring.rest) == (3.0, 0.4)
+    if format == "toml":
+        assert read.forces.springs == exact.forces.springs
+        assert read.forces.armature == exact.forces.armature
+        (motor,), (before,) = read.forces.actuators, exact.forces.actuators
+        assert (motor.gear, motor.gain, motor.force_range) == (before.gear, before.gain, before.force_range)
+
+
+def test_mujoco_reads_the_forces_of_a_written_model(written):
+    result = ms.export(written, scene="dynamics")
+    assert result.left_out == "left out, because MJCF has no place for it: loads, controls"
+    model = mujoco.MjModel.from_xml_string(result.text)
+    slide = model.joint("slide")
+    assert model.opt.gravity.tolist() == [0.0, 0.0, -9.81]
+    assert slide.range.tolist() == [-0.9, 0.8]
+    assert slide.limited[0]
+    assert np.ravel(slide.damping)[0] == 2.0
+    assert slide.frictionloss[0] == 0.5
+    assert slide.armature[0] == 0.3
+    assert (np.ravel(slide.stiffness)[0], model.qpos_spring[slide.qposadr[0]]) == (3.0, 0.4)
+    assert (np.ravel(model.tendon_stiffness)[0], model.tendon_lengthspring[0].tolist()) == (7.0, [0.2, 0.2])
+    motor = model.actuator("actuator m")
+    assert (motor.gainprm[0], motor.gear[0], motor.forcerange.tolist()) == (4.0, 2.0, [-6.0, 5.0])
+    kinematic = ms.export(written).left_out
+    assert kinematic.startswith("left out, because the scene motion has no place for it: springs between")
+
+
+def test_friction_and_limits_of_joints_with_several_axes_are_named(tmp_path):
+    text = 'name = "tube"\n[links.rod]\n'
+    text += "inertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n"
+    text += '[joints.j]\nkind = "cylindrical"\na = { link = "ground" }\nb = { link = "rod" }\n'
+    text += "limits = { way = { lower = -1.0, upper = 1.0 } }\n[forces]\nfriction.j = { viscous = 2.0 }\n"
+    (tmp_path / "tube.toml").write_text(text)
+    for format in ("sdf", "usda"):
+        named = ms.export(tmp_path / "tube.toml", format=format).left_out
+        assert named.endswith("has no place for it: friction about several axes, limits of j.way")
