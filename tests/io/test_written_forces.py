@@ -81,6 +81,14 @@ def test_mujoco_reads_the_forces_of_a_written_model(written):
     assert kinematic.startswith("left out, because the scene motion has no place for it: springs between")
 
 
+def test_mujoco_reads_damping_and_friction_of_a_serial_twin(written):
+    result = ms.export(written, format="urdf", independent={"crank": ("20deg", "80deg")})
+    assert {"springs", "rotors", "tendons", "actuators"} <= {*result.twin.left_out}
+    slide = mujoco.MjModel.from_xml_string(result.text).joint("slide")
+    assert (np.ravel(slide.damping)[0], slide.frictionloss[0]) == (2.0, 0.5)
+    assert slide.range.tolist() == [-0.9, 0.8]
+
+
 def test_friction_and_limits_of_joints_with_several_axes_are_named(tmp_path):
     text = 'name = "tube"\n[links.rod]\n'
     text += "inertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n"

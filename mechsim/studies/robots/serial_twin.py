@@ -121,6 +121,9 @@ def serial_twin(
         if equality.type in LOOPS
     )
     is_urdf = format == "urdf"
+    lacking = {"springs": compiled.jnt_stiffness, "rotors": compiled.dof_armature}
+    lacking |= {"tendons": compiled.ntendon, "actuators": compiled.nu}
+    left_out += tuple(name for name, values in lacking.items() if is_urdf and np.any(values))
     text = _urdf(spec, compiled, names, coupled) if is_urdf else _tree_mjcf(spec, names, coupled)
     return SerialTwin(spec.modelname, text, names, coupled, left_out)
 
@@ -263,6 +266,10 @@ def _limits(element: ET.Element, model: mujoco.MjModel, joint: int) -> None:
     ET.SubElement(
         element, "limit", lower=repr(float(low)), upper=repr(float(high)), effort="1e3", velocity="1e3"
     )
+    dof = int(model.jnt_dofadr[joint])
+    resistance = {"damping": np.ravel(model.dof_damping[dof])[0], "friction": model.dof_frictionloss[dof]}
+    if any(resistance.values()):
+        ET.SubElement(element, "dynamics", {name: repr(float(value)) for name, value in resistance.items()})
 
 
 def _mimic(element: ET.Element, coupling: Coupled, names: Sequence[str], model: mujoco.MjModel) -> None:
