@@ -185,8 +185,7 @@ def _with_prescription(
     ):
         return solver
     own_laws = solver.motion_laws
-    laws: dict[str, DriverLaw] = dict(own_laws.by_name)
-    laws |= file_laws
+    laws: dict[str, DriverLaw] = {**own_laws.by_name, **file_laws}
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
     if file_duration is None and not own_laws.crank:
         file_duration = own_laws.duration

@@ -96,7 +96,7 @@ def _newton_step(stiffness: Array, force: Array, downhill: bool) -> Array:
         return np.asarray(np.linalg.lstsq(stiffness, force, rcond=SINGULAR)[0], np.float64)
     values, vectors = np.linalg.eig(stiffness)
     steep = np.abs(values)
-    inverse = np.where(steep > SINGULAR * steep.max(), 1.0 / np.where(steep > 0.0, steep, 1.0), 0.0)
+    inverse = (steep > SINGULAR * steep.max()) / np.maximum(steep, np.finfo(float).tiny)
     components = np.linalg.lstsq(vectors, force.astype(np.complex128), rcond=None)[0]
     return np.asarray(np.real(vectors @ (inverse * components)), np.float64)
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.compare.checks import Check, Verdict, check_of, concluded
 from mechsim.compare.crosscheck import crosscheck_forces
+from mechsim.compare.quantities import ZERO_TORQUE
 from mechsim.compare.record_errors import lengths
 from mechsim.compare.tolerances import RecordInstants, Tolerance
 from mechsim.errors import AssemblyError
@@ -198,7 +199,7 @@ def _balance(run: DynamicRun, model: DynamicModel) -> Iterator[Check]:
     reason = (
         f"{BALANCE_TOLERANCE:.0e} of the largest force in the file's own model, whose dimensions are rounded"
     )
-    tolerance = Tolerance(BALANCE_TOLERANCE * largest, "N m", reason)
+    tolerance = Tolerance(BALANCE_TOLERANCE * max(largest, _least_torque(run, model)), "N m", reason)
     check = check_of("forces of the file", "", errors, RecordInstants(time, "s"), tolerance)
     yield replace(check, method="balance")
 
@@ -256,7 +257,7 @@ def _compared_with_mujoco(
         if valid:
             mechanism = dynamic_model.mechanism
             compared = _forward_quantities(section, mechanism, coarse, fine)
-            largest = _largest_values(run, compared, mechanism)
+            largest = _largest_values(run, compared, dynamic_model)
             changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
             errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
             if enough > 1.0:
@@ -358,7 +359,7 @@ def _forward_quantities(
 
 
 def _largest_values(
-    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]], mechanism: Mechanism
+    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]], dynamic_model: DynamicModel
 ) -> dict[str, float]:
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
@@ -366,12 +367,14 @@ def _largest_values(
     and links that do not rotate those of their points over it; rotations without acceleration have the
     square of their rates.
     """
-    length, turning = mechanism.characteristic_length, _turning(mechanism)
+    length, turning = dynamic_model.mechanism.characteristic_length, _turning(dynamic_model.mechanism)
     whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion, turning)}
     whole |= {f"drive of {name}": effort for name, effort in run.driving.items()}
     largest: dict[str, float] = {}
     for name, unit, *_ in compared:
         largest[unit] = max(largest.get(unit, 0.0), float(np.abs(whole[name]).max()))
+    least = _least_torque(run, dynamic_model)
+    largest |= {u: max(largest[u], f) for u, f in (("N m", least), ("N", least / length)) if u in largest}
     uniform = largest.get("rad/s", 0.0) ** 2
     if largest.get("rad/s2", np.inf) < RESTING * uniform:
         largest["rad/s2"] = uniform
@@ -383,6 +386,13 @@ def _largest_values(
         elif rotations in largest and largest[rotations] < RESTING * rotation:
             largest[rotations] = rotation
     return largest
+
+
+def _least_torque(run: DynamicRun, model: DynamicModel) -> float:
+    """Return the torque in [N m] that counts as zero by the kinetic energy and the moments of weights."""
+    mass = sum(link.inertia.mass for link in model.mechanism.links if link.inertia)
+    moment = mass * np.linalg.norm(model.forces.gravity) * model.mechanism.characteristic_length
+    return ZERO_TORQUE * float(run.kinetic.max(initial=0.0) + moment)
 
 
 def _change(coarse: Array, fine: Array) -> float:

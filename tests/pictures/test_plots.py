@@ -20,6 +20,7 @@ from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
+from mechsim.pictures.plots.vibration import bode_plot
 from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotSource
 
@@ -383,3 +384,8 @@ def test_the_transmission_angle_is_a_quantity_to_draw():
     diagonal = a**2 + d**2 - 2.0 * a * d * np.cos(np.deg2rad(angle))
     between = np.rad2deg(np.arccos((b**2 + c**2 - diagonal) / (2.0 * b * c)))
     np.testing.assert_allclose(drawn, np.minimum(between, 180.0 - between), atol=1e-6)
+
+
+def test_a_response_of_zero_is_drawn_without_a_warning():
+    nothing = {"frequency": np.array([1.0, 2.0]), "magnitude": np.zeros(2), "phase": np.zeros(2)}
+    assert plots.drawn(bode_plot(nothing, "P.x")).startswith(b"<?xml")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from model_files import model_text
@@ -297,3 +298,18 @@ def test_redundant_loops_of_an_agile_eye_do_not_brake_mujoco(tmp_path):
     assert run.motion.joints["m3"].value[-1] == pytest.approx(M3_AT_50_MS, abs=5e-6)
     verdict = crosscheck_forward(run, model, InitialValues({"m1": np.radians(20.0)}, {}))
     assert verdict.passed, verdict
+
+
+def test_a_drive_torque_of_zero_and_a_balance_of_zero_agree():
+    hinge = '<body><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/></body>'
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{hinge}</worldbody></mujoco>")
+    solver = ms.load(spec, drive={"crank": "1rad/s"}, duration=0.05)
+    # about a vertical axis at a constant rate neither weight nor inertia needs a torque
+    for drivers in (["crank"], []):
+        model = ms.dynamics.dynamic_model(solver)
+        start = {} if drivers else {"crank.v": 1.0}
+        run = ms.dynamics.run(solver, initial=start, prescribed=drivers, duration=0.05, samples=9)
+        values = InitialValues({}, {} if drivers else {"crank": 1.0})
+        verdict = crosscheck_forward(run, model, values)
+        assert verdict.passed, verdict
+        assert any(check.method == "balance" for check in verdict.checks)

@@ -121,8 +121,8 @@ def drawn(figure: Figure, file_format: Format = "svg") -> bytes:
     out = io.BytesIO()
     layout = figure.get_layout_engine()
     with styled(), warnings.catch_warnings():
-        # characters that the font lacks become boxes, without a warning
-        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
+        # characters that the font lacks become boxes, and zeros leave a logarithmic axis empty
+        warnings.filterwarnings("ignore", "Glyph .* missing|Data has no positive values", UserWarning)
         # laid out once; otherwise saving does it in both of its passes
         if layout is not None:
             layout.execute(figure)

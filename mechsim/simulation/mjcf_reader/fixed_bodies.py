@@ -128,6 +128,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
             _set_pose(bodies[body], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         spec.delete(in_order[j])
     # a <frame> element around a body displaces it; the compiled pose contains the displacement
+    spec.compiler.fusestatic = False  # of URDF files, which would remove the bodies
     base_model = compiled(spec)
     for body, pose in poses.items():
         frame = base_model.body(body)

@@ -17,7 +17,7 @@ from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import JointMap, map_over_grid
-from mechsim.simulation.mjcf.compiling import quiet, to_xml
+from mechsim.simulation.mjcf.compiling import plainly_compiled, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE
 from mechsim.simulation.state import SLIDE, rotation_matrix
@@ -106,8 +106,7 @@ def serial_twin(
     """
     spec = mujoco_spec(model, set, loops)
     name_elements(spec)
-    with quiet():
-        compiled = spec.compile()
+    compiled = plainly_compiled(spec)
     names = tuple(independent) or _actuated(compiled)
     ranges = ranges_in_si(compiled, independent if isinstance(independent, Mapping) else dict.fromkeys(names))
     passive = _passive_joints(compiled, names)
