@@ -94,6 +94,11 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
     for what, elements, quaternions in (
         ("body", spec.bodies, model.body_quat),
         ("site", spec.sites, model.site_quat),
+        (
+            "weld",
+            [each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_WELD],
+            model.eq_data[:, 6:10],
+        ),
     ):
         for element in elements:
             if not np.linalg.norm(quaternions[element.id]) > 0.0:
@@ -131,6 +136,14 @@ def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, 
         limit = [model.jnt_range[i], model.jnt_solref[i], model.jnt_solimp[i]]
         single = [model.jnt_axis[i], *limit, model.jnt_stiffness[[i]].ravel()]
         yield "joint", joint, np.concatenate([values_.ravel() for values_ in (*single, *rates)]), HUGE
+    for tendon in spec.tendons:
+        values = (
+            model.tendon_stiffness,
+            model.tendon_damping,
+            model.tendon_lengthspring,
+            model.tendon_armature,
+        )
+        yield "tendon", tendon, np.concatenate([np.ravel(each[tendon.id]) for each in values]), HUGE
     for site in spec.sites:
         yield "site", site, model.site_pos[site.id], MAX_LENGTH
         yield "site", site, model.site_quat[site.id], HUGE
