@@ -125,8 +125,8 @@ GEARS = Template(model_text("hostile_files_gears.toml"))
         ),
         # a key of 100,000 names costs minutes in Python's reader
         ("f.toml", "a." * 100_000 + "a = 1", "show", "nests too deep"),
-        ("f.toml", "name = 'g'\njoints = {}", "check", "has no joints"),
-        ("f.toml", "name = 'g'\njoints = {}", "export -o out.xml", "has no joints"),
+        ("f.toml", "name = 'g'\njoints = {}", "check", "no body can move"),
+        ("f.toml", "name = 'g'\njoints = {}", "export -o out.xml", "no body can move"),
         (
             "f.toml",
             model_text("hostile_files_gears.toml", ratio="1e11"),
