@@ -91,14 +91,15 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
             raise _error(path, what, element, "numbers that are not finite")
         if len(invalid):
             raise _error(path, what, element, f"{invalid[0]:g}; give {limit:g} in SI at most")
+    body_welds = [
+        each
+        for each in spec.equalities
+        if each.type == mujoco.mjtEq.mjEQ_WELD and each.objtype == mujoco.mjtObj.mjOBJ_BODY
+    ]
     for what, elements, quaternions in (
         ("body", spec.bodies, model.body_quat),
         ("site", spec.sites, model.site_quat),
-        (
-            "weld",
-            [each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_WELD],
-            model.eq_data[:, 6:10],
-        ),
+        ("weld", body_welds, model.eq_data[:, 6:10]),
     ):
         for element in elements:
             if not np.linalg.norm(quaternions[element.id]) > 0.0:
