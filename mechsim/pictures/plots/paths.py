@@ -126,14 +126,14 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     for label, end in pivots.values():
         if not any(np.abs(path - end.point).max() < RADIUS * length_scale for path in always):
             named[label] = np.asarray(end.point) @ view
-    _write_names(ax, named, bar, unit)
+    _write_names(figure, ax, named, bar, unit)
     return figure
 
 
-def _write_names(ax: "Axes", named: Mapping[str, Array], bar: Array, unit: "Annotation") -> None:
+def _write_names(
+    figure: "Figure", ax: "Axes", named: Mapping[str, Array], bar: Array, unit: "Annotation"
+) -> None:
     """Write names next to their points, clear of lines, of the scale bar with its unit, and of each other."""
-    figure = unit.get_figure(root=True)
-    assert figure is not None
     figure.draw_without_rendering()
     across, height = figure.bbox.size
 
