@@ -185,11 +185,10 @@ def _at_several_stops(
             continue
         random = np.random.default_rng(seed)
         solutions = _searched(at_limits, start, starts, assemblies, random) if moving else None
-        states = (
-            distinct(at_limits, solutions or [(start, True)])
-            if moving
-            else [RestingState(start, True, 0, False)]
-        )
+        states = [RestingState(start, True, 0, False)]
+        if moving:
+            # everything is at rest, or nothing may be
+            states = distinct(at_limits, [(start, True)] if solutions is None else solutions)
         for state in states:
             further = _beyond(model, _coordinates(at_limits, state.q), ranges)
             if further:

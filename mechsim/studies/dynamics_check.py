@@ -25,7 +25,6 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.numerics.arrays import EPS, Array
 from mechsim.numerics.resources import Progress, no_progress
-from mechsim.simulation.dynamics.file_balance import has_balance, imbalance
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
@@ -186,7 +185,11 @@ def crosscheck_forward(
 def _balance(run: DynamicRun, model: DynamicModel) -> Iterator[Check]:
     """Yield the check that a run of an MJCF file has all forces of the file; none with other forces."""
     read = model.solver.source
-    if read is None or not has_balance(read, model.forces):
+    if read is None:
+        return
+    from mechsim.simulation.dynamics.file_balance import has_balance, imbalance
+
+    if not has_balance(read, model.forces):
         return
     rows = np.arange(0, len(run.time), -(-len(run.time) // BALANCED))
     section, time = select_instants(run.motion, rows), run.time[rows]

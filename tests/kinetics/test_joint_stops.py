@@ -227,3 +227,20 @@ def test_an_arm_rests_where_its_energy_is_least_within_its_ranges(ranges, at_sto
         for index, name in enumerate(("j1", "j2")):
             assert each.stops.get(name, 0.0) == pytest.approx(gradient(q)[index], abs=1e-9)
     assert at_stops in [set(each.stops) for each in resting]
+
+
+def test_a_stop_balances_no_block_that_is_pulled(tmp_path):
+    """Where nothing is at rest with a coordinate at its limit, the start of that search is no equilibrium."""
+    block = (
+        '<mujoco><worldbody><body><joint name="s" type="slide" axis="1 0 0"/><geom size=".05"/><body>'
+        '<joint name="h" axis="0 1 0" range="-60 20"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/>'
+        '</body></body></worldbody><actuator><general joint="s" biastype="affine" biasprm="{} 0 0"/>'
+        "</actuator></mujoco>"
+    )
+    pulled, free = tmp_path / "pulled.xml", tmp_path / "free.xml"
+    pulled.write_text(block.format(5))
+    assert ms.dynamics.equilibria(ms.load(str(pulled), still=True)) == ()
+    # without the pull the arm rests on its stop wherever the block is
+    free.write_text(block.format(0))
+    (resting,) = ms.dynamics.equilibria(ms.load(str(free), still=True))
+    assert resting.q["h"] == pytest.approx(np.deg2rad(20.0), abs=1e-12)

@@ -39,7 +39,7 @@ PID, DC_MOTOR = (int(getattr(mujoco.mjtGain, f"mjGAIN_{name}", -1)) for name in 
 _STATES = "NONE", "INTEGRATOR", "FILTER", "FILTEREXACT"
 DYNAMICS = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in _STATES)
 SITE, JOINT = int(mujoco.mjtWrap.mjWRAP_SITE), int(mujoco.mjtWrap.mjWRAP_JOINT)
-# number of groups of actuators that `disableactuator` switches off
+# number of groups of actuators that `actuatorgroupdisable` can switch off: 0 to 30 (MuJoCo, XML reference)
 GROUPS = 31
 # flag -> what it switches off
 SWITCHED_OFF = {
