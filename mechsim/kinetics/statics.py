@@ -176,10 +176,13 @@ def _at_several_stops(
             continue
         tried.append(limits)
         moving = len(limits) < dof
-        locked = replace(model.mechanism, locked={**model.mechanism.locked, **(limits if moving else {})})
         values: dict[str, Initial] = {} if moving else {f"{name}.q": limit for name, limit in limits.items()}
+        mechanism = model.mechanism
+        if moving:
+            free = tuple(name for name in mechanism.drivers if name not in limits)
+            mechanism = replace(mechanism, driver=free, locked={**mechanism.locked, **limits})
         try:
-            at_limits, start = prepared_equations(replace(model, mechanism=locked), None, values)
+            at_limits, start = prepared_equations(replace(model, mechanism=mechanism), None, values)
         except (AssemblyError, InputError):
             # the loops do not close there
             continue
