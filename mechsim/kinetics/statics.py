@@ -176,16 +176,16 @@ def _at_several_stops(
             continue
         tried.append(limits)
         moving = len(limits) < dof
-        values: dict[str, Initial] = {} if moving else {f"{name}.q": limit for name, limit in limits.items()}
-        mechanism = model.mechanism
-        if moving:
-            free = tuple(name for name in mechanism.drivers if name not in limits)
-            mechanism = replace(mechanism, driver=free, locked={**mechanism.locked, **limits})
         try:
-            at_limits, start = prepared_equations(replace(model, mechanism=mechanism), None, values)
+            closed, start = prepared_equations(
+                model, None, {f"{name}.q": limit for name, limit in limits.items()}
+            )
         except (AssemblyError, InputError):
             # the loops do not close there
             continue
+        locked = [closed.loops.tree.index_of[name] for name in limits]
+        loops = replace(closed.loops, driven=(*closed.loops.driven, *locked))
+        at_limits = replace(closed, loops=loops, start=start)
         random = np.random.default_rng(seed)
         solutions = _searched(at_limits, start, starts, assemblies, random) if moving else None
         states = [RestingState(start, True, 0, False)]
