@@ -3,20 +3,18 @@
 import numpy as np
 from strategies import CLOSED, EPS, longest
 
-from mechsim import loops
+import mechsim as ms
 from mechsim.kinematics.loops.record import joint_motions, tracked_points
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.links import Pose
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import LinkMotion, Motion
+from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.rank import least_norm
 
 
-def agrees_with_loop_equations(linkage: KinematicSolver, motion: Motion, slack: float = 1.0) -> None:
+def agrees_with_loop_equations(linkage: KinematicSolver, motion: ms.Motion, slack: float = 1.0) -> None:
     """Assert that a motion satisfies the loop equations and their derivatives."""
     mechanism = linkage.mechanism
-    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    length_residual, angle_residual = loops.residual_norms(mechanism, poses, motion.angle)
+    poses = {name: ms.Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    length_residual, angle_residual = ms.loops.residual_norms(mechanism, poses, motion.angle)
     assert length_residual.max() <= slack * CLOSED * longest(linkage)
     assert angle_residual.max() <= slack * 32 * EPS
     exact = rates_by_six_coordinates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
@@ -43,12 +41,12 @@ def agrees_with_loop_equations(linkage: KinematicSolver, motion: Motion, slack: 
 
 
 def rates_by_six_coordinates(
-    mechanism: Mechanism,
-    poses: dict[str, Pose],
+    mechanism: ms.Mechanism,
+    poses: dict[str, ms.Pose],
     angle: np.ndarray,
     speed: np.ndarray,
     acceleration: np.ndarray,
-) -> Motion:
+) -> ms.Motion:
     """Return the motion at closed poses by the equations of six coordinates a link, differentiated twice.
 
     Passive freedoms, such as the spin of an unguided coupler, get the least rates that agree.
@@ -57,7 +55,7 @@ def rates_by_six_coordinates(
     columns[3:] = 1.0
     twists, derivatives = None, []
     for driven in (speed, acceleration):
-        rows = loops.equations(mechanism, poses, angle, twists)
+        rows = ms.loops.equations(mechanism, poses, angle, twists)
         right = -rows.bias if derivatives else np.zeros_like(rows.residual)
         right[:, -1] += driven
         units = np.tile(columns, len(names))
@@ -73,4 +71,4 @@ def rates_by_six_coordinates(
     }
     joints = {name: item for joint in mechanism.joints for name, item in joint_motions(joint, links).items()}
     points = tracked_points(mechanism, links)
-    return Motion("loop equations", angle, speed, acceleration, points, links, joints)
+    return ms.Motion("loop equations", angle, speed, acceleration, points, links, joints)

@@ -4,7 +4,6 @@ from pathlib import Path
 from string import Template
 
 import mechsim as ms
-from mechsim.mechanism.mechanism import Mechanism
 
 FOLDER = Path(__file__).parent / "models"
 
@@ -15,6 +14,6 @@ def model_text(name: str, **values: object) -> str:
     return Template(text).substitute(values) if values else text
 
 
-def model_mechanism(name: str) -> Mechanism:
+def model_mechanism(name: str) -> ms.Mechanism:
     """Return the mechanism of a file, assembled at its start."""
     return ms.load(str(FOLDER / name)).mechanism

@@ -3,15 +3,13 @@
 import numpy as np
 
 import mechsim as ms
-from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.links import Inertia
 
 GRAVITY = 9.81
-WEIGHT = Forces(gravity=(0.0, -GRAVITY, 0.0))
+WEIGHT = ms.Forces(gravity=(0.0, -GRAVITY, 0.0))
 
 
 def point_mass(mass=1.0, centre=(1.0, 0.0, 0.0), about=1e-20):
-    return Inertia(mass, centre, tuple(tuple(row) for row in about * np.eye(3)))
+    return ms.Inertia(mass, centre, tuple(tuple(row) for row in about * np.eye(3)))
 
 
 def pendulum():
@@ -34,7 +32,7 @@ def double_pendulum():
 def slider(**more):
     """A block of 2 kg that slides along x."""
     block = ms.Link(
-        "block", inertia=Inertia(2.0, (0.0, 0.0, 0.0), tuple(tuple(row) for row in 0.01 * np.eye(3)))
+        "block", inertia=ms.Inertia(2.0, (0.0, 0.0, 0.0), tuple(tuple(row) for row in 0.01 * np.eye(3)))
     )
     rail = ms.Joint(
         "s", "prismatic", ms.End("ground", axis=(1.0, 0.0, 0.0)), ms.End("block", axis=(1.0, 0.0, 0.0))

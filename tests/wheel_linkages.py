@@ -2,39 +2,36 @@
 
 import numpy as np
 
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import Motion
+import mechsim as ms
 
 START = 0.9
 
 
-def wheel_linkages(count: int, lag: float = 0.0) -> Mechanism:
+def wheel_linkages(count: int, lag: float = 0.0) -> ms.Mechanism:
     """Return wheels at different distances, each rod on pins of its own radius.
 
     Args:
         count: number of wheels.
         lag: angle in [rad] by which the pins of the last rod lag the others.
     """
-    links, guess, points = [Link("w0")], dict[str, Pose](), {}
-    joints = [Joint("crank", "revolute", End("ground"), End("w0"))]
+    links, guess, points = [ms.Link("w0")], dict[str, ms.Pose](), {}
+    joints = [ms.Joint("crank", "revolute", ms.End("ground"), ms.End("w0"))]
     along = 0.0
     for i in range(1, count):
         distance, radius, behind = 0.11 + 0.017 * i, 0.03 - 0.003 * i, -lag if i == count - 1 else 0.0
         pin = (radius * np.cos(behind), radius * np.sin(behind), 0.0)
-        links += [Link(f"w{i}"), Link(f"rod{i}")]
+        links += [ms.Link(f"w{i}"), ms.Link(f"rod{i}")]
         joints += [
-            Joint(f"a{i}", "revolute", End(f"w{i - 1}", pin), End(f"rod{i}")),
-            Joint(f"b{i}", "revolute", End(f"rod{i}", (distance, 0.0, 0.0)), End(f"w{i}", pin)),
-            Joint(f"c{i}", "revolute", End("ground", (along + distance, 0.0, 0.0)), End(f"w{i}")),
+            ms.Joint(f"a{i}", "revolute", ms.End(f"w{i - 1}", pin), ms.End(f"rod{i}")),
+            ms.Joint(f"b{i}", "revolute", ms.End(f"rod{i}", (distance, 0.0, 0.0)), ms.End(f"w{i}", pin)),
+            ms.Joint(f"c{i}", "revolute", ms.End("ground", (along + distance, 0.0, 0.0)), ms.End(f"w{i}")),
         ]
         rotated = about_z(START)
-        guess[f"w{i}"] = Pose(np.array([along + distance, 0.0, 0.0]), rotated)
-        guess[f"rod{i}"] = Pose(np.array([along, 0.0, 0.0]) + rotated @ pin, np.eye(3))
+        guess[f"w{i}"] = ms.Pose(np.array([along + distance, 0.0, 0.0]), rotated)
+        guess[f"rod{i}"] = ms.Pose(np.array([along, 0.0, 0.0]) + rotated @ pin, np.eye(3))
         points[f"P{i}"] = (f"w{i}", pin)
         along += distance
-    return Mechanism(
+    return ms.Mechanism(
         name="wheels",
         links=tuple(links),
         joints=tuple(joints),
@@ -51,7 +48,9 @@ def about_z(angle: float) -> np.ndarray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def assert_equal_rotation(mechanism: Mechanism, motion: Motion, bounds: tuple[float, float, float]) -> None:
+def assert_equal_rotation(
+    mechanism: ms.Mechanism, motion: ms.Motion, bounds: tuple[float, float, float]
+) -> None:
     """Assert that every wheel rotates as the crank, within bounds in radii on positions and rates."""
     angle, speed = motion.angle, motion.speed
     for name, point in motion.points.items():

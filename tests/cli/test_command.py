@@ -7,11 +7,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import mechsim as ms
 from mechsim import cli
 from mechsim.cli.command import command
-from mechsim.errors import InputError
 from mechsim.files import plain
-from mechsim.pictures.render import Look
 from mechsim.pictures.render.look import changed
 from mechsim.units import option, parse_length, parse_names
 
@@ -37,7 +36,7 @@ def run_cut(*arguments):
     app = typer.Typer(rich_markup_mode=None)
     app.command()(function)
     output = CliRunner().invoke(app, ["it", *arguments])
-    if isinstance(output.exception, InputError):
+    if isinstance(output.exception, ms.InputError):
         raise output.exception
     return (received[0] if received else None), output.output
 
@@ -52,7 +51,7 @@ def test_text_is_converted_to_quantities_names_numbers_and_flags():
 
 
 def test_a_quantity_of_the_wrong_kind_is_rejected_with_its_option():
-    with pytest.raises(InputError, match="--depth '3 s' has unit 's'"):
+    with pytest.raises(ms.InputError, match="--depth '3 s' has unit 's'"):
         run_cut("--depth", "3 s")
 
 
@@ -65,13 +64,13 @@ def test_help_shows_exactly_the_declared_fields():
 
 def test_every_documented_field_of_look_is_an_option_of_render():
     shown = {parameter.name for parameter in cli.load_command("render").params}
-    assert {field.name for field in fields(Look) if "doc" in field.metadata} <= shown
+    assert {field.name for field in fields(ms.Look) if "doc" in field.metadata} <= shown
 
 
 def test_an_unknown_field_of_look_is_rejected():
-    with pytest.raises(InputError, match="a picture has no option 'colour'; choose from size, camera"):
+    with pytest.raises(ms.InputError, match="a picture has no option 'colour'; choose from size, camera"):
         changed(None, {"colour": "red"})
-    assert changed(Look(camera="top"), {"labels": False}) == Look(camera="top", labels=False)
+    assert changed(ms.Look(camera="top"), {"labels": False}) == ms.Look(camera="top", labels=False)
 
 
 def test_the_default_of_a_parameter_declares_an_option():
@@ -90,7 +89,7 @@ def test_the_default_of_a_parameter_declares_an_option():
         assert CliRunner().invoke(app, words).exit_code == 0
     assert depths == [(0.003, ()), (0.003, ("a", "b"))]
     assert CliRunner().invoke(app, []).exit_code == 2
-    assert isinstance(CliRunner().invoke(app, ["--depth", "3s"]).exception, InputError)
+    assert isinstance(CliRunner().invoke(app, ["--depth", "3s"]).exception, ms.InputError)
 
 
 @dataclass(frozen=True)

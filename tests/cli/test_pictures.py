@@ -7,7 +7,6 @@ import pytest
 from drawing import draws
 
 import mechsim as ms
-from mechsim.mechanism.forces import Forces
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.report import plot_table
 
@@ -109,7 +108,7 @@ def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
 def test_frames_of_a_swinging_run_have_their_time():
     run = ms.dynamics.run(
         ms.load("four_bar"),
-        Forces(gravity=(0.0, -9.81, 0.0)),
+        ms.Forces(gravity=(0.0, -9.81, 0.0)),
         initial={"crank.q": "30deg"},
         duration=0.6,
         samples=12,

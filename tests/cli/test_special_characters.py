@@ -16,15 +16,13 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from model_files import model_text
 
-from mechsim import catalog, files
+import mechsim as ms
+from mechsim import files
 from mechsim.io.model_source import Prescription
 from mechsim.io.toml_reader import TomlModel
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import GROUND
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.scene import Scene
-from mechsim.pictures import plots
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.simulation.mjcf.compiling import to_xml
@@ -55,9 +53,9 @@ NAMES = st.text(
 ).filter(lambda name: name == name.strip() and name.isprintable())
 
 
-def named(name: str) -> Mechanism:
+def named(name: str) -> ms.Mechanism:
     """Return the four-bar with this name, and names derived from it for links, joints and points."""
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     links = {link.name: f"{name}{i}" for i, link in enumerate(mechanism.links)} | {GROUND: GROUND}
     joints = {joint.name: f"{name}{i}" for i, joint in enumerate(mechanism.joints)}
     return replace(
@@ -108,7 +106,7 @@ def test_names_round_trip_through_tables_and_toml(tmp_path, name):
 @every_name
 def test_names_round_trip_through_mjcf(name):
     mechanism = named(name)
-    model = mujoco.MjModel.from_xml_string(to_xml(assembled(mechanism, Scene())))
+    model = mujoco.MjModel.from_xml_string(to_xml(assembled(mechanism, ms.Scene())))
     assert {model.body(i).name for i in range(1, model.nbody)} == {link.name for link in mechanism.links}
     assert mechanism.points.keys() <= {model.site(i).name for i in range(model.nsite)}
 
@@ -123,8 +121,8 @@ def test_plots_show_names_unchanged(tmp_path, name):
     position = (mechanism.links[0].name, (0.01, 0.0, 0.0))
     mechanism = replace(mechanism, points=mechanism.points | dict.fromkeys(CRITICAL, position))
     motion = KinematicSolver(mechanism).solve(np.linspace(0.0, 1.0, 3))
-    figure = plots.coupler_curve(mechanism, motion)
-    plots.write(tmp_path / "plot.svg", figure)
+    figure = ms.plots.coupler_curve(mechanism, motion)
+    ms.plots.write(tmp_path / "plot.svg", figure)
     ET.parse(tmp_path / "plot.svg")
     (legend,) = [ax.get_legend() for ax in figure.axes]
     assert [text.get_text().strip() for text in legend.get_texts()] == list(motion.points)

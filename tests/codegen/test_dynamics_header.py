@@ -11,9 +11,8 @@ import mechsim as ms
 from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.kinetics.model import dynamic_model
-from mechsim.mechanism.forces import Forces, JointSpring
 
-WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
+WEIGHT = ms.Forces(gravity=(0.0, -9.81, 0.0))
 # damping fast enough for the implicit method
 STIFF = replace(WEIGHT, friction=(ms.Friction("rocker", viscous=3.0),))
 STRICT = "-std=c99", "-Wall", "-Wextra", "-Werror"
@@ -59,7 +58,7 @@ def test_its_own_test_passes_and_rejects_another_motion(tmp_path, name, forces, 
 
 @pytest.mark.long
 def test_values_are_set_by_number_and_errors_leave_the_motion(tmp_path):
-    spring = JointSpring("rocker", 0.7, 0.2)
+    spring = ms.JointSpring("rocker", 0.7, 0.2)
     model = dynamic_model(ms.load("four_bar"), replace(WEIGHT, joint_springs=(spring,)))
     made = dynamic_fmu(model, {"A.q": "30deg"})
     (tmp_path / "model.h").write_text(dynamics_header(made))
@@ -96,7 +95,7 @@ int main(void) {
     late, values, open_loops = text.splitlines()
     assert late == "the end is not later"
     assert open_loops == "the start values of the coordinates do not close the loops"
-    other = model.with_forces(replace(WEIGHT, joint_springs=(JointSpring("rocker", 1.1, 0.2),)))
+    other = model.with_forces(replace(WEIGHT, joint_springs=(ms.JointSpring("rocker", 1.1, 0.2),)))
     run = ms.dynamics.run(other, initial={"A.q": "30deg"}, duration="1s")
     exact = run.motion.joints["A"].value[-1], run.motion.points["C"].position[-1, 0]
     np.testing.assert_allclose([float(value) for value in values.split()], exact, rtol=1e-9)

@@ -22,14 +22,13 @@ from mechsim.codegen.solver_code import solver_code
 from mechsim.errors import MissingToolError
 from mechsim.io import reference_data
 from mechsim.kinetics.model import dynamic_model
-from mechsim.mechanism.forces import Forces, Friction, JointSpring
-from mechsim.mechanism.motors import Controller, TorqueSpeedLine
+from mechsim.mechanism.motors import TorqueSpeedLine
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 # agreement of coordinates, points and energies with mechsim's own runs, relative to their largest value
 AGREED = 1e-9
 RELEASED = {"A.q": "30deg"}
-WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
+WEIGHT = ms.Forces(gravity=(0.0, -9.81, 0.0))
 MOTOR = replace(WEIGHT, motor=TorqueSpeedLine(0.4, 30.0))
 
 
@@ -109,18 +108,18 @@ def test_model_exchange_is_mechsims_own_run(four_bar):
 
 @pytest.mark.long
 def test_inputs_and_parameters_act_as_in_mechsim(tmp_path):
-    spring, viscous = JointSpring("rocker", 0.7, 0.2), Friction("crank", viscous=0.01)
+    spring, viscous = ms.JointSpring("rocker", 0.7, 0.2), ms.Friction("crank", viscous=0.01)
     model = dynamic_model(ms.load("four_bar"), replace(WEIGHT, joint_springs=(spring,), friction=(viscous,)))
     path = written(tmp_path, dynamic_fmu(model, RELEASED))
     changed = {"crank.effort": 0.05, "gravity.y": -3.0, "rocker.stiffness": 1.1, "crank.viscous": 0.02}
     result = fmpy.simulate_fmu(
         path, fmi_type="CoSimulation", start_values=changed, stop_time=1.0, output_interval=0.05
     )
-    other = Forces(
+    other = ms.Forces(
         gravity=(0.0, -3.0, 0.0),
-        joint_springs=(JointSpring("rocker", 1.1, 0.2),),
-        friction=(Friction("crank", viscous=0.02),),
-        controllers=(Controller("crank", "0.05"),),
+        joint_springs=(ms.JointSpring("rocker", 1.1, 0.2),),
+        friction=(ms.Friction("crank", viscous=0.02),),
+        controllers=(ms.Controller("crank", "0.05"),),
     )
     run = ms.dynamics.run(model.with_forces(other), initial=RELEASED, duration="1s", samples=20)
     assert largest_error(result, run) < AGREED

@@ -7,28 +7,23 @@ import pytest
 from driven_mechanisms import nonlinear_rocker
 from mechanisms import rscr, three_cranks
 
-from mechsim import catalog, dynamics, load, load_profile, motors
+import mechsim as ms
 from mechsim.compare.record_errors import of_reactions
-from mechsim.errors import AssemblyError, InputError
 from mechsim.kinetics.initial_state import InitialValues
-from mechsim.mechanism.forces import Forces, Friction, Load
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import Inertia, Link
 from mechsim.mechanism.masses import with_inertia
 from mechsim.mechanism.motion_laws import constant, within_range
-from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 
-LINKAGE = catalog.make("rrsrr")
-PUSH = load_profile.table(
+LINKAGE = ms.catalog.make("rrsrr")
+PUSH = ms.load_profile.table(
     [0.0, 2.0, 4.0, 2.0 * np.pi], [[0.0, 0.5, 1.0], [1.0, 0.0, -1.0], [0.5, 2.0, 0.0], [0.0, 0.5, 1.0]]
 )
-FORCES = Forces(
+FORCES = ms.Forces(
     gravity=(0.3, -9.81, 2.1),
-    friction=(Friction("rocker", 1e-4, 2e-3), Friction("C", 1e-5, 1e-4)),
-    loads=(Load("S", PUSH),),
+    friction=(ms.Friction("rocker", 1e-4, 2e-3), ms.Friction("C", 1e-5, 1e-4)),
+    loads=(ms.Load("S", PUSH),),
 )
 RIGHT = with_inertia(LINKAGE.mechanism)
 SPEED = 60.0
@@ -37,7 +32,7 @@ SPEED = 60.0
 def verdict_of(method, mechanism=RIGHT, forces=FORCES):
     """Return the verdict on MuJoCo's run of a model against the correct model's reduced equation."""
     result = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
-    return crosscheck_driven(result, dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT))
+    return crosscheck_driven(result, ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT))
 
 
 def with_link(name, change):
@@ -48,22 +43,22 @@ def with_link(name, change):
 
 
 def heavier(inertia):
-    return Inertia(1.001 * inertia.mass, inertia.centre, 1.001 * inertia.matrix)
+    return ms.Inertia(1.001 * inertia.mass, inertia.centre, 1.001 * inertia.matrix)
 
 
 def swapped(inertia):
     order = [1, 2, 0]
-    return Inertia(inertia.mass, inertia.centre, inertia.matrix[np.ix_(order, order)])
+    return ms.Inertia(inertia.mass, inertia.centre, inertia.matrix[np.ix_(order, order)])
 
 
 WRONG = {
     "mass 0.1 % off": {"mechanism": with_link("link", heavier)},
     "inertia axes swapped": {"mechanism": with_link("coupler", swapped)},
     "gravity reversed": {"forces": replace(FORCES, gravity=(-0.3, 9.81, -2.1))},
-    "load at the neighbour point": {"forces": replace(FORCES, loads=(Load("C", PUSH),))},
+    "load at the neighbour point": {"forces": replace(FORCES, loads=(ms.Load("C", PUSH),))},
     "friction left out": {"forces": replace(FORCES, friction=FORCES.friction[1:])},
     "Coulomb friction left out": {
-        "forces": replace(FORCES, friction=(Friction("rocker", 1e-4), FORCES.friction[1]))
+        "forces": replace(FORCES, friction=(ms.Friction("rocker", 1e-4), FORCES.friction[1]))
     },
 }
 
@@ -86,7 +81,7 @@ def test_a_wrong_model_fails(method, wrong):
 
 def test_a_torque_of_the_wrong_sign_or_a_nan_is_detected():
     result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    model = dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
+    model = ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
     rotated = replace(result, forces=replace(result.forces, torque=-result.forces.torque))
     assert crosscheck_driven(rotated, model).outcome == "failed"
     torque = result.forces.torque.copy()
@@ -98,7 +93,7 @@ def test_a_torque_of_the_wrong_sign_or_a_nan_is_detected():
 
 def test_a_reaction_on_the_wrong_link_is_detected():
     result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    model = dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
+    model = ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
     item = result.forces.reactions["S"]
     other = result.forces.reactions | {"S": replace(item, force=-item.force)}
     verdict = crosscheck_driven(replace(result, forces=replace(result.forces, reactions=other)), model)
@@ -106,27 +101,27 @@ def test_a_reaction_on_the_wrong_link_is_detected():
 
 
 def test_a_free_run_with_another_motor_fails():
-    linkage = catalog.make("four_bar")
-    motor = motors.DCMotor(6.0, 2.0, 0.05)
-    model = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
-    result = dynamics.run(model, initial={"crank.q": 0.3, "crank.v": 20.0}, duration=0.05, samples=10)
+    linkage = ms.catalog.make("four_bar")
+    motor = ms.motors.DCMotor(6.0, 2.0, 0.05)
+    model = ms.dynamics.dynamic_model(linkage, ms.Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
+    result = ms.dynamics.run(model, initial={"crank.q": 0.3, "crank.v": 20.0}, duration=0.05, samples=10)
     initial = InitialValues({"crank": 0.3}, {"crank": 20.0})
     verdict = crosscheck_forward(result, model, initial)
     assert verdict.passed, verdict
-    weaker = model.with_forces(replace(model.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
+    weaker = model.with_forces(replace(model.forces, motor=ms.motors.DCMotor(5.99, 2.0, 0.05)))
     assert crosscheck_forward(result, weaker, initial).outcome == "failed"
 
 
 def three_armed(position):
     """Return a parallelogram with a third crank under gravity, with its unit motion by loop equations."""
-    return dynamics.dynamic_model(three_cranks(position), Forces(gravity=(0.4, -9.81, 0.0)))
+    return ms.dynamics.dynamic_model(three_cranks(position), ms.Forces(gravity=(0.4, -9.81, 0.0)))
 
 
 def test_determined_reactions_of_a_redundant_crank_are_checked():
     model = three_armed((0.047, 0.02))
     # where all cranks lie along x the third takes no part in the self-stress
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
-    study = dynamics.prescribed(model, angle, 50.0)
+    study = ms.dynamics.prescribed(model, angle, 50.0)
     pin = study.forces.reactions["third pin"]
     force, _ = pin.project(pin.force, pin.moment)
     across, along = (
@@ -146,7 +141,7 @@ def test_determined_reactions_of_a_redundant_crank_are_checked():
         replace(link, inertia=heavier(link.inertia)) if link.name == "third" else link
         for link in model.mechanism.links
     )
-    wrong = dynamics.dynamic_model(
+    wrong = ms.dynamics.dynamic_model(
         model.solver, model.forces, mechanism=replace(model.mechanism, links=links)
     )
     failed = {(item.kind, item.subject) for item in crosscheck_driven(run, wrong).checks if not item.passed}
@@ -154,10 +149,12 @@ def test_determined_reactions_of_a_redundant_crank_are_checked():
 
 
 def test_forces_near_a_change_point_are_continuous():
-    flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    model = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    flat = ms.catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
+    model = ms.dynamics.dynamic_model(flat, ms.Forces(gravity=(0.4, -9.81, 0.0)))
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
-    whole, subset = (dynamics.prescribed(model, angles, 50.0).forces for angles in (angle, angle[[1, 2, 4]]))
+    whole, subset = (
+        ms.dynamics.prescribed(model, angles, 50.0).forces for angles in (angle, angle[[1, 2, 4]])
+    )
     assert whole.unbounded.tolist() == [True, False, False, True, False]
     for name, item in subset.reactions.items():
         assert item.undetermined == whole.reactions[name].undetermined
@@ -165,9 +162,9 @@ def test_forces_near_a_change_point_are_continuous():
 
 
 def test_records_under_test_do_not_exclude_instants():
-    flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    model = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
-    exact = dynamics.prescribed(model, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
+    flat = ms.catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
+    model = ms.dynamics.dynamic_model(flat, ms.Forces(gravity=(0.4, -9.81, 0.0)))
+    exact = ms.dynamics.prescribed(model, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
     doubled = {name: replace(item, force=2.0 * item.force) for name, item in exact.reactions.items()}
     wrong = replace(exact, at_branch_point=np.ones(5, dtype=np.bool_), reactions=doubled)
     for name in doubled:
@@ -176,31 +173,31 @@ def test_records_under_test_do_not_exclude_instants():
 
 
 def test_a_stepped_run_from_a_change_point_is_rejected():
-    flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    with pytest.raises(AssemblyError, match=r"starts at crank angle 0 rad, where two assemblies meet"):
+    flat = ms.catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
+    with pytest.raises(ms.AssemblyError, match=r"starts at crank angle 0 rad, where two assemblies meet"):
         driven(flat.mechanism, profile=constant(50.0, 1.0, 0.0), method="step", samples=24)
 
 
 def glued():
     """Return the R-S-C-R whose lever consists of two links connected by a fixed joint."""
     whole = rscr()
-    glue = Joint("glue", "fixed", End("half", (0.03, 0.01, 0.0)), End("lever", (0.03, 0.01, 0.0)))
+    glue = ms.Joint("glue", "fixed", ms.End("half", (0.03, 0.01, 0.0)), ms.End("lever", (0.03, 0.01, 0.0)))
     joints = [
         replace(joint, b=replace(joint.b, link="half")) if joint.name == "pivot" else joint
         for joint in whole.joints
     ]
     guess = {**whole.guess, "half": whole.guess["lever"]}
-    return replace(whole, links=(*whole.links, Link("half")), joints=(*joints, glue), guess=guess)
+    return replace(whole, links=(*whole.links, ms.Link("half")), joints=(*joints, glue), guess=guess)
 
 
 @pytest.mark.parametrize(("mechanism", "cut"), [(rscr(), "sleeve"), (glued(), "glue")])
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechanism, cut, method):
-    acting = Forces(
+    acting = ms.Forces(
         gravity=(0.3, -9.81, 2.1),
-        friction=(Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
+        friction=(ms.Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
     )
-    model = dynamics.dynamic_model(mechanism, acting)
+    model = ms.dynamics.dynamic_model(mechanism, acting)
     run = driven(model.mechanism, acting, speed=30.0, turns=0.2, method=method, samples=8, cut=(cut,))
     verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
@@ -210,30 +207,30 @@ def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechan
         replace(link, inertia=heavier(link.inertia)) if link.name == "rod" else link
         for link in model.mechanism.links
     )
-    wrong = dynamics.dynamic_model(model.solver, acting, mechanism=replace(model.mechanism, links=half))
+    wrong = ms.dynamics.dynamic_model(model.solver, acting, mechanism=replace(model.mechanism, links=half))
     assert not crosscheck_driven(run, wrong).passed
 
 
 def test_links_too_light_for_mujoco_are_rejected():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
-        dynamics.dynamic_model(
-            catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}), Forces()
+        ms.dynamics.dynamic_model(
+            ms.catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}), ms.Forces()
         )
         for k in (1.0, 1e-3)
     )
-    with pytest.raises(InputError, match=r"body 'crank' has a mass of .* larger than mjMINVAL.* as large"):
+    with pytest.raises(ms.InputError, match=r"body 'crank' has a mass of .* larger than mjMINVAL.* as large"):
         driven(small.mechanism, speed=50.0)
     angle = np.linspace(0.1, 6.0, 9)
-    torques = [dynamics.prescribed(item, angle, 50.0).forces.torque for item in (large, small)]
+    torques = [ms.dynamics.prescribed(item, angle, 50.0).forces.torque for item in (large, small)]
     np.testing.assert_allclose(torques[0], 1e15 * torques[1], rtol=1e-9)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
 def test_stepped_torques_near_dead_centres_pass(name):
-    solver = load(name)
-    model = dynamics.dynamic_model(solver)
+    solver = ms.load(name)
+    model = ms.dynamics.dynamic_model(solver)
     profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
     run = driven(model.mechanism, model.forces, profile=profile, method="step")
     verdict = crosscheck_driven(run, model)
@@ -242,18 +239,18 @@ def test_stepped_torques_near_dead_centres_pass(name):
 
 @pytest.mark.long
 def test_free_runs_with_redundant_loops_pass():
-    bennett = dynamics.dynamic_model(catalog.make("bennett"), Forces())
+    bennett = ms.dynamics.dynamic_model(ms.catalog.make("bennett"), ms.Forces())
     for model, turns in ((three_armed((0.05, 0.03)), 0.2), (bennett, 0.1)):
-        result = dynamics.run(model, initial={"crank.v": 60.0}, turns=turns, samples=30)
+        result = ms.dynamics.run(model, initial={"crank.v": 60.0}, turns=turns, samples=30)
         verdict = crosscheck_forward(result, model, InitialValues({}, {"crank": 60.0}))
         assert verdict.passed, verdict
 
 
 @pytest.mark.long
 def test_a_free_run_with_nonlinear_couplings_has_fourth_order():
-    model = dynamics.dynamic_model(nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    model = ms.dynamics.dynamic_model(nonlinear_rocker(), ms.Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []
-    result = dynamics.run(model, initial={"crank.v": 40.0}, duration=0.06, samples=40)
+    result = ms.dynamics.run(model, initial={"crank.v": 40.0}, duration=0.06, samples=40)
     verdict = crosscheck_forward(result, model, InitialValues({}, {"crank": 40.0}))
     assert verdict.passed, verdict
     name = model.mechanism.crank.name
@@ -267,8 +264,8 @@ def test_a_free_run_with_nonlinear_couplings_has_fourth_order():
 def test_poor_conditioning_is_reported_with_stepped_forces():
     output = {}
     for aside in (1e-4, 0.03):
-        model = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())
-        settings = Settings(steps_per_turn=288)
+        model = ms.dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), ms.Forces())
+        settings = ms.Settings(steps_per_turn=288)
         run = driven(model.mechanism, model.forces, speed=50.0, method="step", settings=settings)
         output[aside] = run.note
     assert "the loops hardly hold the links" in output[1e-4]
@@ -277,13 +274,13 @@ def test_poor_conditioning_is_reported_with_stepped_forces():
 
 @pytest.mark.long
 def test_a_start_with_a_stiff_motor_conserves_energy():
-    motor = motors.TorqueSpeedLine(100.0, 60.0)
-    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
-    result = dynamics.run(model, turns=0.1, samples=10)
+    motor = ms.motors.TorqueSpeedLine(100.0, 60.0)
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), ms.Forces(motor=motor))
+    result = ms.dynamics.run(model, turns=0.1, samples=10)
     verdict = crosscheck_forward(result, model, InitialValues({}, {}))
     assert verdict.passed, verdict
     # the motor is at its speed before the second record
     assert result.motion.speed[1] == pytest.approx(60.0, rel=1e-2)
     assert result.energy_error <= 1e-6
-    weaker = model.with_forces(replace(model.forces, motor=motors.TorqueSpeedLine(100.0, 59.99)))
+    weaker = model.with_forces(replace(model.forces, motor=ms.motors.TorqueSpeedLine(100.0, 59.99)))
     assert not crosscheck_forward(result, weaker, InitialValues({}, {})).passed

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog, dynamics
-from mechsim.compare.checks import Check, check_of, concluded
-from mechsim.compare.crosscheck import crosscheck, crosscheck_forces
+import mechsim as ms
+from mechsim.compare.checks import check_of, concluded
+from mechsim.compare.crosscheck import crosscheck_forces
 from mechsim.compare.quantities import (
     CRANK_DRIVE,
     DRIVERS,
@@ -18,13 +18,12 @@ from mechsim.compare.quantities import (
     motion_scales,
     stroke_of,
 )
-from mechsim.compare.tolerances import Requested, Tolerance
-from mechsim.mechanism.forces import Forces, Friction
+from mechsim.compare.tolerances import Requested
 
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
-GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
-MODEL = dynamics.dynamic_model(catalog.make("warp_knitter"), GRAVITY)
-RECORD = dynamics.prescribed(MODEL, ANGLES, SPEED).forces
+GRAVITY = ms.Forces(gravity=(0.3, -9.81, 0.5), friction=(ms.Friction("crank", 1e-3, 1e-2),))
+MODEL = ms.dynamics.dynamic_model(ms.catalog.make("warp_knitter"), GRAVITY)
+RECORD = ms.dynamics.prescribed(MODEL, ANGLES, SPEED).forces
 # as for a driver with a motion law
 EXACT = replace(RECORD, drives={"crank": RECORD.torque})
 
@@ -34,7 +33,7 @@ def failed_kinds(verdict):
 
 
 def motion_of(name, speed=SPEED):
-    motion = catalog.make(name).solve(ANGLES, speed)
+    motion = ms.catalog.make(name).solve(ANGLES, speed)
     return replace(motion, time=ANGLES / speed, closure=np.zeros(len(ANGLES)))
 
 
@@ -71,16 +70,16 @@ def wrong_motion(kind):
 
 @pytest.mark.parametrize("kind", [row.name for row in MOTION])
 def test_every_wrong_quantity_of_a_motion_fails_only_its_check(kind):
-    linkage = catalog.make("slider_crank")
-    assert crosscheck(motion_of("slider_crank"), linkage, speed=SPEED).passed
-    assert failed_kinds(crosscheck(wrong_motion(kind), linkage, speed=SPEED)) == {kind}
+    linkage = ms.catalog.make("slider_crank")
+    assert ms.crosscheck(motion_of("slider_crank"), linkage, speed=SPEED).passed
+    assert failed_kinds(ms.crosscheck(wrong_motion(kind), linkage, speed=SPEED)) == {kind}
 
 
 def test_a_lagging_crank_fails_its_drive_check():
     motion = motion_of("slider_crank")
     late = replace(motion, time=motion.time * (1.0 + 1e-6))
-    assert failed_kinds(crosscheck(late, catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
-    assert failed_kinds(crosscheck(motion, catalog.make("slider_crank"), speed=21.0)) == {
+    assert failed_kinds(ms.crosscheck(late, ms.catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
+    assert failed_kinds(ms.crosscheck(motion, ms.catalog.make("slider_crank"), speed=21.0)) == {
         "drive",
         "drive speed",
     }
@@ -125,7 +124,7 @@ def test_every_wrong_quantity_of_forces_fails_only_its_check(kind, route):
 
 
 def test_a_nan_never_passes():
-    tolerance = Tolerance(1.0, "m", "")
+    tolerance = ms.Tolerance(1.0, "m", "")
     check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
     assert check.fraction_of_tolerance is None
     assert check.instant == 0.5
@@ -135,11 +134,11 @@ def test_a_nan_never_passes():
 
 def test_a_check_has_a_title_of_variant_method_quantity_and_subject():
     numbers = {"unit": "m", "worst": 1.0, "instant": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
-    check = Check(kind="position", subject="P3", **numbers)
+    check = ms.Check(kind="position", subject="P3", **numbers)
     assert check.title == "position of P3"
     assert replace(check, method="step").title == "step: position of P3"
     assert replace(check, method="step", variant="guided").title == "guided, step: position of P3"
-    assert Check(kind="axes and gears", **numbers).title == "axes and gears"
+    assert ms.Check(kind="axes and gears", **numbers).title == "axes and gears"
     assert replace(check, kind="loop", subject="").title == "loop residual"
 
 

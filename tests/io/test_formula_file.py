@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import load, validate
-from mechsim.errors import InputError
+import mechsim as ms
 from mechsim.studies.validate import case_of
 from mechsim.testing.assertion import assert_file_agrees
 
@@ -42,7 +41,7 @@ def written(tmp_path):
 
 def test_formulas_of_a_file_solve_its_motion(written):
     angles = np.linspace(0.0, 2.0 * np.pi, 25)
-    motion = load(written(), {"crank": "20 mm", "pivot": "5mm,0"}).solve(angles, 2.0)
+    motion = ms.load(written(), {"crank": "20 mm", "pivot": "5mm,0"}).solve(angles, 2.0)
     assert motion.source == "closed form"
     x, y = 0.02 * np.cos(angles) - 0.08, 0.02 * np.sin(angles)
     turns = np.exp(1j * (motion.joints["lever"].value - np.arctan2(y, x)))
@@ -53,18 +52,18 @@ def test_formulas_of_a_file_solve_its_motion(written):
 
 
 def test_formulas_of_a_file_are_validated(written):
-    assert case_of(load(written()), quick=True).passed
+    assert case_of(ms.load(written()), quick=True).passed
     # the formulas keep the old place of the lever's pivot, as if the ground were shorter
-    assert not case_of(load(written('"pivot_x+ground"', '"pivot_x+1.01*ground"')), quick=True).passed
+    assert not case_of(ms.load(written('"pivot_x+ground"', '"pivot_x+1.01*ground"')), quick=True).passed
 
 
 def test_a_description_alone_runs_no_code_and_is_solved_by_its_loop_equations(written, tmp_path):
     angles = np.linspace(0.1, 1.0, 5)
-    exact = load(written()).solve(angles)
+    exact = ms.load(written()).solve(angles)
     written(code=("class Inverted", "raise SystemExit('was run')\nclass Inverted"))
-    solver = load(str(tmp_path / "inverted.toml"), {"ground": "90 mm"})
+    solver = ms.load(str(tmp_path / "inverted.toml"), {"ground": "90 mm"})
     assert solver.solve(angles).source == "loop equations"
-    own = load(str(tmp_path / "inverted.toml")).solve(angles)
+    own = ms.load(str(tmp_path / "inverted.toml")).solve(angles)
     assert np.abs(own.points["A"].position - exact.points["A"].position).max() <= 1e-15
     assert np.abs(own.joints["lever"].rate - exact.joints["lever"].rate).max() <= 1e-13
 
@@ -72,10 +71,10 @@ def test_a_description_alone_runs_no_code_and_is_solved_by_its_loop_equations(wr
 @pytest.mark.long
 def test_validation_runs_the_formulas_of_a_description(written, tmp_path):
     written()
-    assert "formula" in str({check.method for check in validate(str(tmp_path / "inverted.toml")).checks})
+    assert "formula" in str({check.method for check in ms.validate(str(tmp_path / "inverted.toml")).checks})
     # the formulas keep the old place of the lever's pivot, as if the ground were shorter
     written('"pivot_x+ground"', '"pivot_x+1.01*ground"')
-    assert not validate(str(tmp_path / "inverted.toml"), stepped=False).passed
+    assert not ms.validate(str(tmp_path / "inverted.toml"), stepped=False).passed
     with pytest.raises(AssertionError, match=f"ground is {0.08 / 1.01:.6g} m instead of 0.08 m"):
         assert_file_agrees(str(tmp_path / "inverted.toml"))
 
@@ -83,15 +82,15 @@ def test_validation_runs_the_formulas_of_a_description(written, tmp_path):
 def test_a_choice_of_the_formulas_alone_is_no_parameter_of_the_description(written, tmp_path):
     written("loose = {", 'branch = { value = 1, choices = [1, -1], about = "assembly" }\nloose = {')
     path = str(tmp_path / "inverted.toml")
-    assert "only the formulas inverted.py:Inverted use branch" in load(path).facts[-1]
-    with pytest.raises(InputError, match=r"only the formulas use branch; name inverted\.py:Inverted as"):
-        load(path, {"branch": "-1"})
-    assert load(path, {"loose": "on"}).mechanism.joint("slot").kind == "planar"
+    assert "only the formulas inverted.py:Inverted use branch" in ms.load(path).facts[-1]
+    with pytest.raises(ms.InputError, match=r"only the formulas use branch; name inverted\.py:Inverted as"):
+        ms.load(path, {"branch": "-1"})
+    assert ms.load(path, {"loose": "on"}).mechanism.joint("slot").kind == "planar"
 
 
 def test_a_choice_replaces_a_joint(written):
     path = written()
-    kinds = [load(path, {"loose": text}).described.joint("slot").kind for text in ("off", "on")]
+    kinds = [ms.load(path, {"loose": text}).described.joint("slot").kind for text in ("off", "on")]
     assert kinds == ["prismatic", "planar"]
 
 
@@ -112,13 +111,13 @@ def test_a_choice_replaces_a_joint(written):
     ],
 )  # fmt: skip
 def test_an_invalid_file_is_rejected_in_one_line(written, old, new, message):
-    with pytest.raises(InputError) as error:
-        load(written(old, new)).described.joint("crank")
+    with pytest.raises(ms.InputError) as error:
+        ms.load(written(old, new)).described.joint("crank")
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("code", [("def frames", "def framez"), ("self.crank *", "self.krank *")])
 def test_an_error_in_formulas_is_reported(written, code):
-    with pytest.raises(InputError, match=r"ends in (TypeError|AttributeError): .*; repair the file"):
-        load(written(code=code))
+    with pytest.raises(ms.InputError, match=r"ends in (TypeError|AttributeError): .*; repair the file"):
+        ms.load(written(code=code))

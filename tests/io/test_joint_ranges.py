@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import dynamics, simulate
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.io.driver_positions import poses_of_table
-from mechsim.io.readers import load
 from mechsim.report.facts import facts
 
 ARM = model_text("joint_ranges_arm.xml")
@@ -18,21 +16,21 @@ def arm(tmp_path):
     def made(value, text=ARM):
         path = tmp_path / "arm.xml"
         path.write_text(text)
-        return load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": value})
+        return ms.load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": value})
 
     return made
 
 
 def prescribed(solver):
-    model = dynamics.dynamic_model(solver, solver.forces)
-    return dynamics.prescribed(model, t=np.linspace(0.0, 1.0, 5))
+    model = ms.dynamics.dynamic_model(solver, solver.forces)
+    return ms.dynamics.prescribed(model, t=np.linspace(0.0, 1.0, 5))
 
 
 ROUTES = {
     "solved": lambda solver: solver.solve(t=np.linspace(0.0, 1.0, 5)),
     "row by row": lambda solver: poses_of_table(solver, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
-    "posed": lambda solver: simulate(solver, method="pose"),
-    "stepped": lambda solver: simulate(solver, method="step"),
+    "posed": lambda solver: ms.simulate(solver, method="pose"),
+    "stepped": lambda solver: ms.simulate(solver, method="step"),
     "inverse dynamics": prescribed,
 }
 
@@ -40,7 +38,7 @@ ROUTES = {
 @pytest.mark.long
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_start_outside_a_range_is_rejected_by_every_method(arm, route):
-    with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
+    with pytest.raises(ms.AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
         ROUTES[route](arm("0.1rad"))
     ROUTES[route](arm("0.3rad"))
     disabled = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
@@ -51,11 +49,11 @@ def test_poses_report_floating_bodies(tmp_path):
     path = tmp_path / "load.xml"
     load_text = '<body name="load" pos="1 0 0"><freejoint/><geom size="0.01"/></body></worldbody>'
     path.write_text(ARM.replace("</worldbody>", load_text))
-    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
+    run = ms.simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
     assert "load floats independently of the drivers, so poses do not determine it: it stays" in run.note
     assert "--fix-base" in run.note
     path.write_text(ARM)
-    run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
+    run = ms.simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
     assert run.note == ""
 
 
@@ -67,7 +65,7 @@ def parallelogram(tmp_path, joint, low, high, **options):
     path = tmp_path / "bar.xml"
     limited = f'name="{joint}" axis="0 0 1" limited="true" range="{low} {high}"'
     path.write_text(FOUR_BAR.replace(f'name="{joint}" axis="0 0 1"', limited))
-    return load(str(path), key="up", **options)
+    return ms.load(str(path), key="up", **options)
 
 
 @pytest.mark.parametrize("joint", ["crank", "rocker"])
@@ -98,8 +96,8 @@ def test_a_range_that_contains_a_change_point_keeps_it(tmp_path):
 
 SAMPLED_ROUTES = {
     "solved": lambda solver, samples: solver.solve(t=np.linspace(0.0, 0.9, samples)),
-    "posed": lambda solver, samples: simulate(solver, method="pose", samples=samples - 1),
-    "stepped": lambda solver, samples: simulate(solver, method="step", samples=samples - 1),
+    "posed": lambda solver, samples: ms.simulate(solver, method="pose", samples=samples - 1),
+    "stepped": lambda solver, samples: ms.simulate(solver, method="step", samples=samples - 1),
 }
 
 
@@ -111,7 +109,7 @@ def test_ranges_are_checked_between_samples_by_every_method(tmp_path, route, sam
     # largest at 0.5 s, which is no sample of three
     law, limit = "0.4 + 0.2*(1-cos(2*pi*t))", 0.8
     beyond = parallelogram(tmp_path, joint, 0.1, limit - 1e-6, drive={"crank": law}, duration="0.9s")
-    with pytest.raises(AssemblyError, match=rf"joint '{joint}' would be at 0\.8 rad, .* at 0\.5 s"):
+    with pytest.raises(ms.AssemblyError, match=rf"joint '{joint}' would be at 0\.8 rad, .* at 0\.5 s"):
         SAMPLED_ROUTES[route](beyond, samples)
     within = parallelogram(tmp_path, joint, 0.1, limit + 1e-9, drive={"crank": law}, duration="0.9s")
     SAMPLED_ROUTES[route](within, samples)
@@ -120,5 +118,5 @@ def test_ranges_are_checked_between_samples_by_every_method(tmp_path, route, sam
 def test_rows_of_driver_coordinates_are_independent_poses(tmp_path):
     solver = parallelogram(tmp_path, "rocker", 0.1, 0.85)
     assert len(poses_of_table(solver, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
-    with pytest.raises(AssemblyError, match=r"joint 'rocker' would be at 0\.9 rad"):
+    with pytest.raises(ms.AssemblyError, match=r"joint 'rocker' would be at 0\.9 rad"):
         poses_of_table(solver, {"crank": np.array([0.2, 0.9])}, "rows.csv")

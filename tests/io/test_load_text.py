@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import dynamics, files
-from mechsim.errors import InputError
-from mechsim.io.readers import load
+import mechsim as ms
+from mechsim import files
 from mechsim.io.toml_writer import to_toml
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
@@ -28,7 +27,7 @@ def made(tmp_path):
     def load_forces(forces):
         path = tmp_path / "slider.toml"
         path.write_text(SLIDER + forces)
-        return load(str(path))
+        return ms.load(str(path))
 
     return load_forces
 
@@ -50,7 +49,7 @@ def test_varying_loads_are_in_si(made):
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_both_methods_agree_under_varying_loads(made, method):
     solver = made(VARYING)
-    model = dynamics.dynamic_model(solver, solver.forces)
+    model = ms.dynamics.dynamic_model(solver, solver.forces)
     run = driven(model.mechanism, model.forces, speed=20.0, turns=2.0, method=method, samples=36)
     assert crosscheck_driven(run, model).passed
     # a thousandth of a turn late, by time and by angle
@@ -65,19 +64,19 @@ def test_varying_loads_are_written_and_read_back(made, tmp_path):
     path.mkdir()
     path = path / "again.toml"
     path.write_text(to_toml(solver))
-    again = load(str(path))
+    again = ms.load(str(path))
     times = np.linspace(0.0, 2.0, 11)
     for result, expected in zip(again.forces.load_profiles, solver.forces.load_profiles, strict=True):
         # lengths and angles were in other units, and are computed again
         np.testing.assert_allclose(result.evaluate(times, times), expected.evaluate(times, times), rtol=1e-14)
     assert to_toml(again) == to_toml(solver)
     push = replace(solver.forces.loads[0], force=replace(solver.forces.loads[0].force, value=np.sin))
-    with pytest.raises(InputError, match="load on B is a function of time without text"):
+    with pytest.raises(ms.InputError, match="load on B is a function of time without text"):
         to_toml(replace(solver, forces=replace(solver.forces, loads=(push,))))
 
 
 def test_a_table_over_another_variable_is_rejected_with_line_and_key(made):
-    with pytest.raises(InputError, match=r"slider\.toml, line 29: .*give two, t in s or angle in rad"):
+    with pytest.raises(ms.InputError, match=r"slider\.toml, line 29: .*give two, t in s or angle in rad"):
         made('[forces]\ncouples.rod = ["press.csv", 0, "press.csv"]\n')
 
 
@@ -86,14 +85,14 @@ def test_a_load_over_the_angle_needs_a_crank_as_the_only_driver(made, tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(late)
     with pytest.raises(
-        InputError, match="'angle', which is also a parameter; give the parameter another name"
+        ms.InputError, match="'angle', which is also a parameter; give the parameter another name"
     ):
-        load(str(path))
+        ms.load(str(path))
     rotated = '[forces]\ncouples.rod = [0, 0, "angle"]\n'
     path.write_text(SLIDER.replace("[parameters]", 'drivers = ["slide"]\n[parameters]') + rotated)
-    with pytest.raises(InputError, match="with the drivers slide there is no crank angle; give it over t"):
-        load(str(path))
+    with pytest.raises(ms.InputError, match="with the drivers slide there is no crank angle; give it over t"):
+        ms.load(str(path))
     made(rotated)
-    solver = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
-    with pytest.raises(InputError, match="depends on the crank's angle, but motion laws drive it"):
-        dynamics.dynamic_model(solver, solver.forces)
+    solver = ms.load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
+    with pytest.raises(ms.InputError, match="depends on the crank's angle, but motion laws drive it"):
+        ms.dynamics.dynamic_model(solver, solver.forces)

@@ -9,9 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import mechsim as ms
-from mechsim import simulate
 from mechsim.errors import MobilityError
-from mechsim.io.readers import load
 from mechsim.kinematics.loops.mobility import driver_determinacy
 
 # an arm of two hinges on a floating base, a head on a ball, and a four-bar of which only one hinge is driven
@@ -27,33 +25,33 @@ def robot(file):
 def test_undriven_joints_outside_the_driven_loop_are_locked(robot):
     laws = {"motor": "0.2*t"}
     with pytest.raises(MobilityError, match="underdetermined"):
-        load(robot, drive=laws).solve(t=np.linspace(0.0, 1.0, 3))
-    solver = load(robot, drive=laws, lock_others=True)
+        ms.load(robot, drive=laws).solve(t=np.linspace(0.0, 1.0, 3))
+    solver = ms.load(robot, drive=laws, lock_others=True)
     assert set(solver.mechanism.locked) == {"shoulder", "elbow"}
     assert driver_determinacy(solver.mechanism).outcome == "determined"
-    by_hand = load(robot, drive=laws, lock=("float", "shoulder", "elbow", "neck"))
+    by_hand = ms.load(robot, drive=laws, lock=("float", "shoulder", "elbow", "neck"))
     times = np.linspace(0.0, 1.0, 3)
     item, other = solver.solve(t=times), by_hand.solve(t=times)
     path, same = item.points["B1"].position, other.points["B1"].position
     np.testing.assert_allclose(path, same, atol=1e-12)
     assert np.linalg.norm(path[-1] - path[0]) > 1e-3
-    assert simulate(solver, method="pose", samples=5).outcome == "passed"
+    assert ms.simulate(solver, method="pose", samples=5).outcome == "passed"
 
 
 def test_explicit_locks_keep_their_values(robot):
-    solver = load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
+    solver = ms.load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
     assert solver.mechanism.locked["elbow"] == 0.5
 
 
 @pytest.mark.long
 def test_in_a_loop_only_the_necessary_joints_are_locked(robot):
-    solver = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
+    solver = ms.load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
     assert "elbow" in solver.mechanism.locked
     assert len({"motor", "A", "C"} & set(solver.mechanism.locked)) == 1
 
 
 def test_nothing_is_locked_if_the_drivers_determine_the_motion():
-    assert not load("five_bar", lock_others=True).mechanism.locked
+    assert not ms.load("five_bar", lock_others=True).mechanism.locked
 
 
 def test_undriven_joints_of_a_toml_file_are_locked(file):
@@ -63,7 +61,7 @@ def test_undriven_joints_of_a_toml_file_are_locked(file):
         for i, (a, b) in enumerate(pairwise(links))
     )
     path = file(model_text("lock_others_chain.toml", joints=joints + "\n[links.L3]"))
-    assert set(load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
+    assert set(ms.load(path, lock_others=True).mechanism.locked) == {"J1", "J2", "J3"}
 
 
 TWO_RODS = model_text("lock_others_two_rods.xml")
@@ -123,7 +121,7 @@ def test_of_a_rod_between_balls_only_the_spin_is_locked(tmp_path, name):
     angles = 0.6 * np.sin(2.0 * np.pi * motion.time)
     exact = [brentq(stretch, -0.8, 0.8, args=(angle,), xtol=1e-15) for angle in angles]
     np.testing.assert_allclose(motion.joints["C"].value, exact, atol=1e-13)
-    assert simulate(solver, method="pose", samples=5).outcome == "passed"
+    assert ms.simulate(solver, method="pose", samples=5).outcome == "passed"
 
 
 @pytest.mark.long

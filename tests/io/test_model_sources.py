@@ -10,10 +10,8 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.io import model_source
 from mechsim.io.model_source import ModelDescription, ModelSource, Reader
-from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
 
 FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"
@@ -47,7 +45,7 @@ def toy(monkeypatch, tmp_path):
 
 
 def test_a_new_file_format_needs_one_reader(toy):
-    model = load(toy, track=["C"])
+    model = ms.load(toy, track=["C"])
     exact = ms.catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.09, rocker=0.07).solve(ANGLES)
     difference = model.solve(ANGLES).points["C"].position - exact.points["C"].position
     assert np.abs(difference).max() <= 1e-14  # rounding of 0.1 m
@@ -55,12 +53,12 @@ def test_a_new_file_format_needs_one_reader(toy):
 
 
 def test_mujoco_specs_and_models_have_the_motion_of_their_file():
-    exact = load(str(FOUR_BAR)).solve(ANGLES)
+    exact = ms.load(str(FOUR_BAR)).solve(ANGLES)
     spec = mujoco.MjSpec.from_file(str(FOUR_BAR))
     before = spec.to_xml()
-    assert_same(load(spec).solve(ANGLES), exact)
+    assert_same(ms.load(spec).solve(ANGLES), exact)
     assert spec.to_xml() == before
-    assert_same(load(mujoco.MjModel.from_xml_path(str(FOUR_BAR))).solve(ANGLES), exact)
+    assert_same(ms.load(mujoco.MjModel.from_xml_path(str(FOUR_BAR))).solve(ANGLES), exact)
 
 
 def assert_same(motion, exact):
@@ -72,21 +70,21 @@ def assert_same(motion, exact):
 def test_changes_of_a_mujoco_model_are_read():
     model = mujoco.MjModel.from_xml_path(str(FOUR_BAR))
     model.body("coupler").pos[0] = 0.0321234567890123
-    joint = load(model).mechanism.joint("A")
+    joint = ms.load(model).mechanism.joint("A")
     assert joint.a.point[0] == 0.0321234567890123
 
 
 def test_a_mujoco_model_that_was_not_loaded_last_is_rejected():
     model = mujoco.MjModel.from_xml_path(str(FOUR_BAR))
     mujoco.MjModel.from_xml_path(str(FOUR_BAR.with_name("rssr.xml")))
-    with pytest.raises(InputError, match=r"^MjModel 'four_bar' is not the model that MuJoCo loaded last"):
-        load(model)
+    with pytest.raises(ms.InputError, match=r"^MjModel 'four_bar' is not the model that MuJoCo loaded last"):
+        ms.load(model)
 
 
 def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(URDF.format(mimic=MIMIC))
-    model = load(str(file), drive={"crank": "1rad/s"}, duration=1.0)
+    model = ms.load(str(file), drive={"crank": "1rad/s"}, duration=1.0)
     elbow = model.solve(t=[0.0, 0.5, 1.0]).joints["elbow"].value
     assert np.abs(elbow - (0.1 - 2.0 * np.array([0.0, 0.5, 1.0]))).max() <= 1e-14  # rounding of 2 rad
 
@@ -94,5 +92,5 @@ def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
 def test_urdf_that_mujoco_cannot_load_is_rejected(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(URDF.format(mimic="").replace('<child link="lower"/>', '<child link="nothing"/>'))
-    with pytest.raises(InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; correct the file$"):
-        load(str(file))
+    with pytest.raises(ms.InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; correct the file$"):
+        ms.load(str(file))

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mechsim import catalog
-from mechsim.errors import InputError
-from mechsim.io.readers import load
+import mechsim as ms
 
 FILE = """
 import mechsim as ms
@@ -30,10 +28,10 @@ def path(tmp_path):
 
 
 def test_mechanisms_and_functions_of_a_python_file_are_models(path):
-    exact = catalog.make("four_bar").positions([1.0])["B"]
+    exact = ms.catalog.make("four_bar").positions([1.0])["B"]
     for name in ("plain", "made"):
-        assert load(f"{path}:{name}").positions([1.0])["B"] == pytest.approx(exact, abs=1e-15)
-    assert load(f"{path}:drive") == catalog.make("rssr", crank=0.014)
+        assert ms.load(f"{path}:{name}").positions([1.0])["B"] == pytest.approx(exact, abs=1e-15)
+    assert ms.load(f"{path}:drive") == ms.catalog.make("rssr", crank=0.014)
 
 
 @pytest.mark.parametrize(
@@ -48,13 +46,13 @@ def test_mechanisms_and_functions_of_a_python_file_are_models(path):
     ],
 )
 def test_other_objects_are_rejected_in_one_line(path, name, words):
-    with pytest.raises(InputError, match=re.escape(words)) as error:
-        load(f"{path}:{name}")
+    with pytest.raises(ms.InputError, match=re.escape(words)) as error:
+        ms.load(f"{path}:{name}")
     assert "\n" not in str(error.value)
 
 
 def test_a_path_object_is_a_model():
     path = Path(__file__).parents[2] / "models" / "gallery" / "scotch_yoke.toml"
-    assert load(path).mechanism == load(str(path)).mechanism
-    with pytest.raises(InputError, match="a model is of type int; give a name or a file"):
-        load(7)
+    assert ms.load(path).mechanism == ms.load(str(path)).mechanism
+    with pytest.raises(ms.InputError, match="a model is of type int; give a name or a file"):
+        ms.load(7)

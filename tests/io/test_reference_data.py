@@ -16,7 +16,6 @@ from grids import grid
 from mpmath import mp, mpf
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.io import gallery, reference_data
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -157,7 +156,7 @@ def test_a_changed_table_is_rejected(tmp_path):
     shutil.copytree(WHERE, tmp_path / "reference")
     path = tmp_path / "reference" / "data" / "four_bar.csv"
     path.write_text(path.read_text().replace("1", "2", 1))
-    with pytest.raises(InputError, match="is wrong; download"):
+    with pytest.raises(ms.InputError, match="is wrong; download"):
         reference_data.read(tmp_path / "reference", "four_bar")
-    with pytest.raises(InputError, match="no reference data of 'sundial'"):
+    with pytest.raises(ms.InputError, match="no reference data of 'sundial'"):
         reference_data.read(WHERE, "sundial")

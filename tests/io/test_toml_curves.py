@@ -8,7 +8,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import fsolve
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.kinematics.loops.start import start_poses
 from mechsim.kinetics import dynamic_model, prescribed
 from mechsim.simulation.dynamics.forward_run import stepped_run
@@ -56,7 +55,7 @@ def test_a_roller_is_smaller_than_the_least_radius_of_curvature(tmp_path, radius
     if accepted:
         ms.load(str(tmp_path / "rail.toml"))
     else:
-        with pytest.raises(InputError, match=r"radius of curvature 0\.0125 m at s = 1\.5708 .*cuts under"):
+        with pytest.raises(ms.InputError, match=r"radius of curvature 0\.0125 m at s = 1\.5708 .*cuts under"):
             ms.load(str(tmp_path / "rail.toml"))
 
 

@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import catalog
-from mechsim.errors import InputError
-from mechsim.io.readers import load
+import mechsim as ms
 
 FOUR_BAR = model_text("toml_reader_four_bar.toml")
 
 
 def test_a_four_bar_file_agrees_with_the_closed_form(file):
-    read = load(file(FOUR_BAR))
-    exact = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
+    read = ms.load(file(FOUR_BAR))
+    exact = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
     angles = np.linspace(-3.0, 7.0, 41)
     result, expected = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
     for name in ("A", "B"):
@@ -33,7 +31,7 @@ def test_a_four_bar_file_agrees_with_the_closed_form(file):
     ("text", "crank"), [("35mm", 0.035), ("0.035m", 0.035), ("35*1", 0.035), ("ground/4", 0.025)]
 )
 def test_a_changed_parameter_replaces_that_of_the_file(file, text, crank):
-    read = load(file(FOUR_BAR), {"crank": text})
+    read = ms.load(file(FOUR_BAR), {"crank": text})
     np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
 
 
@@ -48,8 +46,8 @@ def test_a_changed_parameter_replaces_that_of_the_file(file, text, crank):
 )
 def test_contents_too_long_to_list_are_rejected_in_one_line(file, old, new, words):
     path = file(FOUR_BAR.replace(old, new, 1))
-    with pytest.raises(InputError) as error:
-        load(path)
+    with pytest.raises(ms.InputError) as error:
+        ms.load(path)
     output = str(error.value)
     assert "\n" not in output
     assert [word for word in ("model.toml", *words) if word not in output] == []
@@ -58,17 +56,17 @@ def test_contents_too_long_to_list_are_rejected_in_one_line(file, old, new, word
 def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, monkeypatch):
     (tmp_path / "rssr").write_text(FOUR_BAR)
     monkeypatch.chdir(tmp_path)
-    assert load("rssr") == catalog.make("rssr")
+    assert ms.load("rssr") == ms.catalog.make("rssr")
 
 
 def test_joints_of_an_open_chain_are_the_default_drivers(file):
     arm = model_text("toml_reader_arm.toml")
-    assert load(file(arm)).mechanism.drivers == ("shoulder", "elbow")
+    assert ms.load(file(arm)).mechanism.drivers == ("shoulder", "elbow")
     pendulum = arm[: arm.index("[joints.elbow]")].replace("[links.lower]", "")
-    assert load(file(pendulum)).mechanism.driver == "shoulder"
+    assert ms.load(file(pendulum)).mechanism.driver == "shoulder"
     # coordinates of a loop, or coupled ones, are not independent
     loop = FOUR_BAR.replace('drivers = ["crank"]\n', "").replace("start = 10\n", "")
     coupled = arm + '[couplings.gear]\ndriver = "shoulder"\ndriven = "elbow"\nratio = 2\n'
     for text in (loop.replace("[joints.crank]", "[joints.handle]"), coupled):
-        with pytest.raises(InputError, match="no joint is driven"):
-            load(file(text))
+        with pytest.raises(ms.InputError, match="no joint is driven"):
+            ms.load(file(text))

@@ -7,7 +7,6 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.model import dynamic_model
@@ -97,7 +96,7 @@ def test_a_motion_beyond_its_table_ends(tmp_path):
     assert "l leaves its range from 0.35 to 0.6 in table" in run.reason
     assert abs(run.time[-1] - end) < 1e-9
     assert np.isfinite(run.potential).all()
-    with pytest.raises(InputError, match=r"l leaves its range from 0\.35 to 0\.6"):
+    with pytest.raises(ms.InputError, match=r"l leaves its range from 0\.35 to 0\.6"):
         ms.dynamics.prescribed(
             dynamic_model(
                 loaded(

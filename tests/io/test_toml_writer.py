@@ -10,27 +10,25 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import catalog
+import mechsim as ms
 from mechsim.io import gallery
-from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.mechanism.masses import with_inertia
-from mechsim.mechanism.mechanism import Mechanism
 
 VARIANTS = {
     f"{name}, {variant or 'itself'}": item
-    for name in catalog.MECHANISMS
-    for variant, item in {"": catalog.make(name), **catalog.make(name).variants()}.items()
+    for name in ms.catalog.MECHANISMS
+    for variant, item in {"": ms.catalog.make(name), **ms.catalog.make(name).variants()}.items()
 }
 
 
-def read_back(mechanism: Mechanism, folder: Path) -> Mechanism:
+def read_back(mechanism: ms.Mechanism, folder: Path) -> ms.Mechanism:
     path = folder / "written.toml"
     path.write_text(to_toml(mechanism), "utf-8")
-    return load(str(path)).mechanism
+    return ms.load(str(path)).mechanism
 
 
-def identical(item: Mechanism, other: Mechanism) -> bool:
+def identical(item: ms.Mechanism, other: ms.Mechanism) -> bool:
     """Whether two mechanisms are equal to the last bit."""
     poses = item.guess.keys() == other.guess.keys() and all(
         np.array_equal(item.guess[name].position, other.guess[name].position)
@@ -52,13 +50,13 @@ def test_catalogue_mechanisms_are_read_back_exactly(name, tmp_path):
 
 
 def test_the_comparison_detects_one_bit(tmp_path):
-    mechanism = catalog.make("rssr").mechanism
+    mechanism = ms.catalog.make("rssr").mechanism
     moved = replace(mechanism, start=float(np.nextafter(mechanism.start, 1.0)))
     assert not identical(read_back(moved, tmp_path), mechanism)
 
 
 def test_mechanisms_are_compared_with_their_guess(tmp_path):
-    mechanism = catalog.make("rssr").mechanism
+    mechanism = ms.catalog.make("rssr").mechanism
     assert read_back(mechanism, tmp_path) == mechanism
     link, pose = next(iter(mechanism.guess.items()))
     moved = replace(pose, position=np.nextafter(pose.position, 1.0))
@@ -66,7 +64,7 @@ def test_mechanisms_are_compared_with_their_guess(tmp_path):
 
 
 def test_names_with_quotes_are_read_back(tmp_path):
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"], "🙂": mechanism.points["C"]}
     assert identical(
         read_back(replace(mechanism, points=points), tmp_path), replace(mechanism, points=points)
@@ -93,7 +91,7 @@ PRESS = model_text("toml_writer_press.toml")
 def press(tmp_path):
     path = tmp_path / "press.toml"
     path.write_text(PRESS)
-    return load(str(path))
+    return ms.load(str(path))
 
 
 def test_couplings_are_read_in_si(press):
@@ -132,7 +130,7 @@ def test_motion_laws_of_a_file_use_its_units_and_parameters(press):
 def test_all_contents_are_read_back_exactly(press, tmp_path):
     path = tmp_path / "again.toml"
     path.write_text(to_toml(press))
-    again = load(str(path))
+    again = ms.load(str(path))
     assert identical(again.mechanism, press.mechanism)
     assert again.motion_laws.duration == press.motion_laws.duration
     time = np.linspace(0.0, 0.5, 11)

@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import loops, simulate
-from mechsim.errors import AssemblyError
+from mechsim import loops
 from mechsim.kinematics.loops.constraints import tree_loops
 from mechsim.kinematics.loops.kinematics import link_poses
 from mechsim.kinematics.loops.start import all_closed, assembled, disturbed, start_poses
-from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.link_poses import guessed_poses
-from mechsim.mechanism.links import Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
 
 
-def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:
+def spherical(seed: int, *, reach: float = 1.0) -> ms.Mechanism:
     """Return a spherical four-bar near an assembled pose; `reach` scales the arc of the coupler."""
     rng = np.random.default_rng(seed)
     axes = [item / np.linalg.norm(item) for item in rng.normal(size=(4, 3))]
@@ -27,21 +23,21 @@ def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:
     frames = [frame * np.linalg.det(frame) for frame in frames]
     names = ("crank", "coupler", "rocker")
 
-    def end(link: int, axis: np.ndarray) -> End:
+    def end(link: int, axis: np.ndarray) -> ms.End:
         own = axis if link < 0 else frames[link].T @ axis
-        return End("ground" if link < 0 else names[link], axis=tuple(own.tolist()))
+        return ms.End("ground" if link < 0 else names[link], axis=tuple(own.tolist()))
 
     far_axis = axes[2] if reach == 1.0 else axes[1] + reach * (axes[2] - axes[1])
     joints = (
-        Joint("crank", "revolute", end(-1, axes[0]), end(0, axes[0])),
-        Joint("A", "revolute", end(0, axes[1]), end(1, axes[1])),
-        Joint("B", "revolute", end(1, far_axis), end(2, axes[2])),
-        Joint("rocker", "revolute", end(-1, axes[3]), end(2, axes[3])),
+        ms.Joint("crank", "revolute", end(-1, axes[0]), end(0, axes[0])),
+        ms.Joint("A", "revolute", end(0, axes[1]), end(1, axes[1])),
+        ms.Joint("B", "revolute", end(1, far_axis), end(2, axes[2])),
+        ms.Joint("rocker", "revolute", end(-1, axes[3]), end(2, axes[3])),
     )
     rotated = joints[0].a.frame.T @ frames[0] @ joints[0].b.frame
     start = float(np.arctan2(rotated[1, 0], rotated[0, 0]))
-    links = tuple(Link(name) for name in names)
-    return Mechanism("sphere", links, joints, "crank", {"P": ("rocker", (0.0, 0.1, 0.0))}, start=start)
+    links = tuple(ms.Link(name) for name in names)
+    return ms.Mechanism("sphere", links, joints, "crank", {"P": ("rocker", (0.0, 0.1, 0.0))}, start=start)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -53,13 +49,13 @@ def test_a_spherical_four_bar_closes_without_a_guess(seed):
 @pytest.mark.long
 def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     # a slide that starts out of reach of the rod, and a rod too short for every slide position
-    def press(rod: float, start: float) -> Mechanism:
+    def press(rod: float, start: float) -> ms.Mechanism:
         def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):
-            return Joint(name, kind, *(End(link, q, axis) for link, q in ends))
+            return ms.Joint(name, kind, *(ms.End(link, q, axis) for link, q in ends))
 
-        return Mechanism(
+        return ms.Mechanism(
             "press",
-            (Link("ram"), Link("rod"), Link("lever")),
+            (ms.Link("ram"), ms.Link("rod"), ms.Link("lever")),
             (
                 joint(
                     "drive", "prismatic", ("ground", (0.0,) * 3), ("ram", (0.0,) * 3), axis=(1.0, 0.0, 0.0)
@@ -70,18 +66,18 @@ def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
             ),
             "drive",
             {"knee": ("lever", (0.07, 0.0, 0.0))},
-            guess={"ram": Pose(np.array([start, 0.0, 0.0]), np.eye(3))},
+            guess={"ram": ms.Pose(np.array([start, 0.0, 0.0]), np.eye(3))},
             start=start,
         )
 
     with pytest.raises(
-        AssemblyError, match=r"drive = 0.9 m: .* from the guess they close at drive = "
+        ms.AssemblyError, match=r"drive = 0.9 m: .* from the guess they close at drive = "
     ) as output:
         assembled(press(0.35, 0.9))
     value = float(re.search(r"close at drive = ([-\d.e]+) m: start there", str(output.value))[1])
     loops, q = assembled(press(0.35, value))
     assert np.abs(loops.linearise(q)[0]).max() < 1e-12
-    with pytest.raises(AssemblyError, match=r"and 48 damped starts leave \w+ open; change"):
+    with pytest.raises(ms.AssemblyError, match=r"and 48 damped starts leave \w+ open; change"):
         assembled(press(0.2, 0.9))
 
 
@@ -91,28 +87,31 @@ def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
 )
 def test_the_guess_selects_the_revolution_of_the_screw(lead, initial_position, start_position):
     ex = (1.0, 0.0, 0.0)
-    jack = Mechanism(
+    jack = ms.Mechanism(
         "jack",
-        (Link("spindle"), Link("nut")),
+        (ms.Link("spindle"), ms.Link("nut")),
         (
-            Joint("crank", "revolute", End("ground", axis=ex), End("spindle", axis=ex)),
-            Joint("thread", "screw", End("spindle", axis=ex), End("nut", axis=ex), lead=lead),
-            Joint(
-                "guide", "prismatic", End("ground", (0.0, 0.03, 0.0), ex), End("nut", (0.0, 0.03, 0.0), ex)
+            ms.Joint("crank", "revolute", ms.End("ground", axis=ex), ms.End("spindle", axis=ex)),
+            ms.Joint("thread", "screw", ms.End("spindle", axis=ex), ms.End("nut", axis=ex), lead=lead),
+            ms.Joint(
+                "guide",
+                "prismatic",
+                ms.End("ground", (0.0, 0.03, 0.0), ex),
+                ms.End("nut", (0.0, 0.03, 0.0), ex),
             ),
         ),
         "crank",
         {"P": ("nut", (0.0, 0.0, 0.0))},
         guess={
-            "spindle": Pose(np.zeros(3), np.eye(3)),
-            "nut": Pose(np.array([initial_position, 0.0, 0.0]), np.eye(3)),
+            "spindle": ms.Pose(np.zeros(3), np.eye(3)),
+            "nut": ms.Pose(np.array([initial_position, 0.0, 0.0]), np.eye(3)),
         },
     )
     angle = np.linspace(0.0, 20.0, 9)
     exact = start_position - lead * angle / (2.0 * np.pi)
     position = loops.solve(jack, angle).points["P"].position[:, 0]
     np.testing.assert_allclose(position, exact, atol=1e-15)
-    run = simulate(jack, speed=2.0, turns=2.0).motion
+    run = ms.simulate(jack, speed=2.0, turns=2.0).motion
     np.testing.assert_allclose(
         run.points["P"].position[:, 0], start_position - lead * run.angle / (2.0 * np.pi), atol=1e-14
     )
@@ -136,7 +135,7 @@ LEGS = 6
 def test_chains_that_end_in_welds_close_from_far_away():
     # legs of six hinges hold a plate by welds, whose equations antiparallel axes satisfy, too
     axes = np.eye(3)[[2, 1, 0, 1, 2, 0]]
-    links, joints = [Link("plate")], []
+    links, joints = [ms.Link("plate")], []
     for leg in range(LEGS):
         names = ["ground", *(f"l{leg}{i}" for i in range(6))]
         foot = (np.cos(leg), np.sin(leg), 0.0)
@@ -144,23 +143,23 @@ def test_chains_that_end_in_welds_close_from_far_away():
             point = foot if i == 0 else (0.0, 0.2, 0.6)
             reference = tuple(np.roll(axes[i], 1))
             joints.append(
-                Joint(
+                ms.Joint(
                     f"j{leg}{i}",
                     "revolute",
-                    End(a, point, tuple(axes[i]), reference),
-                    End(b, (0.0,) * 3, tuple(axes[i]), reference),
+                    ms.End(a, point, tuple(axes[i]), reference),
+                    ms.End(b, (0.0,) * 3, tuple(axes[i]), reference),
                 )
             )
-        links += [Link(name) for name in names[1:]]
+        links += [ms.Link(name) for name in names[1:]]
         joints.append(
-            Joint(
+            ms.Joint(
                 f"weld{leg}",
                 "fixed",
-                End(names[-1], (0.3, 0.0, 0.0)),
-                End("plate", foot, axis=(0.0, 0.0, (-1.0) ** leg)),
+                ms.End(names[-1], (0.3, 0.0, 0.0)),
+                ms.End("plate", foot, axis=(0.0, 0.0, (-1.0) ** leg)),
             )
         )
-    mechanism = Mechanism("legs", tuple(links), tuple(joints), (), {"P": ("plate", (0.0,) * 3)})
+    mechanism = ms.Mechanism("legs", tuple(links), tuple(joints), (), {"P": ("plate", (0.0,) * 3)})
     loops, initial = tree_loops(mechanism, guessed_poses(mechanism), {})
     closed = all_closed(loops, disturbed(loops, initial))
     # with the equations alone 34 of 48 starts end in an assembly, of some robots none

@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from strategies import CLOSED, EPS, angles_of, four_bars, longest
 
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError
+import mechsim as ms
 
 
 @given(four_bars())
@@ -40,15 +39,15 @@ def test_coupler_and_rocker_are_collinear_at_dead_centres(linkage):
 
 
 def test_a_grashof_crank_turns_fully():
-    assert catalog.make("four_bar").crank_range().full
-    assert catalog.make("four_bar").dead_centres() == ()
+    assert ms.catalog.make("four_bar").crank_range().full
+    assert ms.catalog.make("four_bar").dead_centres() == ()
 
 
 def test_a_loop_that_cannot_close_reports_the_crank_range():
-    linkage = catalog.make("four_bar").with_parameters(crank=0.08)
+    linkage = ms.catalog.make("four_bar").with_parameters(crank=0.08)
     (low, high), *_ = linkage.crank_range().arcs
     with pytest.raises(
-        AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"
+        ms.AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"
     ):
         linkage.positions([high + 0.1])
     assert np.isfinite(linkage.positions([low + 1e-9, high - 1e-9])["B"]).all()
@@ -61,14 +60,14 @@ def test_a_loop_that_cannot_close_reports_the_crank_range():
     ids=["parallelogram", "kite", "rhombus", "galloway"],
 )
 def test_linkages_with_change_points_start_away_from_them(lengths, branch):
-    linkage = catalog.make(
+    linkage = ms.catalog.make(
         "four_bar", **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
     )
     mechanism = linkage.mechanism
-    poses = loops.assemble(mechanism, [mechanism.start])
+    poses = ms.loops.assemble(mechanism, [mechanism.start])
     tip = poses["rocker"].point((linkage.rocker, 0.0, 0.0))
     assert np.abs(tip - linkage.positions([mechanism.start])["B"]).max() <= CLOSED * longest(linkage)
-    locked = loops.equations(mechanism, poses, mechanism.start).jacobian
+    locked = ms.loops.equations(mechanism, poses, mechanism.start).jacobian
     # 3 of the 25 equations of a planar loop are redundant
     values = np.linalg.svd(locked[0] * np.tile([0.1] * 3 + [1.0] * 3, 3), compute_uv=False)
     assert values[17] > 1e-3 * values[0]

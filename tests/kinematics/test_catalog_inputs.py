@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.kinematics.formulas.closed_form import CHUNK
 
 
 @pytest.mark.parametrize("pivot", [[0.043, -0.01, -0.024], np.array([0.043, -0.01, -0.024])])
 def test_lists_and_arrays_are_valid_vectors(pivot):
-    linkage = catalog.make("rssr", pivot=pivot)
-    assert linkage == catalog.make("rssr")
+    linkage = ms.catalog.make("rssr", pivot=pivot)
+    assert linkage == ms.catalog.make("rssr")
 
 
 @pytest.mark.long
@@ -21,10 +20,10 @@ def test_every_coupler_length_gives_finite_numbers_or_an_error(name):
     angles = np.linspace(-np.pi, np.pi, 41)
     outcomes = set()
     for length in np.geomspace(1e-9, 10.0, 40):
-        linkage = catalog.make(name, **{link: float(length)})
+        linkage = ms.catalog.make(name, **{link: float(length)})
         try:
             motion = linkage.solve(angles)
-        except AssemblyError as error:
+        except ms.AssemblyError as error:
             outcomes.add("rejected")
             assert "crank angle" in str(error)
             assert "nan" not in str(error)
@@ -38,7 +37,7 @@ def test_every_coupler_length_gives_finite_numbers_or_an_error(name):
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
 def test_many_angles_give_the_same_motion_as_single_angles(name):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     count = 2 * CHUNK + 1000
     angles = np.linspace(0.0, 40.0, count)
     whole = linkage.solve(angles, speed=np.linspace(1.0, 2.0, count))

@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.kinematics.vector_method import trig_polynomial
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import EX, EZ, GROUND, Pose
+from mechsim.mechanism.links import EX, EZ, GROUND
 
 TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
 # four roots of the quartic are real at this crank angle of the default linkage
@@ -23,7 +21,7 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
     cone = np.linspace(-np.pi, np.pi, 20001)
     several = 0
     for _ in range(12):
-        linkage = catalog.make(
+        linkage = ms.catalog.make(
             "looper",
             crank=rng.uniform(4e-3, 14e-3),
             coupler=rng.uniform(15e-3, 35e-3),
@@ -64,16 +62,16 @@ def test_assembly_modes_match_a_scan_of_the_coupler_circle():
 
 
 def test_the_other_assembly_mode_has_a_crank_range_above_one_revolution():
-    assert catalog.make("looper").crank_range().full
-    other = catalog.make("looper", side=-1)
+    assert ms.catalog.make("looper").crank_range().full
+    other = ms.catalog.make("looper", side=-1)
     ((low, high),) = other.crank_range().arcs
     assert high - low > 2.0 * np.pi
     assert np.rad2deg(other.transmission_angle([low + 1e-6, high - 1e-6])).max() < 0.5
     # the further root exists only where both ends overlap
-    ((start, end),) = catalog.make("looper", side=-2).crank_range().arcs
+    ((start, end),) = ms.catalog.make("looper", side=-2).crank_range().arcs
     assert (start, end) == pytest.approx((low, high - 2.0 * np.pi))
-    with pytest.raises(AssemblyError, match="its range is"):
-        catalog.make("looper", side=-2).positions([end + 0.01])
+    with pytest.raises(ms.AssemblyError, match="its range is"):
+        ms.catalog.make("looper", side=-2).positions([end + 0.01])
     # one crank angle has two poses, which the count of revolutions distinguishes
     first, second = other.positions([FOURFOLD])["C"], other.positions([FOURFOLD - 2.0 * np.pi])["C"]
     assert np.linalg.norm(first - second) > 1e-3
@@ -86,25 +84,25 @@ def test_the_other_assembly_mode_has_a_crank_range_above_one_revolution():
 
 
 def test_the_default_assembly_mode_matches_the_paper():
-    c = catalog.make("looper").closed_form.planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
+    c = ms.catalog.make("looper").closed_form.planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
     assert np.round(1e3 * c.min(0), 2).tolist() == [9.50, 23.68, 0.0]
     assert np.round(1e3 * c.max(0), 2).tolist() == [12.98, 37.29, 0.0]
-    other = catalog.make("looper", branch=-1).closed_form.planar_point(np.linspace(0.0, 2.0 * np.pi, 101))
+    other = ms.catalog.make("looper", branch=-1).closed_form.planar_point(np.linspace(0.0, 2.0 * np.pi, 101))
     assert other[:, 1].max() < 0.0
 
 
 def test_the_misprinted_cylinder_axis_is_rejected():
-    linkage, angles = catalog.make("looper"), np.linspace(0.0, 2.0 * np.pi, 5)
+    linkage, angles = ms.catalog.make("looper"), np.linspace(0.0, 2.0 * np.pi, 5)
     sound = linkage.mechanism
-    line = End(GROUND, (0.0, linkage.axis_y, linkage.axis_z), axis=EZ, reference=EX)
-    slide = Joint("slide", "cylindrical", line, End("follower", axis=EZ, reference=EX))
+    line = ms.End(GROUND, (0.0, linkage.axis_y, linkage.axis_z), axis=EZ, reference=EX)
+    slide = ms.Joint("slide", "cylindrical", line, ms.End("follower", axis=EZ, reference=EX))
     misprinted = replace(sound, joints=(*sound.joints[:-1], slide))
-    with pytest.raises(AssemblyError, match="do not close"):
-        loops.solve(misprinted, angles, 1.0)
+    with pytest.raises(ms.AssemblyError, match="do not close"):
+        ms.loops.solve(misprinted, angles, 1.0)
     # with a guess for the misprinted axis it assembles as another mechanism
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    guess = {**sound.guess, "follower": Pose(np.array([0.0, linkage.axis_y, 0.0]), quarter)}
-    c = loops.solve(misprinted.with_guess(guess, 0.0), angles, 1.0).points["C"].position
+    guess = {**sound.guess, "follower": ms.Pose(np.array([0.0, linkage.axis_y, 0.0]), quarter)}
+    c = ms.loops.solve(misprinted.with_guess(guess, 0.0), angles, 1.0).points["C"].position
     assert np.linalg.norm(c - linkage.positions(angles)["C"], axis=1).min() > 5e-3
 
 
@@ -134,11 +132,11 @@ def test_every_number_of_the_paper_is_reproduced(table):
 
 
 def test_the_table_of_the_paper_rejects_another_axis_height(table):
-    failed = {row.quantity for row in table.table(catalog.make("looper", axis_z=0.0115)) if not row.passed}
+    failed = {row.quantity for row in table.table(ms.catalog.make("looper", axis_z=0.0115)) if not row.passed}
     assert {"C: plane against space", "E: half the band over 33 mm"} <= failed
 
 
 def test_figures_of_the_paper_are_reproduced(table):
-    linkage = catalog.make("looper")
+    linkage = ms.catalog.make("looper")
     assert np.ptp(table.figure_3(linkage)["y"]) == pytest.approx(40.85, abs=0.005)
     assert np.abs(linkage.positions(np.linspace(0.0, 2.0 * np.pi, 721))["C"][:, 2]).max() < 1.31e-3

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from wheel_linkages import START, assert_equal_rotation, wheel_linkages
 
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.joints import End
-from mechsim.mechanism.links import Link
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.branch_points import even_change_point
 
 # positions, velocities and accelerations in radii, by polynomials about a change point. Measured
@@ -25,7 +21,7 @@ def test_coupled_wheels_rotate_equally_through_coincident_change_points(wheels):
     mechanism = wheel_linkages(wheels)
     # the change points, poses close to them, and one and a half revolutions between them
     angle = np.r_[0.0, np.pi, np.pi + np.array([-1e-2, -1e-5, 1e-8, 3e-3]), np.arange(-1.0, 8.0, 0.173)]
-    assert_equal_rotation(mechanism, loops.solve(mechanism, angle, 3.0), BOUNDS)
+    assert_equal_rotation(mechanism, ms.loops.solve(mechanism, angle, 3.0), BOUNDS)
 
 
 @pytest.mark.parametrize("steps", [61, pytest.param(400, marks=pytest.mark.slow)])
@@ -47,8 +43,8 @@ def test_coupled_wheels_have_a_period_of_one_revolution(wheels):
 
 def test_two_linkages_on_one_crank_have_a_period_of_two_revolutions():
     # each has one change point per revolution and continues in its other assembly mode
-    item = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
-    other = catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
+    item = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    other = ms.catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
     solver = KinematicSolver(side_by_side(item.mechanism, other.mechanism))
     assert len(solver.change_points()) == 1
     assert solver.period == KinematicSolver(item.mechanism).period == 4.0 * np.pi
@@ -61,13 +57,13 @@ def test_two_linkages_on_one_crank_have_a_period_of_two_revolutions():
         np.testing.assert_allclose(position.velocity, exact.points["B"].velocity, atol=1e-10)
 
 
-def side_by_side(item: Mechanism, other: Mechanism) -> Mechanism:
+def side_by_side(item: ms.Mechanism, other: ms.Mechanism) -> ms.Mechanism:
     """Two linkages in one plane on one crank."""
     names = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: item.driver}
     crank = item.crank.b.link
     names[other.crank.b.link] = crank
 
-    def moved(end: End) -> End:
+    def moved(end: ms.End) -> ms.End:
         return replace(end, link=names.get(end.link, end.link))
 
     joints = [
@@ -77,7 +73,7 @@ def side_by_side(item: Mechanism, other: Mechanism) -> Mechanism:
     ]
     return replace(
         item,
-        links=(*item.links, *(Link(names[k.name]) for k in other.links if names[k.name] != crank)),
+        links=(*item.links, *(ms.Link(names[k.name]) for k in other.links if names[k.name] != crank)),
         joints=(*item.joints, *joints),
         points={"B": item.points["B"], "B'": (names[other.points["B"][0]], other.points["B"][1])},
         guess={**item.guess, **{names[k]: v for k, v in other.guess.items() if names[k] != crank}},
@@ -87,9 +83,9 @@ def side_by_side(item: Mechanism, other: Mechanism) -> Mechanism:
 def test_nearly_coincident_change_points_are_rejected():
     separate = wheel_linkages(3, lag=0.3)
     angle = np.r_[np.pi, np.pi + 0.3, np.arange(0.0, 6.4, 0.1)]
-    assert_equal_rotation(separate, loops.solve(separate, angle, 3.0), BOUNDS)
-    with pytest.raises(AssemblyError, match=r"wheels: the pose at crank angle 3\.14\d* rad is too near"):
-        loops.solve(wheel_linkages(3, lag=1e-3), [np.pi])
+    assert_equal_rotation(separate, ms.loops.solve(separate, angle, 3.0), BOUNDS)
+    with pytest.raises(ms.AssemblyError, match=r"wheels: the pose at crank angle 3\.14\d* rad is too near"):
+        ms.loops.solve(wheel_linkages(3, lag=1e-3), [np.pi])
 
 
 @pytest.mark.parametrize("pairs", [2, 4])

@@ -7,8 +7,7 @@ import pytest
 from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
-from mechsim import catalog
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.io import prescription
 from mechsim.io.readers import parametric_model
 from mechsim.kinematics.derivatives.dimensions import changes, numbers_of
@@ -50,7 +49,7 @@ def exact_derivatives(function, linkage, parameter, angle):
     ],
 )
 def test_derivatives_of_positions_and_rates_agree_with_50_digits(name, point, function, parameters):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     result = motion_derivatives(linkage, changes(own_designs(linkage), parameters), ANGLES, SPEED)
     for parameter in parameters:
         moved = result.by[parameter].points[point]
@@ -107,7 +106,7 @@ def test_derivatives_agree_with_finite_differences(model, options, names):
 
 
 def test_joint_position_and_rocker_length_have_the_same_derivative():
-    linkage = catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
     designs = placed_designs(KinematicSolver(linkage.mechanism))
     own = changes(designs, ["P3.b.at.x"])
     result = motion_derivatives(linkage, own, ANGLES)
@@ -125,9 +124,9 @@ def test_a_perturbed_file_is_described_without_assembly(monkeypatch):
     assembled = designs.make(values).mechanism
 
     def rejected(mechanism):
-        raise AssemblyError("no assembly is needed")
+        raise ms.AssemblyError("no assembly is needed")
 
     monkeypatch.setattr(prescription, "closed_start", rejected)
-    with pytest.raises(AssemblyError):
+    with pytest.raises(ms.AssemblyError):
         designs.make(values)
     assert (numbers_of(designs.describe(values)) == numbers_of(assembled)).all()

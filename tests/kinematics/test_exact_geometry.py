@@ -5,21 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog, loops
-from mechsim.errors import MechsimError
+import mechsim as ms
 from mechsim.kinematics.assur import assur_groups
 from mechsim.kinematics.loops import rounded_geometry
 from mechsim.kinematics.loops.mobility import driver_determinacy
 from mechsim.kinematics.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import Link
-from mechsim.mechanism.mechanism import Mechanism
 
 # their loops assemble only with parallel axes or under Bennett's condition
 OVERCONSTRAINED = ["four_bar", "slider_crank", "bennett"]
 
 
-def with_random_errors(mechanism: Mechanism, by: float) -> Mechanism:
+def with_random_errors(mechanism: ms.Mechanism, by: float) -> ms.Mechanism:
     """Return a mechanism with random relative errors in points and axes."""
     random = np.random.default_rng(3)
 
@@ -47,16 +43,16 @@ def largest_change(result):
 @pytest.mark.long
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
 def test_a_rounded_linkage_moves_after_correction(name):
-    whole = catalog.make(name).mechanism
+    whole = ms.catalog.make(name).mechanism
     angles = whole.start + np.linspace(-0.4, 0.4, 5)
     off = with_random_errors(whole, 1e-6)
-    with pytest.raises(MechsimError):
-        loops.solve(off, angles)
+    with pytest.raises(ms.MechsimError):
+        ms.loops.solve(off, angles)
     result = corrected(off)
     shift, rotation = largest_change(result)
     assert shift < 1e-5 * whole.characteristic_length
     assert 0.0 < rotation < 1e-5
-    exact, motion = loops.solve(whole, angles), loops.solve(result.mechanism, angles)
+    exact, motion = ms.loops.solve(whole, angles), ms.loops.solve(result.mechanism, angles)
     for link in exact.links:
         np.testing.assert_allclose(
             motion.links[link].position, exact.links[link].position, atol=3e-5 * whole.characteristic_length
@@ -66,18 +62,18 @@ def test_a_rounded_linkage_moves_after_correction(name):
 @pytest.mark.long
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
 def test_errors_above_rounding_are_not_corrected(name):
-    off = with_random_errors(catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)
+    off = with_random_errors(ms.catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)
     assert corrected(off).mechanism is off
 
 
-@pytest.mark.parametrize("name", catalog.MECHANISMS)
+@pytest.mark.parametrize("name", ms.catalog.MECHANISMS)
 def test_exact_dimensions_are_not_changed(name):
-    mechanism = catalog.make(name).mechanism
+    mechanism = ms.catalog.make(name).mechanism
     assert corrected(mechanism).mechanism is mechanism
 
 
 def test_the_correction_is_no_larger_than_the_error():
-    whole = catalog.make("four_bar").mechanism
+    whole = ms.catalog.make("four_bar").mechanism
     joints = list(whole.joints)
     tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), reference=None)
     joints[-1] = replace(joints[-1], b=tilted)
@@ -85,23 +81,26 @@ def test_the_correction_is_no_larger_than_the_error():
     assert 0.3e-6 < largest_change(result)[1] < 3e-6 * (1.0 + 1e-6)
 
 
-def row_of_four_bars(count: int) -> Mechanism:
+def row_of_four_bars(count: int) -> ms.Mechanism:
     """Return four-bars in a row, of which the rocker of each is the crank of the next."""
     tips = [(i + 0.2 * (-1.0) ** i, 1.0 + 0.1 * (i % 3), 0.0) for i in range(count + 1)]
     joints = [
-        Joint(
-            f"A{i}", "revolute", End("ground", (float(i), 0.0, 0.0)), End(f"crank{i}", (float(i), 0.0, 0.0))
+        ms.Joint(
+            f"A{i}",
+            "revolute",
+            ms.End("ground", (float(i), 0.0, 0.0)),
+            ms.End(f"crank{i}", (float(i), 0.0, 0.0)),
         )
         for i in range(count + 1)
     ]
     for i in range(count):
         joints += [
-            Joint(f"{name}{i}", "revolute", End(f"crank{k}", tips[k]), End(f"rod{i}", tips[k]))
+            ms.Joint(f"{name}{i}", "revolute", ms.End(f"crank{k}", tips[k]), ms.End(f"rod{i}", tips[k]))
             for name, k in (("B", i), ("C", i + 1))
         ]
-    links = [Link(f"crank{i}") for i in range(count + 1)] + [Link(f"rod{i}") for i in range(count)]
+    links = [ms.Link(f"crank{i}") for i in range(count + 1)] + [ms.Link(f"rod{i}") for i in range(count)]
     points = {"P": (f"crank{count}", tips[count])}
-    return Mechanism("row", tuple(links), tuple(joints), "A0", points)
+    return ms.Mechanism("row", tuple(links), tuple(joints), "A0", points)
 
 
 @pytest.mark.parametrize("count", [1, 24])
@@ -132,7 +131,7 @@ def test_a_correction_does_not_rebuild_the_loops_for_each_side_of_each_joint(mon
     monkeypatch.setattr(
         rounded_geometry, "tree_loops", lambda *arguments: built.append(1) or build(*arguments)
     )
-    result = corrected(with_random_errors(catalog.make("bennett").mechanism, 1e-6))
+    result = corrected(with_random_errors(ms.catalog.make("bennett").mechanism, 1e-6))
     assert 0.0 < result.rotated < 1e-5
     # measured 16; its 5 joints have 60 shifts and rotations of their sides
     assert len(built) < 24

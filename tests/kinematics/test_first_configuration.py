@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from change_point_linkages import CHANGE_POINT_LINKAGES, WITH_BRANCHES
 
-from mechsim import catalog, dynamics, loops
-from mechsim.mechanism.forces import Forces
+import mechsim as ms
 
 REVOLUTION = 2.0 * np.pi
 PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
@@ -33,9 +32,9 @@ def deviation(linkage, angles, speed=1.0):
     ],
 )
 def test_the_branch_selects_parallelogram_or_antiparallelogram(angles, speed, branch):
-    assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=branch), angles, speed) <= 1e-15
+    assert deviation(ms.catalog.make("four_bar", **PARALLELOGRAM, branch=branch), angles, speed) <= 1e-15
     if len(angles) > 1:
-        assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
+        assert deviation(ms.catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
 
 
 @pytest.mark.long
@@ -65,7 +64,7 @@ def test_the_branch_applies_at_any_first_configuration(which, direction):
 def test_the_branch_applies_to_the_loop_equations(which):
     linkage = CHANGE_POINT_LINKAGES[which]
     angles = 3.7 + np.linspace(0.0, 3.0, 12)
-    exact, by_loops = linkage.solve(angles), loops.solve(linkage, angles)
+    exact, by_loops = linkage.solve(angles), ms.loops.solve(linkage, angles)
     for name, point in exact.points.items():
         assert (
             np.abs(by_loops.points[name].position - point.position).max()
@@ -81,7 +80,7 @@ def test_the_branch_policy_starts_with_its_sign(which):
 
 
 def test_starting_at_an_angle_selects_the_assembly_mode():
-    linkage = catalog.make("four_bar", **PARALLELOGRAM)
+    linkage = ms.catalog.make("four_bar", **PARALLELOGRAM)
     later = np.deg2rad([200.0, 300.0])
     kept = linkage.starting_at(np.deg2rad([1.0, 359.0]))
     assert np.abs(kept.positions(later)["B"] - linkage.positions(later)["B"]).max() > 0.01
@@ -92,17 +91,17 @@ def test_starting_at_an_angle_selects_the_assembly_mode():
 
 
 def test_the_start_does_not_matter_without_change_points():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     assert linkage.starting_at([3.0]) is linkage
 
 
 def test_the_torque_belongs_to_the_first_assembly_mode():
-    linkage = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
+    linkage = ms.catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
     angles = np.deg2rad(np.linspace(195.0, 255.0, 7))
-    model = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.81, 0.0)))
-    own = dynamics.prescribed(model, angles, 1e-6).forces.torque
+    model = ms.dynamics.dynamic_model(linkage, ms.Forces(gravity=(0.0, -9.81, 0.0)))
+    own = ms.dynamics.prescribed(model, angles, 1e-6).forces.torque
     # the links of a parallelogram rise equally: the torque is the weight times a cosine
     assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
-    other = dynamics.dynamic_model(linkage.with_parameters(branch=1), model.forces)
-    result = dynamics.prescribed(other, angles, 1e-6).forces.torque
+    other = ms.dynamics.dynamic_model(linkage.with_parameters(branch=1), model.forces)
+    result = ms.dynamics.prescribed(other, angles, 1e-6).forces.torque
     assert np.abs(result / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

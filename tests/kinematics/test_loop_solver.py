@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from mechanisms import end_at as end
 
-from mechsim import catalog
-from mechsim.io.readers import load
+import mechsim as ms
 from mechsim.kinematics.loops.constraints import tree_loops
 from mechsim.kinematics.loops.mobility import checked_start
-from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics.loop_solver import NEARBY, Linearised, LoopSolver, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.path_segments import PathStates
@@ -24,12 +21,12 @@ WEIGHTS, STEP = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, 1e-3
 
 def rssr():
     """Return the loops of a spatial four-bar with a passive spin, and its assembled configuration."""
-    first = checked_start(catalog.make("rssr").mechanism)
+    first = checked_start(ms.catalog.make("rssr").mechanism)
     return first.loops, first.reference
 
 
 def six_bar():
-    first = checked_start(load("watt_six_bar").mechanism)
+    first = checked_start(ms.load("watt_six_bar").mechanism)
     return first.loops, first.reference
 
 
@@ -66,17 +63,17 @@ def test_the_solver_matrix_is_the_jacobian_of_its_residual(distance):
 
 
 def test_an_undetermined_slide_keeps_its_scaled_displacement():
-    mechanism = Mechanism(
+    mechanism = ms.Mechanism(
         "arm",
-        (Link("arm"), Link("block")),
+        (ms.Link("arm"), ms.Link("block")),
         (
-            Joint("crank", "revolute", end(GROUND), end("arm")),
-            Joint("slide", "prismatic", end("arm", (0.2, 0.0, 0.0)), end("block")),
+            ms.Joint("crank", "revolute", end(GROUND), end("arm")),
+            ms.Joint("slide", "prismatic", end("arm", (0.2, 0.0, 0.0)), end("block")),
         ),
         "crank",
         {"P": ("block", (0.05, 0.0, 0.0))},
     )
-    loops, q = tree_loops(mechanism, {name: Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
+    loops, q = tree_loops(mechanism, {name: ms.Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
     solver = loop_solver(loops, q)
     assert len(solver.rows) == 0
     assert solver.nullity == 1

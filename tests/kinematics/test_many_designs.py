@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.errors import InputError
+import mechsim as ms
 from mechsim.kinematics.formulas import many_designs as md
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
@@ -18,7 +17,7 @@ VARIED = {
 
 def designs(name, spread, count=40):
     """Return a mechanism and random parameters about its own, (count,) each."""
-    solver, rng = catalog.make(name), np.random.default_rng(5)
+    solver, rng = ms.catalog.make(name), np.random.default_rng(5)
     own = {}
     for parameter in VARIED[name]:
         field, _, axis = parameter.partition(".")
@@ -85,19 +84,19 @@ def test_crank_ranges_agree_with_the_exact_roots(name):
 
 
 def test_only_a_design_with_a_change_point_is_uncertain():
-    solver = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
+    solver = ms.catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
     result = md.crank_ranges(solver.closed_form, {"crank": np.array([0.04, 0.039])})
     assert result.uncertain.tolist() == [True, False]
     assert not result.full[0]
 
 
 def test_each_design_with_invalid_parameters_is_rejected():
-    solver = catalog.make("four_bar")
+    solver = ms.catalog.make("four_bar")
     varied = {
         "crank": np.array([0.03, -0.03, np.nan, np.inf, 0.03]),
         "branch": np.array([1.0, 1.0, 1.0, 1.0, 2.0]),
     }
     assert md.allowed(solver.closed_form, varied).tolist() == [True, False, False, False, False]
     for i in (1, 2, 3, 4):
-        with pytest.raises(InputError):
+        with pytest.raises(ms.InputError):
             single_design(solver, varied, i)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops import design_motion
 from mechsim.kinematics.loops.design_motion import many_motion, shared_loops
 from mechsim.mechanism.design_arrays import similar_designs
-from mechsim.mechanism.links import Pose
 from mechsim.numerics import continuation, loop_solver
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
@@ -115,7 +113,7 @@ def test_a_singular_design_does_not_affect_the_others(monkeypatch):
 
     def refusing(path, instants):
         if 3 in path.designs.which:
-            raise AssemblyError("too near")
+            raise ms.AssemblyError("too near")
         return close(path, instants)
 
     whole, reported = together(mechanisms[0], mechanisms, ("output",))
@@ -149,7 +147,7 @@ def designs_with_a_change_point():
         links = ms.loops.solve(mechanism, [2.0]).links
         result.append(
             mechanism.with_guess(
-                {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}, 2.0
+                {name: ms.Pose(link.position[0], link.rotation[0]) for name, link in links.items()}, 2.0
             )
         )
     return result

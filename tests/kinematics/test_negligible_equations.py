@@ -13,8 +13,6 @@ from mechsim.kinematics.continuation.free_loops import free_loops
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinematics.loops.mobility import driver_determinacy
 from mechsim.kinematics.loops.start import assembled
-from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.scene import Scene
 from mechsim.simulation import mobility, source
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.findings import findings
@@ -122,7 +120,7 @@ def shaft_in(length, tmp_path):
 
 def written(linkage, tmp_path, *, exactly):
     """A file of MJCF, with all digits or with MuJoCo's six."""
-    spec = source.assembled(linkage.mechanism, Scene(level="motion"))
+    spec = source.assembled(linkage.mechanism, ms.Scene(level="motion"))
     path = tmp_path / "written.xml"
     path.write_text(to_xml(spec) if exactly else spec.to_xml())
     return str(path)
@@ -137,7 +135,7 @@ def test_a_shaft_in_two_bearings_can_turn(method, length, tmp_path):
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_redundant_bearing_has_no_reaction(method, shaft):
-    forces = Forces(gravity=(0.3, -9.81, 0.5))
+    forces = ms.Forces(gravity=(0.3, -9.81, 0.5))
     run = driven(shaft.mechanism, forces, method=method, speed=6.0, turns=0.3, samples=5)
     assert np.abs(run.forces.reactions["bearing"].force).max() <= 1e-12
 

@@ -8,10 +8,7 @@ import pytest
 from loop_laws import rates_by_six_coordinates
 from model_files import model_mechanism
 
-from mechsim import loops
-from mechsim.errors import InputError
-from mechsim.mechanism.links import Pose
-from mechsim.mechanism.mechanism import Mechanism
+import mechsim as ms
 
 SPEED, ACCELERATION, STEP = 1.3, -2.1, 2e-3
 # eighth-order differences
@@ -20,22 +17,22 @@ SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8
 MIDDLE = 4
 
 
-def rocking_slide() -> Mechanism:
+def rocking_slide() -> ms.Mechanism:
     """Return a block on a table, driven by a crank pin and guided by a rocker, with inclined axes."""
     return model_mechanism("rates_are_derivatives_rocking_slide.toml")
 
 
-def bevel_wheels() -> Mechanism:
+def bevel_wheels() -> ms.Mechanism:
     """Return wheels in series on a rotating arm, with inclined axes, geared to the arm."""
     return model_mechanism("rates_are_derivatives_bevel_wheels.toml")
 
 
-def racks() -> Mechanism:
+def racks() -> ms.Mechanism:
     """Return a rack coupled to its rotating arm, and a second rack coupled nonlinearly to the first."""
     return model_mechanism("rates_are_derivatives_racks.toml")
 
 
-def plate() -> Mechanism:
+def plate() -> ms.Mechanism:
     """Return a plate on a wheel on an arm, with a coupling for each of its coordinates."""
     return model_mechanism("rates_are_derivatives_plate.toml")
 
@@ -55,8 +52,8 @@ def motions(name: str):
     time = STEP * (np.arange(9) - MIDDLE)
     angle = mechanism.start + 0.2 + SPEED * time + 0.5 * ACCELERATION * time**2
     speed, acceleration = SPEED + ACCELERATION * time, np.full(9, ACCELERATION)
-    whole = loops.solve(mechanism, angle, speed, acceleration)
-    poses = {link: Pose(item.position, item.rotation) for link, item in whole.links.items()}
+    whole = ms.loops.solve(mechanism, angle, speed, acceleration)
+    poses = {link: ms.Pose(item.position, item.rotation) for link, item in whole.links.items()}
     return rates_by_six_coordinates(mechanism, poses, angle, speed, acceleration), whole
 
 
@@ -121,21 +118,21 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
 @cases
 def test_solutions_satisfy_the_loop_equations(mechanism, request):
     motion = motions(request.node.callspec.id)[1]
-    poses = {link: Pose(item.position, item.rotation) for link, item in motion.links.items()}
-    length_residual, angle_residual = loops.residual_norms(mechanism, poses, motion.angle)
+    poses = {link: ms.Pose(item.position, item.rotation) for link, item in motion.links.items()}
+    length_residual, angle_residual = ms.loops.residual_norms(mechanism, poses, motion.angle)
     assert length_residual.max() <= 1e-14
     assert angle_residual.max() <= 1e-13
 
 
 def test_crank_rates_are_scalars_or_one_per_angle():
     mechanism, angles = KINDS[0], np.array([0.7, 0.8, 0.9])
-    even = loops.solve(mechanism, angles, SPEED)
+    even = ms.loops.solve(mechanism, angles, SPEED)
     for speed in ([SPEED], [SPEED] * 3):
         for acceleration in (0.0, [0.0], [0.0] * 3):
-            same = loops.solve(mechanism, angles, speed, acceleration)
+            same = ms.loops.solve(mechanism, angles, speed, acceleration)
             assert np.array_equal(same.acceleration, np.zeros(3))
             for name, point in even.points.items():
                 assert np.array_equal(point.acceleration, same.points[name].acceleration)
     for wrong in ([1.0, 2.0], np.nan, [1.0, np.inf, 1.0], [[1.0]]):
-        with pytest.raises(InputError, match="the crank's speed must be finite; give one number, or 3"):
-            loops.solve(mechanism, angles, wrong)
+        with pytest.raises(ms.InputError, match="the crank's speed must be finite; give one number, or 3"):
+            ms.loops.solve(mechanism, angles, wrong)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from mechanisms import end_at
 
+import mechsim as ms
 from mechsim.kinematics.loops.constraints import TreeLoops, cuts_of
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses, twists, velocity_products
 from mechsim.kinematics.loops.tree import JointSides, spanning_tree
-from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import GROUND
 
 STEP, MIDDLE = 2e-3, 4
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
@@ -20,7 +19,7 @@ KINDS = ("revolute", "prismatic", "cylindrical", "universal", "spherical", "plan
 
 
 def joint(name, kind, a, b):
-    return Joint(name, kind, a, b, CROSS) if kind == "universal" else Joint(name, kind, a, b)
+    return ms.Joint(name, kind, a, b, CROSS) if kind == "universal" else ms.Joint(name, kind, a, b)
 
 
 def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
@@ -48,9 +47,9 @@ def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
             for link in (inner, outer)
         ]
         joints.append(joint(f"j{i}", kind, *(ends[::-1] if (i + swap) % 2 else ends)))
-    shaft = Joint("shaft", "revolute", end_at(GROUND), end_at("shaft"))
-    links = tuple(Link(name) for name in names)
-    return Mechanism("branched", links, (shaft, *joints), "shaft", {})
+    shaft = ms.Joint("shaft", "revolute", end_at(GROUND), end_at("shaft"))
+    links = tuple(ms.Link(name) for name in names)
+    return ms.Mechanism("branched", links, (shaft, *joints), "shaft", {})
 
 
 class Moving:
@@ -107,7 +106,7 @@ def test_twists_and_velocity_products_are_derivatives(swap):
 def test_coordinates_are_read_back_from_poses(swap):
     moving = Moving(swap, None)
     poses = {
-        name: Pose(moving.poses.position[i].T, rotation_of(moving.poses, i))
+        name: ms.Pose(moving.poses.position[i].T, rotation_of(moving.poses, i))
         for i, name in enumerate(moving.tree.links)
     }
     read = moving.loops.read(poses)
@@ -135,13 +134,13 @@ def test_links_on_a_common_link_agree_with_separate_chains():
         (end_at("hub", (0.1 * i, 0.2, -0.3 * i)), end_at(name, (0.4, 0.0, 0.1 * i)))
         for i, name in enumerate(names)
     ]
-    shaft = Joint("shaft", "revolute", end_at(GROUND), end_at("hub", (0.1, 0.2, 0.3)))
-    joints = tuple(Joint(name, "revolute", *pair) for name, pair in zip(names, ends, strict=True))
+    shaft = ms.Joint("shaft", "revolute", end_at(GROUND), end_at("hub", (0.1, 0.2, 0.3)))
+    joints = tuple(ms.Joint(name, "revolute", *pair) for name, pair in zip(names, ends, strict=True))
     values = random.uniform(-3.0, 3.0, (count + 1, 4))
 
     def positions(subset):
-        links = tuple(Link(name) for name in ("hub", *(names[i] for i in subset)))
-        star = Mechanism("star", links, (shaft, *(joints[i] for i in subset)), "shaft", {})
+        links = tuple(ms.Link(name) for name in ("hub", *(names[i] for i in subset)))
+        star = ms.Mechanism("star", links, (shaft, *(joints[i] for i in subset)), "shaft", {})
         rows = values[[0, *(i + 1 for i in subset)]]
         return link_poses(spanning_tree(star), Coordinates(rows, np.empty((0, 3, 3, 4)))).position[1:]
 
@@ -192,15 +191,15 @@ def test_jacobian_and_velocity_products_are_derivatives_of_the_residual(kind, si
 
 def test_a_tree_without_revolute_joints_has_its_exact_poses():
     joints = (
-        Joint(
+        ms.Joint(
             "slide",
             "prismatic",
             end_at(GROUND, (0.1, 0.0, 0.0), (1.0, 2.0, 2.0)),
             end_at("block", axis=(1.0, 2.0, 2.0)),
         ),
-        Joint("ball", "spherical", end_at("block", (0.0, 0.3, 0.0)), end_at("bob", (0.0, 0.0, 0.2))),
+        ms.Joint("ball", "spherical", end_at("block", (0.0, 0.3, 0.0)), end_at("bob", (0.0, 0.0, 0.2))),
     )
-    whole = Mechanism("hung", (Link("block"), Link("bob")), joints, "slide", {})
+    whole = ms.Mechanism("hung", (ms.Link("block"), ms.Link("bob")), joints, "slide", {})
     rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     poses = link_poses(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), rotation[None, ..., None]))
     axis = np.array([1.0, 2.0, 2.0]) / 3.0

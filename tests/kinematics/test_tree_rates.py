@@ -7,14 +7,11 @@ import pytest
 from driven_mechanisms import circle_intersection, five_bar, sinusoidal
 from mechanisms import end_at
 
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.kinematics.loops.motion import driven_path, motion_along
 from mechsim.kinematics.loops.path import CHUNK, rates_of_polynomial
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.links import EX, GROUND, Link
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import EX, GROUND
 from mechsim.mechanism.motion import JointMotion
 from mechsim.mechanism.motion_laws import make_motion_laws
 
@@ -63,7 +60,7 @@ def test_drivers_off_their_motion_laws_have_the_exact_motion(offsets):
 
 def test_drivers_out_of_reach_are_rejected_with_the_time():
     for offsets in ((0.9, -0.9), (1.5, 0.0)):
-        with pytest.raises(AssemblyError, match=r"the pose at .* s is too near"):
+        with pytest.raises(ms.AssemblyError, match=r"the pose at .* s is too near"):
             with_offset_drivers(five_bar_solver(), offsets)
 
 
@@ -101,7 +98,7 @@ def duplicated(mechanism):
 
 
 def test_polynomial_rates_agree_with_the_loop_equations():
-    path = driven_path(duplicated(catalog.make("rssr").mechanism))
+    path = driven_path(duplicated(ms.catalog.make("rssr").mechanism))
     angle = path.initial + np.linspace(0.1, 2.0, 7)
     _, motion = motion_along(path, angle, np.ones(7), np.zeros(7))
     assert len(path.loops.tree.balls) == 2
@@ -114,10 +111,10 @@ def test_polynomial_rates_agree_with_the_loop_equations():
 
 
 def test_several_chunks_keep_the_order_of_instants():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 2 * CHUNK + 300)
     result, exact = (
-        loops.solve(linkage.mechanism, angles, 2.0, -3.0).points["B"],
+        ms.loops.solve(linkage.mechanism, angles, 2.0, -3.0).points["B"],
         linkage.solve(angles, 2.0, -3.0).points["B"],
     )
     # measured 8e-17, 8e-17 and 4e-16
@@ -127,11 +124,11 @@ def test_several_chunks_keep_the_order_of_instants():
 
 def test_a_slide_on_a_rotating_arm_has_its_coriolis_acceleration():
     joints = (
-        Joint("turn", "revolute", end_at(GROUND), end_at("arm")),
-        Joint("way", "prismatic", end_at("arm", axis=EX), end_at("block", axis=EX)),
+        ms.Joint("turn", "revolute", end_at(GROUND), end_at("arm")),
+        ms.Joint("way", "prismatic", end_at("arm", axis=EX), end_at("block", axis=EX)),
     )
     points = {"P": ("block", (0.3, 0.0, 0.0))}
-    arm = Mechanism("arm", (Link("arm"), Link("block")), joints, ("turn", "way"), points)
+    arm = ms.Mechanism("arm", (ms.Link("arm"), ms.Link("block")), joints, ("turn", "way"), points)
     states = {"turn": sinusoidal(2.0, 0.3, 6.0, 0.2), "way": sinusoidal(0.02, 0.4, 9.0, 1.0)}
     solver = KinematicSolver(arm, motion_laws=make_motion_laws(arm, states, 1.0))
     times = np.linspace(0.0, 1.0, 12)

@@ -7,8 +7,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import AssemblyError, MobilityError
-from mechsim.io import catalog
+from mechsim.errors import MobilityError
 from mechsim.io.mjcf_source import read_mjcf
 from mechsim.kinematics.loops.mobility import driver_determinacy
 from mechsim.kinematics.loops.start import assembled
@@ -38,7 +37,7 @@ def test_an_unassembled_start_closes_at_the_nearest_values_and_reports_them(tmp_
 
 def test_reported_values_are_those_of_joints_of_the_file_without_rounding(tmp_path):
     # a cam whose follower is written a radian away; its contact has joints of its own
-    text = (catalog.models() / "gallery" / "cam_follower.toml").read_text()
+    text = (ms.catalog.models() / "gallery" / "cam_follower.toml").read_text()
     guess = "[guess]\ncam = {}\nfollower = { at = [1, 30, 0], turn = { axis = [0, 0, 1], angle = 60 } }\n"
     (tmp_path / "cam.toml").write_text(text.partition("[formula]")[0] + guess)
     note = ms.load(str(tmp_path / "cam.toml")).facts[-1]
@@ -47,9 +46,9 @@ def test_reported_values_are_those_of_joints_of_the_file_without_rounding(tmp_pa
 
 def test_a_description_that_closes_far_from_its_guess_is_rejected_without_a_reader(tmp_path):
     as_written = read_model(str(_line(tmp_path, 0.07))).mechanism
-    with pytest.raises(AssemblyError, match=r"nearest assembly found is 1\.\d+ away.* rod = 1\.\d+ rad"):
+    with pytest.raises(ms.AssemblyError, match=r"nearest assembly found is 1\.\d+ away.* rod = 1\.\d+ rad"):
         assembled(as_written)
-    with pytest.raises(AssemblyError, match="start near these values"):
+    with pytest.raises(ms.AssemblyError, match="start near these values"):
         driver_determinacy(as_written)
 
 
@@ -65,7 +64,7 @@ def test_a_driver_moves_if_the_loops_do_not_close_at_its_start(tmp_path):
 
 @pytest.mark.long
 def test_loops_that_cannot_close_are_rejected_with_a_remedy(tmp_path):
-    with pytest.raises(AssemblyError, match=r"a gap of .* remains.* change the dimensions"):
+    with pytest.raises(ms.AssemblyError, match=r"a gap of .* remains.* change the dimensions"):
         assembled(read_mjcf(str(_line(tmp_path, 0.25))).mechanism)
 
 
@@ -74,7 +73,7 @@ def test_an_out_of_plane_pin_is_reported_with_its_offset(tmp_path):
     offset = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
     path.write_text(offset)
     with pytest.raises(
-        AssemblyError, match=r"loop has a gap of .* m that no joint in its loop can close"
+        ms.AssemblyError, match=r"loop has a gap of .* m that no joint in its loop can close"
     ) as reported:
         assembled(read_mjcf(str(path)).mechanism)
     direction = [

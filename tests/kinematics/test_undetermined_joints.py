@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog, loops
+import mechsim as ms
 from mechsim.errors import MobilityError
 from mechsim.kinematics.loops.mobility import driver_determinacy, with_component_locked
-from mechsim.mechanism.joints import End, Gear, Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import GROUND
 
 LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
 
@@ -16,16 +14,16 @@ LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
 def five_bar(*gears):
     """Return a five-bar linkage with two degrees of freedom."""
     joints = (
-        Joint("crank", "revolute", End(GROUND), End("a")),
-        Joint("A", "revolute", End("a", (0.03, 0.0, 0.0)), End("b")),
-        Joint("B", "revolute", End("b", (0.03, 0.06, 0.0)), End("c", (-0.04, 0.01, 0.0))),
-        Joint("C", "revolute", End("c"), End("d", (0.0, 0.05, 0.0))),
-        Joint("D", "revolute", End(GROUND, (0.1, 0.0, 0.0)), End("d")),
+        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("a")),
+        ms.Joint("A", "revolute", ms.End("a", (0.03, 0.0, 0.0)), ms.End("b")),
+        ms.Joint("B", "revolute", ms.End("b", (0.03, 0.06, 0.0)), ms.End("c", (-0.04, 0.01, 0.0))),
+        ms.Joint("C", "revolute", ms.End("c"), ms.End("d", (0.0, 0.05, 0.0))),
+        ms.Joint("D", "revolute", ms.End(GROUND, (0.1, 0.0, 0.0)), ms.End("d")),
     )
-    guess = {name: Pose(np.array([*position, 0.0]), np.eye(3)) for name, position in LINKS.items()}
-    whole = Mechanism(
+    guess = {name: ms.Pose(np.array([*position, 0.0]), np.eye(3)) for name, position in LINKS.items()}
+    whole = ms.Mechanism(
         name="five-bar",
-        links=tuple(Link(name) for name in LINKS),
+        links=tuple(ms.Link(name) for name in LINKS),
         joints=joints,
         driver="crank",
         points={"P": ("b", (0.03, 0.06, 0.0))},
@@ -36,46 +34,46 @@ def five_bar(*gears):
 
 def test_a_five_bar_with_one_driver_is_rejected():
     with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as error:
-        loops.solve(five_bar(), [0.0, 0.1])
+        ms.loops.solve(five_bar(), [0.0, 0.1])
     assert error.value.outcome == "underdetermined"
 
 
 def test_a_gear_pair_determines_a_five_bar():
-    motion = loops.solve(five_bar(Gear("crank", "D", 1.0)), [0.0, 0.1])
+    motion = ms.loops.solve(five_bar(ms.Gear("crank", "D", 1.0)), [0.0, 0.1])
     assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
 
 
-@pytest.mark.parametrize("name", catalog.MECHANISMS)
+@pytest.mark.parametrize("name", ms.catalog.MECHANISMS)
 def test_a_passive_spin_is_not_underdetermined(name):
-    linkage = catalog.make(name)
-    assert len(loops.solve(linkage.mechanism, [linkage.mechanism.start])) == 1
+    linkage = ms.catalog.make(name)
+    assert len(ms.loops.solve(linkage.mechanism, [linkage.mechanism.start])) == 1
 
 
 def test_an_unobserved_ball_is_not_underdetermined():
-    mechanism = Mechanism(
+    mechanism = ms.Mechanism(
         "crank and ball",
-        (Link("crank"), Link("ball")),
+        (ms.Link("crank"), ms.Link("ball")),
         (
-            Joint("crank", "revolute", End(GROUND), End("crank")),
-            Joint("ball", "spherical", End(GROUND), End("ball")),
+            ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank")),
+            ms.Joint("ball", "spherical", ms.End(GROUND), ms.End("ball")),
         ),
         "crank",
         {"P": ("crank", (0.1, 0.0, 0.0))},
     )
-    motion = loops.solve(mechanism, [0.0, np.pi / 2])
+    motion = ms.loops.solve(mechanism, [0.0, np.pi / 2])
     np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
 
 
 def test_a_start_at_a_dead_centre_is_not_underdetermined():
-    linkage = catalog.make("four_bar", rocker=0.035)
+    linkage = ms.catalog.make("four_bar", rocker=0.035)
     ((_, high), *_) = linkage.crank_range().arcs
     poses = {
-        name: Pose(link.position[0], link.rotation[0])
+        name: ms.Pose(link.position[0], link.rotation[0])
         for name, link in linkage.solve([high - 1e-7]).links.items()
     }
     mechanism = linkage.mechanism.with_guess(poses, high - 1e-7)
-    result = loops.solve(mechanism, [high - 0.1]).links
-    assert loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
+    result = ms.loops.solve(mechanism, [high - 0.1]).links
+    assert ms.loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
     exact = linkage.solve([high - 0.1]).links
     # the start is 1e-7 rad from the dead centre, where half the digits are lost; the requested pose is not
     for name, link in exact.items():
@@ -96,12 +94,12 @@ def test_locking_a_coordinate_removes_one_dof():
 @pytest.mark.long
 def test_undetermined_coordinates_of_many_bodies_are_counted():
     names = [f"b{i}" for i in range(60)]
-    joints = [Joint(f"j{name}", "floating", End(GROUND), End(name)) for name in names]
-    pose = Pose(np.zeros(3), np.eye(3))
-    crank = Joint("crank", "revolute", End(GROUND), End("c", (0.1, 0.0, 0.0)))
-    links = tuple(Link(name) for name in [*names, "c"])
+    joints = [ms.Joint(f"j{name}", "floating", ms.End(GROUND), ms.End(name)) for name in names]
+    pose = ms.Pose(np.zeros(3), np.eye(3))
+    crank = ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("c", (0.1, 0.0, 0.0)))
+    links = tuple(ms.Link(name) for name in [*names, "c"])
     guess = dict.fromkeys([*names, "c"], pose)
-    loose = Mechanism(
+    loose = ms.Mechanism(
         "loose", links, (crank, *joints), "crank", points={"P": ("c", (0.0, 0.1, 0.0))}, guess=guess
     )
     assert len(driver_determinacy(loose).undetermined) == 13

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from strategies import EPS, branches, lengths, offsets, turns
 
 import mechsim as ms
-from mechsim.kinematics.vector_method import vectors
 
 triples = st.tuples(offsets, offsets, offsets).map(lambda v: 100.0 * np.array(v))
 
@@ -16,7 +15,7 @@ triples = st.tuples(offsets, offsets, offsets).map(lambda v: 100.0 * np.array(v)
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_rotations_about_coordinate_axes_agree_with_scipy(axis):
     expected = Rotation.from_rotvec(0.83 * np.eye(3)["xyz".index(axis)]).as_matrix()
-    assert np.abs(vectors.rotation(axis, 0.83) - expected).max() <= 4 * EPS
+    assert np.abs(ms.vectors.rotation(axis, 0.83) - expected).max() <= 4 * EPS
 
 
 @given(triples, triples, turns, turns, branches)
@@ -24,7 +23,7 @@ def test_a_unit_vector_has_both_angles_and_its_side(v1, v2, first, second, sign)
     angle1, angle2 = abs(first), abs(second)
     between = np.linalg.norm(np.cross(v1, v2)) / (np.linalg.norm(v1) * np.linalg.norm(v2))
     assume(between > 1e-3)
-    p = vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
+    p = ms.vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
     assume(np.isfinite(p).all())
     limit = 32 * EPS / between
     assert abs(np.linalg.norm(p) - 1.0) <= limit / between
@@ -39,7 +38,7 @@ def test_a_unit_vector_agrees_with_fifty_digits(v1, v2, first, second, sign):
     angle1, angle2 = first * 1e-3, second * 1e-3
     g = v1 @ v2 / (np.linalg.norm(v1) * np.linalg.norm(v2))
     assume(abs(g) < 0.99)
-    p = vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
+    p = ms.vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
     assume(np.isfinite(p).all() and abs(p @ np.cross(v1, v2)) > 0.1 * np.linalg.norm(v1) * np.linalg.norm(v2))
     assert np.abs(p - exact.unit_at_angles(v1, v2, angle1, angle2, sign)).max() <= 1e-13
 
@@ -48,7 +47,7 @@ def test_a_unit_vector_agrees_with_fifty_digits(v1, v2, first, second, sign):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_unit_vector_is_exact_where_the_published_form_is_singular(difference, sign):
     v1, v2 = np.array([1.3, 0.4, 0.0]), np.array([-0.2, 0.9, difference])  # v1 x v2 along Z but for the gap
-    p = vectors.unit_at_angles(v1, v2, 0.9, 0.7, sign)
+    p = ms.vectors.unit_at_angles(v1, v2, 0.9, 0.7, sign)
     assert np.abs(p - exact.unit_at_angles(v1, v2, 0.9, 0.7, sign)).max() <= 4 * EPS
 
 
@@ -60,11 +59,11 @@ def test_a_triangle_angle_agrees_with_many_digits(first, second, fraction):
     assume(abs(a - b) < c < a + b)
     with mp.workdps(150):
         right = mp.acos((mp.mpf(a) ** 2 + mp.mpf(b) ** 2 - mp.mpf(c) ** 2) / (2 * mp.mpf(a) * mp.mpf(b)))
-        assert abs(mp.mpf(float(vectors.triangle_angle(a, b, c))) / right - 1) <= 16 * EPS
+        assert abs(mp.mpf(float(ms.vectors.triangle_angle(a, b, c))) / right - 1) <= 16 * EPS
 
 
 def test_a_triangle_that_does_not_close_has_no_angle():
-    assert np.isnan(vectors.triangle_angle([1.0, 3.0], 1.0, [2.5, 1.0])).all()
+    assert np.isnan(ms.vectors.triangle_angle([1.0, 3.0], 1.0, [2.5, 1.0])).all()
 
 
 def formula_of_the_spatial_four_bar(sign):
@@ -91,25 +90,25 @@ def test_a_users_formula_is_built_from_the_operations(sign, outcome):
 def test_impossible_angles_give_nan():
     x, y = np.array([1.0, 0.1, 0.0]), np.array([0.2, 1.0, 0.0])
     with np.errstate(invalid="ignore"):
-        assert np.isnan(vectors.unit_at_angles(x, y, 0.1, 0.1, 1)).all()
+        assert np.isnan(ms.vectors.unit_at_angles(x, y, 0.1, 0.1, 1)).all()
 
 
 @given(triples, turns, turns, lengths, lengths, triples, branches)
 def test_a_circle_and_a_sphere_intersect_on_both(centre, first, second, radius, reach, away, sign):
     radius, reach = 100 * radius, 100 * reach
-    frame = vectors.rotation("y", first) @ vectors.rotation("x", second)
-    column, axis = vectors.column, vectors.column(frame[:, 2])
+    frame = ms.vectors.rotation("y", first) @ ms.vectors.rotation("x", second)
+    column, axis = ms.vectors.column, ms.vectors.column(frame[:, 2])
     other = column(centre + away)
     with np.errstate(invalid="ignore"):
-        p = vectors.circle_sphere(column(centre), axis, radius, other, reach, sign)
+        p = ms.vectors.circle_sphere(column(centre), axis, radius, other, reach, sign)
     assume(np.isfinite(p).all())
     length = max(radius, reach, np.linalg.norm(centre), np.linalg.norm(away))
     assert abs(np.linalg.norm(p) - 1.0) <= 8 * EPS * length / radius
     difference = other - column(centre)
-    offset = vectors.norm(difference - vectors.dot(difference, axis) * axis)[0]
+    offset = ms.vectors.norm(difference - ms.vectors.dot(difference, axis) * axis)[0]
     assume(offset > 1e-3 * length)
-    assert abs(vectors.dot(p, axis)[0]) <= 8 * EPS * max(1.0, length / offset)
+    assert abs(ms.vectors.dot(p, axis)[0]) <= 8 * EPS * max(1.0, length / offset)
     position = column(centre) + radius * p
-    assert abs(vectors.norm(position - other)[0] - reach) <= 16 * EPS * length * max(1.0, length / reach)
-    side = vectors.dot(p, vectors.cross(difference, axis))[0]
+    assert abs(ms.vectors.norm(position - other)[0] - reach) <= 16 * EPS * length * max(1.0, length / reach)
+    side = ms.vectors.dot(p, ms.vectors.cross(difference, axis))[0]
     assert sign * side >= -16 * EPS * length

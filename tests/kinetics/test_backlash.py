@@ -8,7 +8,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.io import gallery
-from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.dynamic_run import initial_values
@@ -43,7 +42,7 @@ def test_flanks_collide_at_the_instants_of_geometric_series(tmp_path):
 
 def test_a_flank_carries_under_torque_and_mujoco_agrees_in_both_phases(tmp_path):
     torque = 0.3
-    model = dynamic_model(load(written(tmp_path, PAIR + f"crank_torque = {torque}\n"), still=True))
+    model = dynamic_model(ms.load(written(tmp_path, PAIR + f"crank_torque = {torque}\n"), still=True))
     model = replace(model, mechanism=with_gaps(model.mechanism))
     run = ms.dynamics.run(model, duration=0.4, samples=40)
     first = np.sqrt(PLAY / -RATIO / (torque / MOTOR))
@@ -87,7 +86,7 @@ def test_flanks_that_meet_after_half_a_turn_of_a_planet_carry_in_mujoco_too(tmp_
     text = gallery.files()["planetary_gear"].read_text().split("[formula]")[0]
     ratio = 'ratio = "-teeth_planet/teeth_sun"'
     model = dynamic_model(
-        load(written(tmp_path, text.replace(ratio, f'{ratio}\nbacklash = "0.5 deg"')), still=True)
+        ms.load(written(tmp_path, text.replace(ratio, f'{ratio}\nbacklash = "0.5 deg"')), still=True)
     )
     initial = {"carrier.q": -1.7, "carrier.v": -6.0}
     run = ms.dynamics.run(model, initial=initial, duration=0.2, samples=40)
@@ -104,5 +103,5 @@ def test_the_motor_of_a_joint_crosses_its_backlash(tmp_path):
 
 
 def test_backlash_is_written_again(tmp_path):
-    source = load(written(tmp_path, PAIR), still=True)
+    source = ms.load(written(tmp_path, PAIR), still=True)
     assert "backlash = 0.0349" in to_toml(source.mechanism)

@@ -6,7 +6,6 @@ from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.dynamic_run import initial_values
@@ -24,7 +23,7 @@ def by_hand(_, state):
 
 def loaded(folder, text=BLOCK):
     (folder / "block.toml").write_text(text)
-    return load(str(folder / "block.toml"), still=True)
+    return ms.load(str(folder / "block.toml"), still=True)
 
 
 @pytest.mark.long
@@ -57,7 +56,7 @@ def test_bristles_bring_a_small_motion_to_rest_in_c():
     rows = tuple(
         ms.Friction(name, coulomb=1e-3, bristle_stiffness=1.0, bristle_damping=1e-3) for name in names
     )
-    model = dynamic_model(load("warp_knitter"), ms.Forces(gravity=(0.0, -9.81, 0.0), friction=rows))
+    model = dynamic_model(ms.load("warp_knitter"), ms.Forces(gravity=(0.0, -9.81, 0.0), friction=rows))
     run = ms.dynamics.run(model, duration=0.3, samples=900)
     assert (run.outcome, run.executed) == ("done", "C")
     assert run.energy_error <= 1e-10

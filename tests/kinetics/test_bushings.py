@@ -15,11 +15,8 @@ from mechsim.kinetics.contacts import ContactMode, Contacts
 from mechsim.kinetics.equations_of_motion import equations_of_motion
 from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.right_hand_side import RightHandSide
-from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Inertia, Link
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.nonlinear_springs import Bushing, diagonal
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.nonlinear_springs import diagonal
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
@@ -30,21 +27,21 @@ RANDOM = np.random.default_rng(3)
 ROOT = RANDOM.normal(size=(6, 6)) * np.repeat([1.0, 0.1], 3)[:, None]
 STIFFNESS = np.diag([4e3, 3e3, 5e3, 8.0, 12.0, 5.0]) + 40.0 * ROOT @ ROOT.T
 DAMPING = np.diag([2.0, 1.0, 3.0, 0.01, 0.02, 0.01]) + 0.01 * ROOT @ ROOT.T
-MOUNT = Bushing(
+MOUNT = ms.Bushing(
     "mount",
-    End(GROUND, (0.0, 0.0, 0.1), (0.0, 1.0, 0.0)),
-    End("block", (0.01, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    ms.End(GROUND, (0.0, 0.0, 0.1), (0.0, 1.0, 0.0)),
+    ms.End("block", (0.01, 0.0, 0.0), (0.0, 1.0, 0.0)),
     tuple(map(tuple, STIFFNESS)),
     tuple(map(tuple, DAMPING)),
 )
-WITH_MOUNT = Forces(gravity=tuple(GRAVITY), bushings=(MOUNT,))
+WITH_MOUNT = ms.Forces(gravity=tuple(GRAVITY), bushings=(MOUNT,))
 
 
 def floating_block():
-    inertia = Inertia(MASS, tuple(CENTRE), tuple(map(tuple, MOMENTS)))
-    joint = Joint("free", "floating", End(GROUND), End("block"))
-    return Mechanism(
-        "block", (Link("block", inertia=inertia),), (joint,), (), {"P": ("block", (0.1, 0.05, 0.02))}
+    inertia = ms.Inertia(MASS, tuple(CENTRE), tuple(map(tuple, MOMENTS)))
+    joint = ms.Joint("free", "floating", ms.End(GROUND), ms.End("block"))
+    return ms.Mechanism(
+        "block", (ms.Link("block", inertia=inertia),), (joint,), (), {"P": ("block", (0.1, 0.05, 0.02))}
     )
 
 
@@ -128,10 +125,10 @@ def between_two_links():
     """Return a slider-crank with a bushing between its rod and its slider, and gravity."""
     solver = ms.catalog.make("slider_crank", crank=0.03, rod=0.1)
     a, b = (
-        End("rod", (0.01, 0.0, 0.02)),
-        End("slider", (0.0, 0.01, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        ms.End("rod", (0.01, 0.0, 0.02)),
+        ms.End("slider", (0.0, 0.01, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     )
-    return solver, Forces(bushings=(replace(MOUNT, a=a, b=b),), gravity=tuple(GRAVITY))
+    return solver, ms.Forces(bushings=(replace(MOUNT, a=a, b=b),), gravity=tuple(GRAVITY))
 
 
 def test_the_c_code_has_the_same_forces():
@@ -162,8 +159,10 @@ def test_drive_torque_and_reactions_agree_with_mujoco():
 
 def test_modes_are_those_of_six_oscillators():
     stiffness = np.array([4e3, 3e3, 5e3, 8.0, 12.0, 5.0])
-    mount = Bushing("mount", End(GROUND, (0.1, 0.0, 0.0)), End("block", tuple(CENTRE)), diagonal(*stiffness))
-    rest = ms.dynamics.equilibria(floating_block(), Forces(bushings=(mount,)))[0]
+    mount = ms.Bushing(
+        "mount", ms.End(GROUND, (0.1, 0.0, 0.0)), ms.End("block", tuple(CENTRE)), diagonal(*stiffness)
+    )
+    rest = ms.dynamics.equilibria(floating_block(), ms.Forces(bushings=(mount,)))[0]
     assert rest.stable
     expected = np.sqrt(stiffness / np.append([MASS] * 3, np.diag(MOMENTS)))
     np.testing.assert_allclose(
@@ -178,6 +177,6 @@ def test_a_bushing_in_a_file_is_written_and_read_back(tmp_path):
     (tmp_path / "mounted.toml").write_text(TEXT)
     (bushing,) = ms.load(tmp_path / "mounted.toml", still=True).forces.bushings
     assert bushing.stiffness == diagonal(4000.0, 3000.0, 5000.0, 8.0, 12.0, 5.0)
-    assert bushing.a == End(GROUND, (0.01, 0.0, 0.0), (0.0, 1.0, 0.0))
+    assert bushing.a == ms.End(GROUND, (0.01, 0.0, 0.0), (0.0, 1.0, 0.0))
     ms.export(tmp_path / "mounted.toml", tmp_path / "written.toml", format="toml")
     assert ms.load(tmp_path / "written.toml", still=True).forces.bushings == (bushing,)

@@ -8,17 +8,12 @@ from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.errors import InputError
-from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.gaps import released
-from mechsim.mechanism.clearances import Clearance, hertz_stiffness
-from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import EX, EY, GROUND, Inertia, Link
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.clearances import hertz_stiffness
+from mechsim.mechanism.links import EX, EY, GROUND
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.studies.dynamics_check import crosscheck_forward
 
@@ -160,7 +155,7 @@ def _law(clearance, approach):
 
 
 def body(name, mass, moment):
-    return Link(name, inertia=Inertia(mass, (0, 0, 0), (moment, moment, moment)))
+    return ms.Link(name, inertia=ms.Inertia(mass, (0, 0, 0), (moment, moment, moment)))
 
 
 def slider_crank():
@@ -173,7 +168,9 @@ def slider_crank():
         ],
         "slider",
     )
-    guide = Joint("D", "prismatic", End(GROUND, axis=EX, reference=EY), End("slider", axis=EX, reference=EY))
+    guide = ms.Joint(
+        "D", "prismatic", ms.End(GROUND, axis=EX, reference=EY), ms.End("slider", axis=EX, reference=EY)
+    )
     return bodies, (guide,), {"A.q": 0.5, "A.v": 60.0}, 0.018
 
 
@@ -199,16 +196,16 @@ def pendulum():
 
 
 LAWS = [
-    Clearance("", RADIUS, 0.7),
-    Clearance("", RADIUS, 0.8, 2e8),
-    Clearance("", RADIUS, 0.6, 5e8, law="flores"),
+    ms.Clearance("", RADIUS, 0.7),
+    ms.Clearance("", RADIUS, 0.8, 2e8),
+    ms.Clearance("", RADIUS, 0.6, 5e8, law="flores"),
 ]
 
 
 def made(case, clearance):
     """The bodies of a case, its model with a clearance, initial values and duration."""
     bodies, _, initial, duration = case()
-    forces = Forces(
+    forces = ms.Forces(
         gravity=(0, -9.81, 0), clearances=(replace(clearance, joint="ABCD"[len(bodies.pins) - 1]),)
     )
     return bodies, released(dynamic_model(mechanism_of(case), forces)), initial, duration
@@ -217,11 +214,11 @@ def made(case, clearance):
 def mechanism_of(case):
     bodies, joints, initial, _ = case()
     pins = tuple(
-        Joint("ABCD"[k], "revolute", *(End(name, (*point, 0)) for name, point in pin))
+        ms.Joint("ABCD"[k], "revolute", *(ms.End(name, (*point, 0)) for name, point in pin))
         for k, pin in enumerate(bodies.pins)
     )
     links = tuple(body(name, *values) for name, values in bodies.masses.items())
-    return Mechanism(case.__name__, links, (*pins, *joints), driver="A", start=initial["A.q"], points={})
+    return ms.Mechanism(case.__name__, links, (*pins, *joints), driver="A", start=initial["A.q"], points={})
 
 
 def states_of(bodies, motion):
@@ -264,7 +261,7 @@ def test_a_run_agrees_with_mujoco_free_and_in_contact(tmp_path):
         ("restitution=0.9", "restitution=0.9,stiffness=2e8"),
     ):
         (tmp_path / "model.toml").write_text(TEXT.replace(old, new))
-        model = released(dynamic_model(load(str(tmp_path / "model.toml"), still=True)))
+        model = released(dynamic_model(ms.load(str(tmp_path / "model.toml"), still=True)))
         run = ms.dynamics.run(model, initial=initial, duration=0.012, samples=200)
         verdict = crosscheck_forward(run, model, initial_values(model, initial))
         assert verdict.passed, verdict
@@ -279,7 +276,7 @@ def test_a_run_agrees_with_mujoco_free_and_in_contact(tmp_path):
 
 @pytest.mark.long
 def test_mujoco_converges_through_impacts():
-    _, model, initial, _ = made(slider_crank, Clearance("", RADIUS, 0.8, 2e8))
+    _, model, initial, _ = made(slider_crank, ms.Clearance("", RADIUS, 0.8, 2e8))
     run = ms.dynamics.run(model, initial=initial, duration=0.012, samples=4)
     values = initial_values(model, initial)
     exact, errors = run.motion.links["slider"].position[-1], []
@@ -297,7 +294,7 @@ def test_a_small_clearance_approaches_the_ideal_joint():
     bodies, _, initial, _ = four_bar()
 
     def end(radius):
-        forces = Forces(clearances=(Clearance("D", radius, 0.0),) if radius else ())
+        forces = ms.Forces(clearances=(ms.Clearance("D", radius, 0.0),) if radius else ())
         run = ms.dynamics.run(mechanism_of(four_bar), forces, initial=initial, duration=0.1, samples=4)
         return states_of(bodies, run.motion)[-1]
 
@@ -315,9 +312,9 @@ def test_a_stiffness_by_hertz_is_that_of_lankarani_and_nikravesh():
 def test_a_pin_outside_its_hole_and_the_sentence_on_where_it_is_free(tmp_path, mechsim):
     (tmp_path / "model.toml").write_text(TEXT)
     path = str(tmp_path / "model.toml")
-    with pytest.raises(InputError, match=r"0.0001 m beyond its clearance of 0.0005 m; give C.x and C.y"):
+    with pytest.raises(ms.InputError, match=r"0.0001 m beyond its clearance of 0.0005 m; give C.x and C.y"):
         ms.dynamics.run(path, initial={"C.x": 6e-4}, duration=0.01)
-    assert "restitution = 0.9" in to_toml(load(path, still=True))
+    assert "restitution = 0.9" in to_toml(ms.load(path, still=True))
     answer = mechsim("dynamics", "statics", path)
     assert "at its centre elsewhere" in answer.out + answer.err
 
@@ -333,7 +330,7 @@ def test_peaks_of_acceleration_fall_with_the_clearance_as_published(tmp_path):
     for pin in (9.5, 9.9):
         text = f'hole_radius=10,pin_radius={pin},restitution=0.9,young="207 GPa"'
         (tmp_path / "model.toml").write_text(TEXT.replace("radius=0.5,restitution=0.9", text))
-        model = load(str(tmp_path / "model.toml"), drive={"A": "5000rpm"})
+        model = ms.load(str(tmp_path / "model.toml"), drive={"A": "5000rpm"})
         run = ms.dynamics.run(model, prescribed=("A",), duration=0.024, samples=12000)
         ratios.append(np.abs(run.motion.points["S"].acceleration[6000:, 0]).max() / ideal)
         pin_joints = (run.motion.joints[f"C.{letter}"].value[6000:] for letter in "xy")

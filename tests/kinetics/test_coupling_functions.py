@@ -6,7 +6,6 @@ from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.errors import AssemblyError
 from mechsim.kinetics import dynamic_model, prescribed
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -93,7 +92,7 @@ def test_a_motion_beyond_the_table_ends_with_an_outcome(tmp_path):
     (tmp_path / "t.csv").write_text(f"q,value\n{rows}\n")
     model = load(tmp_path, MODEL + 'function = "t.csv"\n')
     assert np.abs(model.solve([0.0, 0.9]).joints["out"].value - [0.0, 0.45]).max() < 1e-14
-    with pytest.raises(AssemblyError, match="cannot pass 1 rad"):
+    with pytest.raises(ms.AssemblyError, match="cannot pass 1 rad"):
         model.solve([0.0, 1.5])
     # released upright it falls beyond the table
     free = load(tmp_path, MODEL.replace('drivers = ["in"]', "") + 'function = "t.csv"\n', still=True)

@@ -6,17 +6,14 @@ from scipy.integrate import quad, solve_ivp
 from scipy.special import ellipj, ellipk
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.kinetics.dynamic_run import initial_values
-from mechsim.mechanism.forces import Couple, Forces
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Inertia, Link
+from mechsim.mechanism.forces import Couple
+from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.load_profile import constant
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 GRAVITY = 9.81
-DOWN = Forces(gravity=(0.0, 0.0, -GRAVITY))
+DOWN = ms.Forces(gravity=(0.0, 0.0, -GRAVITY))
 # largest error of a run of some periods at the default tolerance of 3e-13 a step
 ERROR = 1e-10
 
@@ -24,9 +21,9 @@ ERROR = 1e-10
 def body(mass, centre, moments, kind="spherical"):
     """Return a body on a joint with the ground at its origin."""
     diagonal = tuple(tuple(row) for row in np.diag(moments).astype(float))
-    joint = Joint("J", kind, End(GROUND), End("body"))
-    link = Link("body", inertia=Inertia(mass, centre, diagonal))
-    return Mechanism("body", (link,), (joint,), (), {"P": ("body", (0.0, 0.0, -1.0))})
+    joint = ms.Joint("J", kind, ms.End(GROUND), ms.End("body"))
+    link = ms.Link("body", inertia=ms.Inertia(mass, centre, diagonal))
+    return ms.Mechanism("body", (link,), (joint,), (), {"P": ("body", (0.0, 0.0, -1.0))})
 
 
 def between_roots(cubic, start, times):
@@ -107,7 +104,7 @@ def test_free_asymmetric_body():
     start = np.array([0.3, 2.0, 0.2])
     run = ms.dynamics.run(
         body(1.0, (0.0, 0.0, 0.0), moments, "floating"),
-        Forces(),
+        ms.Forces(),
         initial={"J.w": tuple(start), "J.vx": 0.5, "J.z": 2.0},
         duration=12.0,
     )
@@ -152,7 +149,7 @@ def test_a_body_that_starts_near_its_unstable_axis():
         return -np.cross(w, moments * w) / moments
 
     run = ms.dynamics.run(
-        body(1.0, (0.0, 0.0, 0.0), moments), Forces(), initial={"J.w": tuple(start)}, duration=10.0
+        body(1.0, (0.0, 0.0, 0.0), moments), ms.Forces(), initial={"J.w": tuple(start)}, duration=10.0
     )
     link = run.motion.links["body"]
     own = (np.swapaxes(link.rotation, 1, 2) @ link.angular_velocity[..., None])[..., 0]
@@ -169,29 +166,31 @@ def test_a_body_that_starts_near_its_unstable_axis():
 def rssr(moments):
     """Return an RSSR linkage without gravity whose rod is two halves of 1 kg at its ends."""
     ends = [
-        Joint("crank", "revolute", End(GROUND), End("crank")),
-        Joint("s1", "spherical", End("crank", (0.1, 0.0, 0.0)), End("rod")),
-        Joint("s2", "spherical", End("rod", (0.4, 0.0, 0.0)), End("rocker", (0.25, 0.0, 0.0))),
-        Joint(
+        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank")),
+        ms.Joint("s1", "spherical", ms.End("crank", (0.1, 0.0, 0.0)), ms.End("rod")),
+        ms.Joint("s2", "spherical", ms.End("rod", (0.4, 0.0, 0.0)), ms.End("rocker", (0.25, 0.0, 0.0))),
+        ms.Joint(
             "rocker",
             "revolute",
-            End(GROUND, (0.35, 0.1, 0.1), (0.0, 1.0, 0.0)),
-            End("rocker", (0, 0, 0), (0, 1, 0)),
+            ms.End(GROUND, (0.35, 0.1, 0.1), (0.0, 1.0, 0.0)),
+            ms.End("rocker", (0, 0, 0), (0, 1, 0)),
         ),
     ]
     arm = ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01))
     links = (
-        Link("crank", inertia=Inertia(1.0, (0.0, 0.0, 0.0), arm)),
-        Link("rod", inertia=Inertia(1.0, (0.2, 0.0, 0.0), tuple(tuple(row) for row in np.diag(moments)))),
-        Link("rocker", inertia=Inertia(1.0, (0.0, 0.0, 0.0), arm)),
+        ms.Link("crank", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), arm)),
+        ms.Link(
+            "rod", inertia=ms.Inertia(1.0, (0.2, 0.0, 0.0), tuple(tuple(row) for row in np.diag(moments)))
+        ),
+        ms.Link("rocker", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), arm)),
     )
-    return Mechanism("rssr", links, tuple(ends), "crank", {})
+    return ms.Mechanism("rssr", links, tuple(ends), "crank", {})
 
 
 def test_rod_that_spins_passively():
     """A dumbbell between two balls has no moment about its line: energy and constraint are in closed form."""
     run = ms.dynamics.run(
-        rssr((0.0, 0.04, 0.04)), Forces(), initial={"crank.v": 3.0}, duration=1.5, samples=60
+        rssr((0.0, 0.04, 0.04)), ms.Forces(), initial={"crank.v": 3.0}, duration=1.5, samples=60
     )
     crank, rocker = (run.motion.joints[name] for name in ("crank", "rocker"))
     ends = np.stack(
@@ -230,11 +229,11 @@ def test_mujoco_agrees_and_rejects_another_inertia(kind):
     ],
 )
 def test_invalid_initial_rotations(initial, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ms.InputError, match=message):
         ms.dynamics.run(body(1.0, (0.0, 0.0, -1.0), (1.0, 1.0, 1.0)), DOWN, initial=initial, duration=1.0)
 
 
 def test_a_moment_about_a_line_without_inertia_is_rejected():
-    twist = Forces(couples=(Couple("body", constant((0.0, 0.0, 1.0))),))
-    with pytest.raises(InputError, match="no moment of inertia"):
+    twist = ms.Forces(couples=(Couple("body", constant((0.0, 0.0, 1.0))),))
+    with pytest.raises(ms.InputError, match="no moment of inertia"):
         ms.dynamics.run(body(1.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)), twist, duration=1.0)

@@ -10,12 +10,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 
 import mechsim as ms
-from mechsim import dynamics
 from mechsim.kinetics.compiled_model import NotCompiledError
 from mechsim.kinetics.contacts import ContactMode, Contacts
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.equations_of_motion import equations_of_motion
-from mechsim.mechanism.forces import Forces, Friction
 from mechsim.mechanism.motors import ConstantTorque
 from mechsim.studies.dynamics_check import crosscheck_forward
 
@@ -131,7 +129,7 @@ def test_static_friction_holds_what_slides_with_less(static, outcome, file):
 
 def test_mujoco_has_the_same_friction_by_rate(file):
     path = file(model_text("friction_in_motion_incline.toml", friction=STRIBECK))
-    model = dynamics.dynamic_model(ms.load(path))
+    model = ms.dynamics.dynamic_model(ms.load(path))
     initial = {"slide.v": 2.0}
     run = ms.dynamics.run(path, initial=initial, duration=0.2, samples=4)
     verdict = crosscheck_forward(run, model, initial_values(model, initial))
@@ -146,7 +144,7 @@ def test_a_screw_holds_between_the_torques_that_lower_and_raise_the_load(lead, f
     text = model_text("friction_in_motion_screw.toml", lead=lead).replace(
         "[joints", 'drivers = ["thread.turn"]\n[joints', 1
     )
-    (limits,) = dynamics.holding_range(ms.load(file(text))).values()
+    (limits,) = ms.dynamics.holding_range(ms.load(file(text))).values()
     r, mu, load = 9e-3, 0.12, 981.0
     tangent = lead * 1e-3 / (2 * np.pi * r)
     lowering, raising = ((tangent + s * mu) / (1.0 - s * mu * tangent) for s in (-1.0, 1.0))
@@ -158,15 +156,15 @@ def test_static_friction_widens_the_range_of_forces_that_hold(file):
     text = model_text(
         "friction_in_motion_incline.toml", friction='coefficient = 0.3, static = 0.5, stribeck = "1 m/s"'
     ).replace("[joints", 'drivers = ["slide"]\n[joints', 1)
-    (limits,) = dynamics.holding_range(ms.load(file(text))).values()
+    (limits,) = ms.dynamics.holding_range(ms.load(file(text))).values()
     assert limits == pytest.approx((2.0 * G * (0.6 - 0.5 * 0.8), 2.0 * G * (0.6 + 0.5 * 0.8)), rel=1e-12)
 
 
 def test_a_released_slider_crank_needs_no_drive_torque(file):
     path = file(PRESS)
     run = ms.dynamics.run(path, initial={"crank.q": 0.3, "crank.v": 25.0}, duration=0.12, samples=40)
-    motion, model = run.motion, dynamics.dynamic_model(ms.load(path))
-    forces = dynamics.prescribed(model, motion.angle, motion.speed, motion.acceleration).forces
+    motion, model = run.motion, ms.dynamics.dynamic_model(ms.load(path))
+    forces = ms.dynamics.prescribed(model, motion.angle, motion.speed, motion.acceleration).forces
     # the torque of a prescribed motion is that by hand in test_load_friction
     assert np.abs(forces.torque * motion.speed).max() <= 1e-9 * forces.power_lost.max()
     assert len(run.events) == 1
@@ -177,14 +175,14 @@ def test_a_released_slider_crank_needs_no_drive_torque(file):
 PIN = {"coefficient": 0.15, "pin_radius": 4e-3}
 OTHERS = {
     "four_bar": (
-        Forces(
-            friction=tuple(Friction(name, **PIN) for name in ("crank", "A", "B", "rocker")),
+        ms.Forces(
+            friction=tuple(ms.Friction(name, **PIN) for name in ("crank", "A", "B", "rocker")),
             motor=ConstantTorque(0.05),
             flywheel=1e-4,
         ),
         {"crank.v": 20.0},
     ),
-    "rrsrr": (Forces(friction=(Friction("S", **PIN),)), {"crank.v": 40.0}),
+    "rrsrr": (ms.Forces(friction=(ms.Friction("S", **PIN),)), {"crank.v": 40.0}),
 }
 
 
@@ -192,7 +190,7 @@ OTHERS = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_runs_under_friction_by_the_load_agree_with_mujoco(name):
     forces, initial = OTHERS[name]
-    model = dynamics.dynamic_model(ms.catalog.make(name), forces)
+    model = ms.dynamics.dynamic_model(ms.catalog.make(name), forces)
     run = ms.dynamics.run(model, initial=initial, duration=0.03, samples=12)
     assert run.energy_error <= 1e-12
     verdict = crosscheck_forward(run, model, initial_values(model, initial))
@@ -235,7 +233,7 @@ def test_frictions_whose_loads_grow_slide_while_one_stable_solution_balances_the
         (acceleration,) = sliding_ladder(*state, floor, wall)
         return state[1], acceleration
 
-    model = dynamics.dynamic_model(ms.load(ladder(file, floor, wall), still=True))
+    model = ms.dynamics.dynamic_model(ms.load(ladder(file, floor, wall), still=True))
     initial = {"floor.q": 1.2, "floor.v": -6.0}
     run = ms.dynamics.run(model, initial=initial, duration=0.1, samples=10)
     exact = solve_ivp(
@@ -305,7 +303,7 @@ def test_a_clamp_reverses_within_the_narrow_curve_of_stribeck(compiled, file, mo
     if not compiled:
         monkeypatch.setattr("mechsim.kinetics.forward_dynamics.compiled_model", not_compiled)
     clamp = ms.load(file(CLAMP), still=True)
-    run = dynamics.run(clamp, initial={"handle.q": "119.1deg"}, duration="0.08s")
+    run = ms.dynamics.run(clamp, initial={"handle.q": "119.1deg"}, duration="0.08s")
     assert run.executed == ("C" if compiled else "numpy")
     # by Newton's and Euler's equations of three bodies with all reactions, DOP853 at 1e-12, steps of 10 us
     assert np.allclose(run.events, [0.030469177301622, 0.060230287316856], rtol=0, atol=1e-12)
@@ -321,5 +319,5 @@ def not_compiled(equations):
 def test_a_clamp_breaks_away_where_friction_at_rest_cannot_hold_it(rate, limit, file):
     # the limit is the force at which the accelerations of the same equations vanish at 134 degrees
     clamp = ms.load(file(CLAMP.replace('"-60 N"', f'"-60 N + {rate} N*t"')), still=True)
-    run = dynamics.run(clamp, initial={"handle.q": "134deg"}, duration="0.35s")
+    run = ms.dynamics.run(clamp, initial={"handle.q": "134deg"}, duration="0.35s")
     assert abs(run.events[0] - (limit + 60.0) / rate) < 1e-9

@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.links import Inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 GROUND, CRANK, COUPLER, ROCKER = 0.3, 0.1, 0.3, 0.2
-WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
-NOTHING = Inertia(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+WEIGHT = ms.Forces(gravity=(0.0, -9.81, 0.0))
+NOTHING = ms.Inertia(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 # the crank is a point mass, the coupler has no mass and the rocker only moments
 MASS, ARM, MOMENT = 1.2, 0.05, 0.01
-CRANK_MASS = Inertia(MASS, (ARM, 0.0, 0.0), (0.0, 0.0, 0.0))
-ROCKER_MASS = Inertia(0.0, (0.0, 0.0, 0.0), (0.005, 0.005, MOMENT))
+CRANK_MASS = ms.Inertia(MASS, (ARM, 0.0, 0.0), (0.0, 0.0, 0.0))
+ROCKER_MASS = ms.Inertia(0.0, (0.0, 0.0, 0.0), (0.005, 0.005, MOMENT))
 
 
 def four_bar(crank, coupler, rocker):
@@ -81,7 +79,7 @@ def test_a_rod_without_a_moment_about_its_line_has_no_momentum_about_it():
         points = [np.array(end.point) for end in solver.mechanism.ends(solver.mechanism.links[rod].name)]
         line = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
         moments = 0.01 * np.eye(3) + (along - 0.01) * np.outer(line, line)
-        own = Inertia(0.5, tuple((points[0] + points[1]) / 2), tuple(map(tuple, moments)))
+        own = ms.Inertia(0.5, tuple((points[0] + points[1]) / 2), tuple(map(tuple, moments)))
         links = list(solver.mechanism.links)
         links[rod] = replace(links[rod], inertia=own)
         mechanism = replace(solver.mechanism, links=tuple(links))

@@ -9,7 +9,6 @@ from model_files import model_text
 from scipy.optimize import brentq
 
 import mechsim as ms
-from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.dynamic_run import initial_values
@@ -126,7 +125,7 @@ def test_a_string_goes_slack_and_catches_the_ball_on_its_parabola(tmp_path):
 
 
 def test_the_comparison_in_the_air_rejects_another_weight(tmp_path):
-    model = dynamic_model(load(written(tmp_path, BALL), still=True))
+    model = dynamic_model(ms.load(written(tmp_path, BALL), still=True))
     model = replace(model, mechanism=with_gaps(model.mechanism))
     run = ms.dynamics.run(model, initial={"ball.v": 1}, duration=0.15, samples=20)
     values = initial_values(model, {"ball.v": 1})
@@ -142,7 +141,7 @@ def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
     path = written(tmp_path, BALL)
     run = ms.dynamics.run(path, initial={"ball.v": 1}, duration=0.1, samples=4)
     assert {*run.motion.links} == {"ball"}
-    mechanism = load(path, still=True).mechanism
+    mechanism = ms.load(path, still=True).mechanism
     assert link_shapes(mechanism)["ball"]
     # a ball has no crank whose angle a picture could state
     assert frame_poses(mechanism, run.motion).instant(2) == "0.050 s"

@@ -7,7 +7,6 @@ import pytest
 
 import mechsim as ms
 from mechsim.mechanism.forces import Couple
-from mechsim.mechanism.links import Inertia
 from mechsim.mechanism.load_profile import constant
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -63,7 +62,7 @@ def test_a_second_actuator_shares_the_power_of_the_crank():
 
 
 FOUR_BAR = ms.catalog.make("four_bar", ground=2.0, crank=0.8, coupler=2.0, rocker=1.0)
-MASSLESS = Inertia(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+MASSLESS = ms.Inertia(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def massless_four_bar(forces):

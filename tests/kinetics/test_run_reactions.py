@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import simpson
 
 import mechsim as ms
-from mechsim.errors import InputError
 
 MASS, ARM, INERTIA, GRAVITY = 1.0, 2.0, 0.1, 9.80665
 WEIGHT = ms.Forces(gravity=(0.0, -GRAVITY, 0.0))
@@ -56,7 +55,7 @@ def test_a_motor_on_the_crank_keeps_the_balance_and_one_on_another_joint_is_reje
     assert np.abs(impulse - momentum[-1] + momentum[0]).max() < 1e-7 * np.abs(impulse).max()
     steered = replace(WEIGHT, controllers=(ms.Controller("A", "0.01 + 0*A.q"),))
     run = ms.dynamics.run(linkage, steered, duration=0.05, samples=5)
-    with pytest.raises(InputError, match="not a driver"):
+    with pytest.raises(ms.InputError, match="not a driver"):
         ms.dynamics.joint_reactions(ms.dynamics.dynamic_model(linkage, steered), run)
 
 

@@ -7,7 +7,6 @@ from model_files import model_text
 from scipy.optimize import brentq
 
 import mechsim as ms
-from mechsim.mechanism.forces import Forces
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.quadratic_roots import quadratic_roots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
@@ -80,7 +79,7 @@ def test_friction_at_rest_is_left_out(equilibria):
 
 
 def test_mujoco_has_the_frequencies_of_nearly_stretched_loops():
-    model = ms.dynamics.dynamic_model(ms.load("planar_3rrr"), Forces(gravity=(0.0, -9.81, 0.0)))
+    model = ms.dynamics.dynamic_model(ms.load("planar_3rrr"), ms.Forces(gravity=(0.0, -9.81, 0.0)))
     for state in ms.dynamics.equilibria(model, starts=3):
         checks = [c for c in crosscheck_equilibrium(state, model).checks if "eigenvalue" in c.kind]
         # the largest is 177 1/s; with the stiffest loops alone it is 6 1/s off

@@ -7,7 +7,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.io.readers import load
 from mechsim.kinetics import dynamic_model
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
 
@@ -19,7 +18,7 @@ SLIDER = model_text("stops_at_rest_slider.toml")
 
 def model_of(folder, text):
     (folder / "model.toml").write_text(text)
-    return dynamic_model(load(str(folder / "model.toml"), still=True))
+    return dynamic_model(ms.load(str(folder / "model.toml"), still=True))
 
 
 @pytest.mark.long

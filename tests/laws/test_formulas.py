@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from loop_laws import agrees_with_loop_equations
 from strategies import CASES, CLOSED, angles_of, longest
 
-from mechsim import catalog
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.studies.extremes.stability_map import resized
 
 # mechanism -> point and its function in fifty digits
@@ -30,13 +29,13 @@ def determined_motion(linkage, angles, **rates):
     """Return the motion if every link is determined, which a guide or hinge in a singular pose is not."""
     try:
         return linkage.solve(angles, **rates)
-    except AssemblyError as error:
+    except ms.AssemblyError as error:
         assert "is undetermined at crank angle" in str(error) or "lies on the rocker axis" in str(error)
         assume(False)
 
 
 def test_every_mechanism_of_the_catalogue_has_a_test_case():
-    assert CASES.keys() == {*catalog.MECHANISMS}
+    assert CASES.keys() == {*ms.catalog.MECHANISMS}
 
 
 @pytest.mark.long
@@ -124,7 +123,7 @@ def test_motions_agree_with_fifty_digits(name, data, speed, acceleration):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_a_faulty_description_violates_the_loop_equations(name):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     motion = linkage.solve(np.linspace(0.1, 6.0, 9), 7.0, -3.0)
     agrees_with_loop_equations(linkage, motion)
     for changes in FAULTS[linkage.name].values():

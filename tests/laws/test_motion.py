@@ -10,11 +10,9 @@ import pytest
 from strategies import EPS
 
 import mechsim as ms
-from mechsim import dynamics, loops
 from mechsim.io import gallery
 from mechsim.io.toml_writer import to_toml
-from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.masses import with_inertia
 from mechsim.simulation import simulate
 
@@ -79,9 +77,9 @@ def test_rates_are_derivatives(name):
 def test_loops_close_and_points_keep_their_places_on_links(name):
     solver, result, _ = motion(name)
     length = solver.mechanism.characteristic_length
-    poses = {link: Pose(item.position, item.rotation) for link, item in result.links.items()}
+    poses = {link: ms.Pose(item.position, item.rotation) for link, item in result.links.items()}
     angles = result.angle if solver.motion_laws.crank else result.time
-    gaps, orientations = loops.residual_norms(solver.mechanism, poses, angles)
+    gaps, orientations = ms.loops.residual_norms(solver.mechanism, poses, angles)
     assert gaps.max() <= 64 * EPS * length
     assert orientations.max() <= 64 * EPS
     for point, (link, local) in solver.mechanism.points.items():
@@ -94,7 +92,7 @@ def test_loop_equations_have_the_motion_of_the_formula(name):
     solver, result, _ = motion(name)
     if not solver.motion_laws.crank:
         pytest.skip("without a formula for joint coordinates both are the loop equations")
-    other = loops.solve(solver.mechanism, result.angle, result.speed, result.acceleration)
+    other = ms.loops.solve(solver.mechanism, result.angle, result.speed, result.acceleration)
     for kind, quantities in (
         ("points", ("position", "velocity", "acceleration")),
         ("links", ("rotation", "angular_velocity", "angular_acceleration")),
@@ -142,8 +140,8 @@ def energy(mechanism, result, gravity):
 def test_the_power_of_the_drivers_is_the_rate_of_energy(name):
     solver, _, step = motion(name)
     mechanism, gravity = with_inertia(solver.mechanism), (1.3, -4.2, -8.1)
-    model = dynamics.dynamic_model(solver, Forces(gravity=gravity), mechanism=mechanism)
-    study = dynamics.prescribed(model, **instants(solver)[0])
+    model = ms.dynamics.dynamic_model(solver, ms.Forces(gravity=gravity), mechanism=mechanism)
+    study = ms.dynamics.prescribed(model, **instants(solver)[0])
     result, forces = motion(name)[1], study.forces
     power = (
         sum(effort * result.joints[driver].rate for driver, effort in forces.drives.items())

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from grids import grid
 
-from mechsim import dynamics, load
-from mechsim.mechanism import load_profile as course
-from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
+import mechsim as ms
+from mechsim.mechanism.forces import Couple, located
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.masses import with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -31,13 +30,13 @@ def every_force(mechanism):
     single_dof = [item.name for item in mechanism.joints if item.kind in ("revolute", "prismatic")]
     point = [name for name, (link, _) in mechanism.points.items() if link != GROUND][-1]
     link = located(mechanism, point)[0]
-    return Forces(
+    return ms.Forces(
         gravity=(1.3, -4.2, -8.1),
-        friction=(Friction(single_dof[-1], 0.02, 0.03), Friction(single_dof[0], 0.004, 0.006)),
-        springs=(Spring((GROUND, (0.02, 0.03, 0.11)), point, 40.0, 0.03, 0.5),),
-        joint_springs=(JointSpring(single_dof[-1], 0.3, 0.1),),
-        loads=(Load(point, course.constant(PUSH)),),
-        couples=(Couple(link, course.constant(TWIST)),),
+        friction=(ms.Friction(single_dof[-1], 0.02, 0.03), ms.Friction(single_dof[0], 0.004, 0.006)),
+        springs=(ms.Spring((GROUND, (0.02, 0.03, 0.11)), point, 40.0, 0.03, 0.5),),
+        joint_springs=(ms.JointSpring(single_dof[-1], 0.3, 0.1),),
+        loads=(ms.Load(point, ms.load_profile.constant(PUSH)),),
+        couples=(Couple(link, ms.load_profile.constant(TWIST)),),
     )
 
 
@@ -112,8 +111,8 @@ def motion_and_forces(solver, mechanism, forces, method):
     run = driven(mechanism, forces, method="step" if method == "step" else "pose", samples=SAMPLES, **options)
     if method != "formulas":
         return run.motion, run.forces
-    model, motion = dynamics.dynamic_model(solver, forces, mechanism=mechanism), run.motion
-    study = dynamics.prescribed(
+    model, motion = ms.dynamics.dynamic_model(solver, forces, mechanism=mechanism), run.motion
+    study = ms.dynamics.prescribed(
         model, motion.angle, motion.speed, motion.acceleration, time=motion.time, as_run=motion
     )
     return motion, study.forces
@@ -138,7 +137,7 @@ def relative_imbalance(mechanism, forces, motion, record):
 @pytest.mark.parametrize("method", ["pose", "step", "formulas"])
 @pytest.mark.parametrize("name", grid(CRANKS, ("slider_crank", "rssr", "cardan_joint")))
 def test_crank_power_balances_energies_losses_and_loads(name, method):
-    solver = load(name)
+    solver = ms.load(name)
     mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
     motion, record = motion_and_forces(solver, mechanism, forces, method)
     # measured 8e-10, the error of the differences, and 5e-9 for steps
@@ -158,7 +157,7 @@ def test_crank_power_balances_energies_losses_and_loads(name, method):
     ),
 )
 def test_the_power_of_several_drivers_balances(name, method):
-    solver = load(name)
+    solver = ms.load(name)
     mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
     motion, record = motion_and_forces(solver, mechanism, forces, method)
     # drive forces are constant over a step, so accelerations lag by half a step: measured 7.7e-4
@@ -168,8 +167,8 @@ def test_the_power_of_several_drivers_balances(name, method):
 @pytest.mark.long
 @pytest.mark.parametrize("omitted", ["gravity", "friction", "springs", "joint_springs", "loads", "couples"])
 def test_an_omitted_force_breaks_the_balance(omitted):
-    solver = load("rsur")
+    solver = ms.load("rsur")
     mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
     motion, record = motion_and_forces(solver, mechanism, forces, "pose")
-    incomplete = replace(forces, **{omitted: getattr(Forces(), omitted)})
+    incomplete = replace(forces, **{omitted: getattr(ms.Forces(), omitted)})
     assert relative_imbalance(mechanism, incomplete, motion, record) > 1e-3

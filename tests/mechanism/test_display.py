@@ -4,22 +4,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mechsim import catalog, crosscheck, dynamics, simulate
+import mechsim as ms
 from mechsim.errors import MissingToolError
 from mechsim.files import read, write
-from mechsim.studies.trace import trace
 
-LINKAGE = catalog.make("rssr")
+LINKAGE = ms.catalog.make("rssr")
 
 
 @cache
 def run():
-    return simulate(LINKAGE, speed=60.0, turns=0.1)
+    return ms.simulate(LINKAGE, speed=60.0, turns=0.1)
 
 
 @cache
 def inverse():
-    return dynamics.prescribed(dynamics.dynamic_model(LINKAGE), np.linspace(0.0, 6.0, 200), 60.0)
+    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(LINKAGE), np.linspace(0.0, 6.0, 200), 60.0)
 
 
 @pytest.mark.parametrize(
@@ -32,8 +31,8 @@ def inverse():
         (lambda: inverse(), 4, "forces=<ForceRecord>"),
         (lambda: inverse().forces, 6, "reactions={crank, P2, P3"),
         (lambda: inverse().forces.reactions["P2"], 3, "link='coupler', by='crank'"),
-        (lambda: trace(LINKAGE, starts=0), 8, "branch_points=()"),
-        (lambda: crosscheck(run().motion, LINKAGE), 11, "passed\n  position of P2 "),
+        (lambda: ms.trace(LINKAGE, starts=0), 8, "branch_points=()"),
+        (lambda: ms.crosscheck(run().motion, LINKAGE), 11, "passed\n  position of P2 "),
     ],
     ids=["mechanism", "run", "motion", "point", "inverse", "forces", "reaction", "trace", "verdict"],
 )

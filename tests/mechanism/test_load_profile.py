@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from mechsim import load_profile
-from mechsim.errors import InputError
+import mechsim as ms
 
 REVOLUTION = 2.0 * np.pi
 
@@ -10,10 +9,10 @@ REVOLUTION = 2.0 * np.pi
 def test_a_table_over_one_revolution_is_periodic():
     angles, values = np.linspace(0.5, 0.5 + REVOLUTION, 9), [0.0, 1.0, 4.0, 2.0, -1.0, -3.0, -2.0, 0.5, 0.0]
     for smooth in (False, True):
-        load = load_profile.table(angles, values, smooth=smooth)
+        load = ms.load_profile.table(angles, values, smooth=smooth)
         for turns in (-3, 0, 7):
             assert np.allclose(load.evaluate(angles + turns * REVOLUTION), values, atol=1e-13)
-    straight = load_profile.table(angles, values)
+    straight = ms.load_profile.table(angles, values)
     assert straight.evaluate((angles[2] + angles[3]) / 2.0)[0] == pytest.approx(3.0)
 
 
@@ -24,7 +23,7 @@ def test_a_smooth_table_has_fourth_order():
         values[-1] = values[0]
         x = np.linspace(0.0, REVOLUTION, 997)
         return np.abs(
-            load_profile.table(angles, values, smooth=True).evaluate(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)
+            ms.load_profile.table(angles, values, smooth=True).evaluate(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)
         ).max()
 
     assert 3.8 < np.log2(error(48) / error(96)) < 4.2
@@ -32,7 +31,7 @@ def test_a_smooth_table_has_fourth_order():
 
 def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
     x = np.linspace(0.0, REVOLUTION, 9)
-    exact, written = (load_profile.table(angles, np.cos(x).round(12)) for angles in (x, x.round(5)))
+    exact, written = (ms.load_profile.table(angles, np.cos(x).round(12)) for angles in (x, x.round(5)))
     samples = np.linspace(0.0, REVOLUTION, 40)
     # half a unit of the sixth digit, at a derivative of one
     assert np.abs(exact.evaluate(samples, samples) - written.evaluate(samples, samples)).max() < 1e-5
@@ -40,9 +39,9 @@ def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
 
 def test_a_table_that_is_not_periodic_is_not_extrapolated():
     for over, remedy in (("angle", "longer, or let it span one revolution, 6.28"), ("time", "longer$")):
-        load = load_profile.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
+        load = ms.load_profile.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
         assert load.evaluate([0.5], [0.5])[0] == 2.5
         with pytest.raises(
-            InputError, match=rf"covers .* 0 to 1, but the motion needs 1.5; make the table {remedy}"
+            ms.InputError, match=rf"covers .* 0 to 1, but the motion needs 1.5; make the table {remedy}"
         ):
             load.evaluate([1.5], [1.5])

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from mechsim.errors import InputError
-from mechsim.mechanism.joints import Coupling, End, Gear, Joint
-from mechsim.mechanism.links import GROUND, Link
-from mechsim.mechanism.mechanism import Mechanism
+import mechsim as ms
+from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.meshes import meshes_of, threads_of
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
@@ -15,22 +13,22 @@ ANGLE = np.deg2rad(20.0)
 
 
 def hinge(name, position=(0.0, 0.0, 0.0), axis=Z):
-    return Joint(name, "revolute", End(GROUND, position, axis), End(name, (0.0, 0.0, 0.0), axis))
+    return ms.Joint(name, "revolute", ms.End(GROUND, position, axis), ms.End(name, (0.0, 0.0, 0.0), axis))
 
 
 def slide(name, position, axis):
-    return Joint(name, "prismatic", End(GROUND, position, axis), End(name, (0.0, 0.0, 0.0), axis))
+    return ms.Joint(name, "prismatic", ms.End(GROUND, position, axis), ms.End(name, (0.0, 0.0, 0.0), axis))
 
 
 def mechanism(joints, gears=(), couplings=()):
-    links = tuple(Link(joint.b.link) for joint in joints)
+    links = tuple(ms.Link(joint.b.link) for joint in joints)
     points = {"P": (joints[0].b.link, (0.05, 0.0, 0.0))}
-    return Mechanism("pair", links, joints, joints[0].name, points, gears, couplings=couplings)
+    return ms.Mechanism("pair", links, joints, joints[0].name, points, gears, couplings=couplings)
 
 
 def pair(second, ratio, angle=ANGLE):
     (mesh,) = meshes_of(
-        mechanism((hinge("one"), second), (Gear("one", second.name, ratio, 0.0, angle),))
+        mechanism((hinge("one"), second), (ms.Gear("one", second.name, ratio, 0.0, angle),))
     ).values()
     return mesh
 
@@ -57,7 +55,7 @@ def test_the_tooth_force_of_a_ring_points_to_the_shaft_of_the_pinion():
 @pytest.mark.parametrize("radius", [0.02, -0.02])
 def test_the_tooth_force_of_a_rack_points_away_from_the_shaft(radius):
     joints = hinge("pinion", (0.1, 0.2, 0.3)), slide("rack", (0.5, 0.2, 0.7), X)
-    mesh_law = Coupling("mesh", "rack", "pinion", (0.0, radius), pressure_angle=ANGLE)
+    mesh_law = ms.Coupling("mesh", "rack", "pinion", (0.0, radius), pressure_angle=ANGLE)
     (mesh,) = meshes_of(mechanism(joints, couplings=(mesh_law,))).values()
     assert_allclose(mesh.point, (0.1, 0.2 - radius, 0.3), atol=1e-16)
     assert_allclose(mesh.tangential, X, atol=1e-14)
@@ -69,7 +67,7 @@ def test_tooth_forces_of_a_bevel_pair_agree_with_a_textbook():
     # shafts along x and z meet in the origin; the pinion turns twice as fast
     ratio = -0.5
     joints = hinge("pinion", (0.04, 0.0, 0.0), X), hinge("wheel", (0.0, 0.0, 0.02), Z)
-    (mesh,) = meshes_of(mechanism(joints, (Gear("pinion", "wheel", ratio, 0.0, ANGLE),))).values()
+    (mesh,) = meshes_of(mechanism(joints, (ms.Gear("pinion", "wheel", ratio, 0.0, ANGLE),))).values()
     assert_allclose(mesh.point, (0.04, 0.0, 0.02), atol=1e-16)
     cone = np.arctan2(0.02, 0.04)
     tangential = 1.0 / 0.04
@@ -92,15 +90,15 @@ def test_tooth_forces_of_a_bevel_pair_agree_with_a_textbook():
     ids=["positive ratio", "coaxial shafts", "skew shafts", "joints at the apex"],
 )
 def test_gears_without_a_pitch_point_have_no_tooth_forces(second, ratio):
-    assert meshes_of(mechanism((hinge("one"), second), (Gear("one", "two", ratio),))) == {}
+    assert meshes_of(mechanism((hinge("one"), second), (ms.Gear("one", "two", ratio),))) == {}
 
 
 def test_polynomials_and_screws_have_no_tooth_forces():
     joints = hinge("pinion"), slide("rack", (0.0, 0.1, 0.0), X), slide("along", (0.0, 0.1, 0.0), Z)
-    plain = Coupling("law", "rack", "pinion", (0.0, 0.02))
-    leant = Coupling("leant", "along", "pinion", (0.0, 0.02), pressure_angle=0.0)
+    plain = ms.Coupling("law", "rack", "pinion", (0.0, 0.02))
+    leant = ms.Coupling("leant", "along", "pinion", (0.0, 0.02), pressure_angle=0.0)
     assert meshes_of(mechanism(joints, couplings=(plain, leant))) == {}
-    screw = Joint("thread", "screw", End("pinion"), End("nut"), lead=0.004)
+    screw = ms.Joint("thread", "screw", ms.End("pinion"), ms.End("nut"), lead=0.004)
     made = mechanism((hinge("pinion"), screw))
     assert meshes_of(made) == {}
     assert threads_of(made) == {"thread.turn-thread.way": screw}
@@ -108,5 +106,5 @@ def test_polynomials_and_screws_have_no_tooth_forces():
 
 @pytest.mark.parametrize("angle", [-0.1, np.pi / 2, float("nan")])
 def test_an_invalid_pressure_angle_is_rejected(angle):
-    with pytest.raises(InputError, match="pressure angle of coupling 'one-two'"):
+    with pytest.raises(ms.InputError, match="pressure angle of coupling 'one-two'"):
         pair(hinge("two", (0.03, 0.0, 0.0)), -0.5, angle)

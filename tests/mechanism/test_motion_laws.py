@@ -5,7 +5,6 @@ import pytest
 from driven_mechanisms import five_bar
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.mechanism.motion_laws import CRANK
 
 PARAMETER = np.linspace(0.2, 1.4, 7)
@@ -39,9 +38,9 @@ def test_path_parameters_and_times_are_consistent():
 
 def test_motion_laws_of_other_drivers_are_rejected():
     mechanism = five_bar()
-    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
+    with pytest.raises(ms.InputError, match="left, right have no motion law; give each driver one"):
         CRANK.require_drivers(mechanism)
     laws = ms.load("five_bar", drive=LAWS, duration=1.0).motion_laws
     laws.require_drivers(mechanism)
-    with pytest.raises(InputError, match="there are motion laws of left, right; the drivers are crank"):
+    with pytest.raises(ms.InputError, match="there are motion laws of left, right; the drivers are crank"):
         laws.require_drivers(ms.load("four_bar").mechanism)

@@ -4,23 +4,21 @@ import mechanisms
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.mechanism.joints import End, Joint
+import mechsim as ms
 from mechsim.mechanism.link_poses import plane_normals
-from mechsim.mechanism.links import GROUND, Link
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import GROUND
 
 
 def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():
-    planar = [catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
+    planar = [ms.catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
     assert all(plane_normals(item) for item in [*planar, mechanisms.geared_five_bar()])
-    spatial = [catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
+    spatial = [ms.catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
     assert not any(plane_normals(item) for item in spatial)
 
 
 @pytest.mark.parametrize("tilt", [1e-3, 1e-8])
 def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     tilted = [
         replace(joint, b=replace(joint.b, axis=(tilt, 0.0, 1.0))) if joint.name == "rocker" else joint
         for joint in mechanism.joints
@@ -30,15 +28,15 @@ def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
 
 def test_plane_normals_are_expressed_in_the_frame_of_each_link():
     ends = (
-        End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
-        End("slider", axis=(1.0, 0.0, 0.0), reference=(0.0, 0.0, 1.0)),
+        ms.End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        ms.End("slider", axis=(1.0, 0.0, 0.0), reference=(0.0, 0.0, 1.0)),
     )
-    mechanism = Mechanism(
+    mechanism = ms.Mechanism(
         name="arm",
-        links=(Link("arm"), Link("slider")),
+        links=(ms.Link("arm"), ms.Link("slider")),
         joints=(
-            Joint("crank", "revolute", End("arm"), End(GROUND, axis=(0.0, -1.0, 0.0))),
-            Joint("slide", "prismatic", *ends),
+            ms.Joint("crank", "revolute", ms.End("arm"), ms.End(GROUND, axis=(0.0, -1.0, 0.0))),
+            ms.Joint("slide", "prismatic", *ends),
         ),
         driver="crank",
         points={},

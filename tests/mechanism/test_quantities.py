@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import catalog
 from mechsim.compare.quantities import FORCES
-from mechsim.errors import InputError
 from mechsim.mechanism.quantities import (
     KINDS,
     QuantityKind,
@@ -38,26 +36,26 @@ DEPENDS_ON = {
 
 
 def value(name, **dimensions):
-    solved = catalog.make("four_bar", **dimensions).solve(ANGLES, 2.0)
-    item = numeric_quantity(name, catalog.make("four_bar").mechanism)
+    solved = ms.catalog.make("four_bar", **dimensions).solve(ANGLES, 2.0)
+    item = numeric_quantity(name, ms.catalog.make("four_bar").mechanism)
     return item.number(record_columns(solved, [item]))
 
 
 def agrees(formula):
     """Return whether a formula agrees with the four-bar; without a search for the cause if not."""
-    evaluation = evaluation_points(catalog.make("four_bar"), speed=2.0)
+    evaluation = evaluation_points(ms.catalog.make("four_bar"), speed=2.0)
     values = values_of_function(formula, evaluation, "formula")
     return agreement(evaluation, values, "formula", diagnose=False).passed
 
 
 def of_angles(name, angle):
-    solved = catalog.make("four_bar").solve(angle, 2.0)
-    item = numeric_quantity(name, catalog.make("four_bar").mechanism)
+    solved = ms.catalog.make("four_bar").solve(angle, 2.0)
+    item = numeric_quantity(name, ms.catalog.make("four_bar").mechanism)
     return item.number(record_columns(solved, [item]))
 
 
 def require_understood(name, dimension):
-    length = getattr(catalog.make("four_bar"), dimension)
+    length = getattr(ms.catalog.make("four_bar"), dimension)
     moved = value(name, **{dimension: 1.01 * length})
     table = ms.sensitivity("four_bar", name, dimension, angles=ANGLES, speed=2.0)
     (column,) = table.values
@@ -91,14 +89,14 @@ def test_every_study_accepts_a_new_quantity(monkeypatch):
     def height(mechanism, point):
         return [Column(f"{point}.y", "m", "point", point)], lambda values: values[0] + 1.0, "m"
 
-    with pytest.raises(InputError, match="has no quantity 'height:B'"):
-        quantity("height:B", catalog.make("four_bar").mechanism)
+    with pytest.raises(ms.InputError, match="has no quantity 'height:B'"):
+        quantity("height:B", ms.catalog.make("four_bar").mechanism)
     monkeypatch.setitem(KINDS, "height", QuantityKind("height", word="height", derive=height))
     require_understood("height:B", "crank")
 
 
 def test_force_quantities_have_names_and_tolerances():
-    solver = catalog.make("four_bar")
+    solver = ms.catalog.make("four_bar")
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 2.0)
     columns = dict(study.columns())
     assert effort_units().keys() <= columns.keys()
@@ -115,7 +113,7 @@ def energy(solver, angle):
 
 
 def test_columns_of_motions_and_forces_are_quantities():
-    solver = catalog.make("rssr")
+    solver = ms.catalog.make("rssr")
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 2.0)
     skipped = {"t", "angle", "speed", "acceleration"}
     for record in (solver.solve(ANGLES, 2.0), study):
@@ -127,7 +125,7 @@ def test_columns_of_motions_and_forces_are_quantities():
 
 
 def test_a_vector_expands_to_its_components():
-    mechanism = catalog.make("rssr").mechanism
+    mechanism = ms.catalog.make("rssr").mechanism
     names = [item.name for item in scalar_quantities(["P3.v", "force:P3", "rocker"], mechanism)]
     assert names == ["P3.vx", "P3.vy", "P3.vz", "P3.fx", "P3.fy", "P3.fz", "rocker.q"]
 
@@ -139,7 +137,7 @@ def test_commas_inside_names_and_brackets_do_not_separate_names():
 
 
 def test_a_distance_from_a_fixed_point_is_a_quantity_but_its_position_is_not():
-    solver = catalog.make("four_bar")
+    solver = ms.catalog.make("four_bar")
     points = {**solver.mechanism.points, "O": ("ground", (0.0, 0.0, 0.0)), "O4": ("ground", (0.1, 0.0, 0.0))}
     mechanism = replace(solver.mechanism, points=points)
     motion = solver.solve(ANGLES)
@@ -151,12 +149,12 @@ def test_a_distance_from_a_fixed_point_is_a_quantity_but_its_position_is_not():
         "speed:O": "is a fixed point of the frame",
         "distance:O,O4": "is constant",
     }.items():
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(ms.InputError, match=message):
             quantity(name, mechanism)
 
 
 def test_expressions_have_the_unit_of_their_operands():
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     units = {
         "expr:A.vx*B.x": "m2 s-1",
         "expr:A.vx/B.x*rocker": "rad/s",
@@ -169,6 +167,6 @@ def test_expressions_have_the_unit_of_their_operands():
 
 
 def test_measured_tables_use_the_same_names():
-    solver = catalog.make("four_bar")
+    solver = ms.catalog.make("four_bar")
     table = {"angle": ANGLES, "distance:A,B [mm]": 1e3 * value("distance:A,B")}
     np.testing.assert_allclose(measured_of(table, solver).values["distance:A,B"], value("distance:A,B"))

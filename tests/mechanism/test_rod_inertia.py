@@ -2,11 +2,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import catalog
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import EY, GROUND, Inertia, Link
+from mechsim.mechanism.links import EY, GROUND
 from mechsim.mechanism.masses import RELATIVE_DIAMETER, STEEL, round_rod, slender_rod, with_inertia
-from mechsim.mechanism.mechanism import Mechanism
 
 
 def test_the_inertia_of_a_round_rod_agrees_with_sampled_points():
@@ -35,8 +32,8 @@ def test_a_slender_rod_is_the_limit_of_round_rods():
 
 
 def test_inertias_of_catalogue_links_scale_with_density():
-    for name in catalog.MECHANISMS:
-        bare = catalog.make(name).mechanism
+    for name in ms.catalog.MECHANISMS:
+        bare = ms.catalog.make(name).mechanism
         light, heavy = with_inertia(bare), with_inertia(bare, 2.0 * STEEL)
         for a, b in zip(light.links, heavy.links, strict=True):
             assert b.inertia.mass == pytest.approx(2.0 * a.inertia.mass, rel=1e-14)
@@ -44,13 +41,13 @@ def test_inertias_of_catalogue_links_scale_with_density():
 
 
 def test_explicit_inertias_are_kept():
-    own = Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    mechanism = Mechanism(
+    own = ms.Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    mechanism = ms.Mechanism(
         "arm",
-        (Link("arm", inertia=own), Link("pin")),
+        (ms.Link("arm", inertia=own), ms.Link("pin")),
         (
-            Joint("crank", "revolute", End(GROUND), End("arm")),
-            Joint("knee", "revolute", End("arm", (0.2, 0.0, 0.0), EY), End("pin", axis=EY)),
+            ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("arm")),
+            ms.Joint("knee", "revolute", ms.End("arm", (0.2, 0.0, 0.0), EY), ms.End("pin", axis=EY)),
         ),
         "crank",
         {},
@@ -63,19 +60,19 @@ def test_explicit_inertias_are_kept():
 
 
 def test_collinear_points_are_one_rod_and_triangles_two():
-    ends = [End("bar", point) for point in ((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.1, 0.0, 0.0))]
+    ends = [ms.End("bar", point) for point in ((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.1, 0.0, 0.0))]
     joints = [
-        Joint("crank", "revolute", End(GROUND), ends[0]),
+        ms.Joint("crank", "revolute", ms.End(GROUND), ends[0]),
         *(
-            Joint(f"j{i}", "spherical", End(GROUND, (0.1 * i, 0.0, 0.0)), end)
+            ms.Joint(f"j{i}", "spherical", ms.End(GROUND, (0.1 * i, 0.0, 0.0)), end)
             for i, end in enumerate(ends[1:])
         ),
     ]
-    straight = with_inertia(Mechanism("bar", (Link("bar"),), tuple(joints), "crank", {}), 1000.0, 0.01)
+    straight = with_inertia(ms.Mechanism("bar", (ms.Link("bar"),), tuple(joints), "crank", {}), 1000.0, 0.01)
     whole = round_rod((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), 1000.0, 0.01)
     assert straight.links[0].inertia.mass == pytest.approx(whole.mass, rel=1e-13)
     assert straight.links[0].inertia.centre == pytest.approx(whole.centre, rel=1e-13)
-    curved = Mechanism("bar", (Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
+    curved = ms.Mechanism("bar", (ms.Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
     inertia = with_inertia(curved, 1000.0, 0.01).links[0].inertia
     assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4 * 0.7, rel=1e-13)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.mechanism.link_poses import moved_links
 
 LOOPER = Path(__file__).parents[2] / "models" / "looper.xml"
@@ -38,5 +37,5 @@ def test_poses_of_virtual_bodies_follow_from_their_joints(solver):
 def test_a_motion_must_contain_every_body(solver):
     motion = solver.solve(ANGLES)
     motion.links.pop("crank")
-    with pytest.raises(InputError, match="the motion has no pose of link 'crank'"):
+    with pytest.raises(ms.InputError, match="the motion has no pose of link 'crank'"):
         moved_links(solver.mechanism, motion)

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics import newton
 from mechsim.numerics.continuation import ContinuationPath
@@ -36,20 +35,20 @@ def plant(monkeypatch, fault):
 
 @pytest.mark.parametrize("name", [pytest.param("rssr", marks=pytest.mark.slow), "four_bar"])
 def test_both_methods_reject_unconverged_configurations(name, monkeypatch):
-    mechanism, angles = catalog.make(name).mechanism, np.linspace(0.0, 6.0, 20)
+    mechanism, angles = ms.catalog.make(name).mechanism, np.linspace(0.0, 6.0, 20)
     assert simulate(mechanism, speed=1.0, method="pose").outcome == "passed"
     KinematicSolver(mechanism).solve(angles, speed=1.0)
     plant(monkeypatch, unconverged)
-    with pytest.raises(AssemblyError, match="the crank cannot pass"):
+    with pytest.raises(ms.AssemblyError, match="the crank cannot pass"):
         simulate(mechanism, speed=1.0, method="pose")
-    with pytest.raises(AssemblyError, match="the crank cannot pass"):
+    with pytest.raises(ms.AssemblyError, match="the crank cannot pass"):
         KinematicSolver(mechanism).solve(angles, speed=1.0)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypatch):
-    linkage, chunks = catalog.make(name), ContinuationPath.chunks
+    linkage, chunks = ms.catalog.make(name), ContinuationPath.chunks
     model = KinematicSolver(linkage.mechanism)
 
     def plant_offset(offset):
@@ -65,14 +64,14 @@ def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypat
         for point, positions in exact.items():
             assert np.abs(motion.points[point].position - positions).max() < 1e-13
     plant_offset(0.1)
-    with pytest.raises(AssemblyError):
+    with pytest.raises(ms.AssemblyError):
         simulate(linkage, speed=1.0, method="pose", samples=20)
-    with pytest.raises(AssemblyError):
+    with pytest.raises(ms.AssemblyError):
         model.solve(run.motion.angle)
 
 
 def test_mujoco_states_are_checked_by_their_own_residual(monkeypatch):
-    closed = from_source(catalog.make("rssr").mechanism)
+    closed = from_source(ms.catalog.make("rssr").mechanism)
     loops = read_loops(closed.model)
     assert loops.closure_error(loops.residual(loop_jacobian.close(loops, closed.qpos[None]))) < 1e-13
 
@@ -82,5 +81,5 @@ def test_mujoco_states_are_checked_by_their_own_residual(monkeypatch):
         return replace(result, q=system.retract(result.q, step))
 
     plant(monkeypatch, off)
-    with pytest.raises(AssemblyError, match="do not close at crank angle"):
+    with pytest.raises(ms.AssemblyError, match="do not close at crank angle"):
         loop_jacobian.close(loops, closed.qpos[None])

@@ -4,12 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import loops
+import mechsim as ms
 from mechsim.mechanism.joint_kinds import KINDS, displaced
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, IDENTITY, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.scene import Scene
+from mechsim.mechanism.links import GROUND, IDENTITY
 from mechsim.shapes.joints import DRAW, link_shapes
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.generator import generate
@@ -22,15 +19,15 @@ VALUES = (0.13, -0.7, 0.4, -0.3, 0.6)
 
 def arm_with(kind, reversed_sides):
     """Return a crank with a link on a joint of this kind; side a may be the distal one."""
-    proximal = End("arm", (0.3, -0.1, 0.2), (0.2, -0.4, 1.0))
-    distal = End("tip", (0.01, 0.05, -0.02), (1.0, 2.0, -2.0), (0.0, 1.0, 1.0))
+    proximal = ms.End("arm", (0.3, -0.1, 0.2), (0.2, -0.4, 1.0))
+    distal = ms.End("tip", (0.01, 0.05, -0.02), (1.0, 2.0, -2.0), (0.0, 1.0, 1.0))
     a, b = (distal, proximal) if reversed_sides else (proximal, distal)
-    return Mechanism(
+    return ms.Mechanism(
         name="arm",
-        links=(Link("arm"), Link("tip")),
+        links=(ms.Link("arm"), ms.Link("tip")),
         joints=(
-            Joint("crank", "revolute", End(GROUND), End("arm")),
-            Joint(
+            ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("arm")),
+            ms.Joint(
                 "J",
                 kind,
                 a,
@@ -54,7 +51,7 @@ def poses_at(mechanism, values):
     proximal, distal = (joint.a, joint.b) if joint.a.link == "arm" else (joint.b, joint.a)
     rotation = proximal.frame @ rotation_matrix @ distal.frame.T
     position = np.asarray(proximal.point) + proximal.frame @ shift - rotation @ np.asarray(distal.point)
-    return {"arm": IDENTITY, "tip": Pose(position, rotation)}
+    return {"arm": IDENTITY, "tip": ms.Pose(position, rotation)}
 
 
 def values_of(kind, *sizes):
@@ -69,8 +66,8 @@ def test_loop_equations_constrain_the_fixed_directions_of_a_kind(kind, reversed_
     if KINDS[kind].helical:
         values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
     poses = poses_at(mechanism, values)
-    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
-    rows = loops.equations(mechanism, poses, 0.0)
+    poses = {name: ms.Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
+    rows = ms.loops.equations(mechanism, poses, 0.0)
     assert np.abs(rows.residual).max() <= 1e-15
     constrained = 6 - KINDS[kind].dof + KINDS[kind].helical + KINDS[kind].rod
     assert rows.residual.shape == (1, 5 + constrained + 1)
@@ -82,7 +79,7 @@ def test_loop_equations_constrain_the_fixed_directions_of_a_kind(kind, reversed_
 def test_joint_coordinates_of_the_model_match_the_kind(kind, reversed_sides):
     mechanism = arm_with(kind, reversed_sides)
     first, second = values_of(kind, *VALUES), values_of(kind, -0.21, 0.5, 1.1, 0.7, -0.2)
-    model = compiled(generate(mechanism, Scene(level="pose"), poses_at(mechanism, first)))
+    model = compiled(generate(mechanism, ms.Scene(level="pose"), poses_at(mechanism, first)))
     data = mujoco.MjData(model)
     addresses = [model.joint(name).qposadr[0] for name in part_names(mechanism, mechanism.joint("J"))]
     for values in (first, second):

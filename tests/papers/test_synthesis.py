@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.papers.coupler_line import best_circle, follow_curve, line, synthesize_looper
 from mechsim.papers.passage import dyad, passage
 
@@ -15,7 +14,7 @@ THROUGH, TILT, LENGTH = (12.8751e-3, 29.9574e-3), float(np.deg2rad(1.3905)), 4e-
 
 @pytest.fixture(scope="module")
 def paper():
-    return synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"))
+    return synthesize_looper(THROUGH, TILT, LENGTH, ms.catalog.make("looper"))
 
 
 def distance_to_line(points, through, tilt):
@@ -27,7 +26,7 @@ def test_the_line_of_the_paper_gives_its_published_linkage(paper):
     assert f"{np.rad2deg(paper.frame_angle):.3f}" == "45.000"
     assert f"{1e3 * paper.rocker:.3f}" == "32.000"
     assert paper.design.branch == 1
-    assert paper.design == catalog.make("looper").with_parameters(
+    assert paper.design == ms.catalog.make("looper").with_parameters(
         frame=paper.frame, frame_angle=paper.frame_angle, rocker=paper.rocker
     )
 
@@ -44,7 +43,7 @@ def test_the_reported_deviation_agrees_with_the_linkage(paper):
 
 
 def test_the_best_circle_agrees_with_forty_digits():
-    _, b = dyad(line(THROUGH, TILT, LENGTH), catalog.make("looper"), 1)
+    _, b = dyad(line(THROUGH, TILT, LENGTH), ms.catalog.make("looper"), 1)
     _, circle_radius, best = best_circle(b)
     assert len(best.active) == 4
     signs = np.sign(best.error[list(best.active)])
@@ -66,19 +65,19 @@ def test_the_best_circle_agrees_with_forty_digits():
 
 
 def test_equal_ripple_reduces_the_deviation():
-    result = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"), equal_ripple=True)
+    result = synthesize_looper(THROUGH, TILT, LENGTH, ms.catalog.make("looper"), equal_ripple=True)
     extrema = result.error[list(result.alternation)]
     assert len(extrema) == 4
     assert (np.sign(extrema[1:]) == -np.sign(extrema[:-1])).all()
     assert np.abs(extrema) == pytest.approx(result.deviation, rel=1e-3)
-    plain = synthesize_looper(THROUGH, TILT, LENGTH, catalog.make("looper"))
+    plain = synthesize_looper(THROUGH, TILT, LENGTH, ms.catalog.make("looper"))
     assert result.deviation < plain.deviation
 
 
 def test_synthesis_recovers_the_linkage_of_a_curve():
-    made = catalog.make("looper").with_parameters(rocker=0.0297, frame=0.0341, frame_angle=0.71)
+    made = ms.catalog.make("looper").with_parameters(rocker=0.0297, frame=0.0341, frame_angle=0.71)
     angles = np.linspace(2.3, 3.1, 41)
-    result = follow_curve(made.closed_form.planar_point(angles)[:, :2], catalog.make("looper"))
+    result = follow_curve(made.closed_form.planar_point(angles)[:, :2], ms.catalog.make("looper"))
     assert result.rocker == pytest.approx(0.0297, rel=1e-8)
     assert result.frame == pytest.approx(0.0341, rel=1e-8)
     assert result.frame_angle == pytest.approx(0.71, rel=1e-8)
@@ -89,7 +88,7 @@ def test_synthesis_recovers_the_linkage_of_a_curve():
 def straight_path(frame, frame_angle, rocker):
     """Return offsets along and across the line of THROUGH and TILT over a revolution, by planar circles."""
     angle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
-    base, pivot = catalog.make("looper"), frame * np.exp(1j * frame_angle)
+    base, pivot = ms.catalog.make("looper"), frame * np.exp(1j * frame_angle)
     a = base.crank * angle
     difference = abs(pivot - a)
     with np.errstate(invalid="ignore"):
@@ -122,7 +121,7 @@ def measured_deviation(frame, frame_angle, rocker, length):
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
 def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
-    result = synthesize_looper(THROUGH, TILT, length, catalog.make("looper"), equal_ripple=equal_ripple)
+    result = synthesize_looper(THROUGH, TILT, length, ms.catalog.make("looper"), equal_ripple=equal_ripple)
     own = measured_deviation(result.frame, result.frame_angle, result.rocker, length)
     # 801 points hide 2e-5 of a ripple, 20001 of a turn 1e-5
     assert result.deviation == pytest.approx(own, rel=1e-4)
@@ -131,16 +130,16 @@ def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
 
 
 def test_a_long_line_is_followed_better_than_by_a_direct_search():
-    result = synthesize_looper(THROUGH, TILT, 11e-3, catalog.make("looper"), equal_ripple=True)
+    result = synthesize_looper(THROUGH, TILT, 11e-3, ms.catalog.make("looper"), equal_ripple=True)
     audit = measured_deviation(28.684e-3, 1.03720, 21.667e-3, 11e-3)
     assert result.deviation < audit < 105e-6
 
 
 def test_a_linkage_that_reverses_on_the_line_is_rejected():
-    path = catalog.make("looper")
+    path = ms.catalog.make("looper")
     angles = np.linspace(2.3, 3.1, 41)
     # C's stroke is 13.6 mm
-    with pytest.raises(AssemblyError, match="reverses"):
+    with pytest.raises(ms.AssemblyError, match="reverses"):
         passage(path, line(THROUGH, TILT, 16e-3), np.linspace(3.9, 1.7, 101))
     c = path.closed_form.planar_point(angles)[:, :2]
     assert np.abs(passage(path, c, angles + 1e-3).error).max() < 1e-15
@@ -148,7 +147,7 @@ def test_a_linkage_that_reverses_on_the_line_is_rejected():
 
 def test_loop_equations_agree_on_the_synthesised_linkage(paper):
     angles = np.linspace(*sorted(paper.angles[[0, -1]]), 7)
-    ours, theirs = paper.design.positions(angles), loops.solve(paper.design.mechanism, angles, 1.0)
+    ours, theirs = paper.design.positions(angles), ms.loops.solve(paper.design.mechanism, angles, 1.0)
     for name, position in ours.items():
         assert np.abs(position - theirs.points[name].position).max() <= 1e-14
 
@@ -156,7 +155,7 @@ def test_loop_equations_agree_on_the_synthesised_linkage(paper):
 def test_the_deviation_from_an_unreachable_curve_is_reported():
     y = np.linspace(-1.0, 1.0, 41)
     result = follow_curve(
-        np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), catalog.make("looper")
+        np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), ms.catalog.make("looper")
     )
     # the best circle fits a line and an arc, but not a wave
     assert 3e-5 < result.deviation < 2e-4

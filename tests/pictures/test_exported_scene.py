@@ -4,23 +4,22 @@ import pytest
 from grids import grid
 from picture_colours import coloured, hues
 
-from mechsim import catalog
+import mechsim as ms
 from mechsim.errors import MissingToolError
-from mechsim.mechanism.scene import Scene
 from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.scenery import CAMERA
 from mechsim.shapes.body import link_colours
-from mechsim.simulation import Settings, simulate
+from mechsim.simulation import simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.studies.export import exported
 
-NAMES = list(catalog.MECHANISMS)
+NAMES = list(ms.catalog.MECHANISMS)
 
 
 def full_turn(name):
-    linkage = catalog.make(name)
-    return linkage if linkage.crank_range().full else catalog.make("rssr", crank=0.014, rocker=0.03)
+    linkage = ms.catalog.make(name)
+    return linkage if linkage.crank_range().full else ms.catalog.make("rssr", crank=0.014, rocker=0.03)
 
 
 def assert_same(item, other):
@@ -35,18 +34,18 @@ def test_visual_geoms_do_not_change_a_run_by_a_bit(name):
     linkage = full_turn(name)
 
     def run(spec):
-        return simulate(spec, speed=60.0, settings=Settings(steps_per_turn=60)).motion
+        return simulate(spec, speed=60.0, settings=ms.Settings(steps_per_turn=60)).motion
 
-    scene = Scene(level="picture")
+    scene = ms.Scene(level="picture")
     assert_same(run(exported(linkage.mechanism, scene)), run(assembled(linkage.mechanism, scene)))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_visual_geoms_have_no_mass_and_no_contact(name):
-    mechanism = catalog.make(name).mechanism
-    drawn = exported(mechanism, Scene(level="picture")).compile()
-    plain = assembled(mechanism, Scene(level="picture")).compile()
+    mechanism = ms.catalog.make(name).mechanism
+    drawn = exported(mechanism, ms.Scene(level="picture")).compile()
+    plain = assembled(mechanism, ms.Scene(level="picture")).compile()
     assert plain.ngeom == 0
     assert drawn.ngeom > len(mechanism.links)
     assert not drawn.geom_contype.any()
@@ -62,8 +61,8 @@ def test_an_exported_picture_scene_shows_every_link_in_mujoco(name):
         result = gl_backend.choose()
     except MissingToolError as missing:
         pytest.skip(str(missing))
-    mechanism = catalog.make(name).mechanism
-    model = mujoco.MjModel.from_xml_string(to_xml(exported(mechanism, Scene(level="picture"))))
+    mechanism = ms.catalog.make(name).mechanism
+    model = mujoco.MjModel.from_xml_string(to_xml(exported(mechanism, ms.Scene(level="picture"))))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     with gl_backend.renderer(model, (320, 240), result) as drawing:

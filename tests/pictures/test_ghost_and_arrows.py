@@ -5,17 +5,13 @@ import pytest
 from drawing import draws
 from scipy.spatial.transform import Rotation
 
-from mechsim import catalog
-from mechsim.errors import InputError
-from mechsim.mechanism.links import Pose
-from mechsim.mechanism.motion import Motion
+import mechsim as ms
 from mechsim.pictures import render
 from mechsim.pictures.render import frame_poses as ghost
 from mechsim.pictures.render import gl_backend, scenery
 from mechsim.pictures.render.drawing import Source, draw
 from mechsim.pictures.render.drawn_model import GHOST
 from mechsim.pictures.render.frame_poses import frame_poses
-from mechsim.pictures.render.look import Look
 from mechsim.shapes.body import span
 from mechsim.studies.drawn_motion import drawn_motion, joint_loads
 from mechsim.studies.motions import profile_of
@@ -27,7 +23,7 @@ NONE: frozenset[str] = frozenset()
 
 @pytest.fixture(scope="module")
 def linkage():
-    return catalog.make("four_bar")
+    return ms.catalog.make("four_bar")
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +31,7 @@ def motion(linkage):
     return linkage.solve(ANGLES, 60.0)
 
 
-def moved(motion: Motion, link: str, by: np.ndarray) -> Motion:
+def moved(motion: ms.Motion, link: str, by: np.ndarray) -> ms.Motion:
     """Return the motion with one displaced link."""
     other = replace(motion.links[link], position=motion.links[link].position + by)
     return replace(motion, source="step", links={**motion.links, link: other})
@@ -66,7 +62,7 @@ def test_a_rotation_error_is_magnified_about_its_axis(linkage, motion, size):
     axis = np.array([0.36, 0.48, 0.8])
     poses = frame_poses(linkage.mechanism, motion).poses
     rotated = {
-        name: Pose(
+        name: ms.Pose(
             pose.position, Rotation.from_rotvec(np.tile(size * axis, (25, 1))).as_matrix() @ pose.rotation
         )
         if name == "crank"
@@ -81,7 +77,7 @@ def test_a_rotation_error_is_magnified_about_its_axis(linkage, motion, size):
 
 
 def test_an_idle_spin_is_no_error():
-    linkage = catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
     motion = linkage.solve(ANGLES, 60.0)
     poses = frame_poses(linkage.mechanism, motion).poses
     assert motion.spinning == {"coupler"}
@@ -89,7 +85,7 @@ def test_an_idle_spin_is_no_error():
     line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     spun = poses["coupler"].rotation @ Rotation.from_rotvec(np.tile(0.7 * line, (25, 1))).as_matrix()
     first = poses["coupler"].point(tuple(ends[0]))
-    other = {**poses, "coupler": Pose(first - spun @ ends[0], spun)}
+    other = {**poses, "coupler": ms.Pose(first - spun @ ends[0], spun)}
     assert np.abs(ghost.errors(linkage.mechanism, poses, other, NONE)["coupler"][1]).max() > 0.5
     direction, rotation = ghost.errors(linkage.mechanism, poses, other, motion.spinning)["coupler"]
     assert max(np.abs(direction).max(), np.abs(rotation).max()) < 1e-14
@@ -122,7 +118,7 @@ def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):
     forces = {
         "A": 80.0 * np.column_stack([np.cos(3.0 * direction), np.sin(3.0 * direction), 0.0 * direction])
     }
-    look = Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
+    look = ms.Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
     stage = Source(linkage.mechanism, motion, forces=forces).drawn(look)
     (drawn,) = stage.arrows
     pictures = []
@@ -147,29 +143,29 @@ def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):
 
 def test_forces_of_the_caller_are_drawn(linkage, motion):
     forces = {"B": np.ones((25, 3))}
-    stage = Source(linkage.mechanism, motion, forces=forces).drawn(Look(arrows=("force",)))
+    stage = Source(linkage.mechanism, motion, forces=forces).drawn(ms.Look(arrows=("force",)))
     assert stage.arrows[0].largest == pytest.approx(np.sqrt(3.0))
     # a joint that is no tracked point: its position is that on its link
     with_moments = Source(linkage.mechanism, motion, moments={"rocker": np.ones((25, 3))}).drawn(
-        Look(arrows=("moment",))
+        ms.Look(arrows=("moment",))
     )
     np.testing.assert_allclose(
         with_moments.frames.starts["rocker"], np.tile([linkage.ground, 0.0, 0.0], (25, 1))
     )
     assert with_moments.arrows[0].legend[0].endswith("at most 1.73 N m")
-    with pytest.raises(InputError, match="holds NaN"):
+    with pytest.raises(ms.InputError, match="holds NaN"):
         Source(linkage.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).drawn(
-            Look(arrows=("force",))
+            ms.Look(arrows=("force",))
         )
-    with pytest.raises(InputError, match="no force to draw"):
-        Source(linkage.mechanism, motion).drawn(Look(arrows=("force",)))
-    with pytest.raises(InputError, match=r"give \(25, 3\) numbers"):
-        Source(linkage.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(Look(arrows=("force",)))
+    with pytest.raises(ms.InputError, match="no force to draw"):
+        Source(linkage.mechanism, motion).drawn(ms.Look(arrows=("force",)))
+    with pytest.raises(ms.InputError, match=r"give \(25, 3\) numbers"):
+        Source(linkage.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(ms.Look(arrows=("force",)))
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_give_the_same_joint_forces(name):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     profile = profile_of(linkage, 60.0, 1.0)
     motion = drawn_motion(linkage, "closed", profile, 12)
     closed = joint_loads(linkage, "closed", profile, motion)
@@ -185,7 +181,7 @@ def test_both_methods_give_the_same_joint_forces(name):
 
 @pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])
 def test_rounding_sized_moments_are_not_drawn(name, none):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     profile = profile_of(linkage, 60.0, 1.0)
     loads = joint_loads(linkage, "closed", profile, drawn_motion(linkage, "closed", profile, 24))
     arrows = scenery.arrows("moment", loads["moments"], linkage.mechanism.characteristic_length)

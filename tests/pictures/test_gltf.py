@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.pictures.render.gltf import write_gltf
 from mechsim.shapes.shape import Shape
 
@@ -134,6 +133,6 @@ def test_a_motion_that_cannot_be_drawn_leaves_no_file(tmp_path):
     solver = ms.load("four_bar")
     motion = solver.solve(np.linspace(0.0, 1.0, 3))
     motion.links["crank"].position[1] = np.nan
-    with pytest.raises(InputError, match="cannot be drawn"):
+    with pytest.raises(ms.InputError, match="cannot be drawn"):
         write_gltf(tmp_path / "bad.glb", solver.mechanism, motion)
     assert list(tmp_path.iterdir()) == []

@@ -3,12 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog, load
+import mechsim as ms
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND
 from mechsim.pictures.render.drawing import Source, named
 from mechsim.pictures.render.labels import foot, letters
-from mechsim.pictures.render.look import Look
 from mechsim.shapes import camera
 from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.motions import profile_of
@@ -16,10 +15,10 @@ from mechsim.studies.motions import profile_of
 
 @pytest.mark.parametrize("name", ["four_bar", "rsur", "humanoid_ankle", "parallel_gripper"])
 def test_every_pivot_on_the_ground_has_a_label(name):
-    solver = load(name)
+    solver = ms.load(name)
     mechanism = solver.mechanism
     motion = drawn_motion(solver, "closed", profile_of(solver, 1.0, 0.1), 3)
-    written = named(Source(mechanism, motion).drawn(Look()), 0)
+    written = named(Source(mechanism, motion).drawn(ms.Look()), 0)
     positions = np.array(list(written.values()))
     for joint in mechanism.joints:
         for end in (joint.a, joint.b):
@@ -44,9 +43,9 @@ def test_a_legend_does_not_cover_the_mechanism(size, lines):
 
 
 def test_a_picture_is_scaled_to_fit_its_legend():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     motion = linkage.solve(np.linspace(0.0, 2.0 * np.pi, 25), 60.0)
-    look = Look(arrows=("velocity", "acceleration"), caption="slow")
+    look = ms.Look(arrows=("velocity", "acceleration"), caption="slow")
     with_legend, without = (
         Source(linkage.mechanism, motion).drawn(item).camera for item in (look, replace(look, notes=False))
     )

@@ -11,12 +11,8 @@ from grids import grid
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim import catalog, load_profile
-from mechsim.errors import InputError, OutputError
-from mechsim.io.readers import load
+from mechsim.errors import OutputError
 from mechsim.mechanism.belts import belts_of
-from mechsim.mechanism.forces import Forces
-from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
@@ -30,7 +26,7 @@ ERRORS = {"P2": 1e-9 * np.sin(ANGLES), "P3": 0.0 * ANGLES}
 
 @pytest.fixture(scope="module")
 def linkage():
-    return catalog.make("rssr")
+    return ms.catalog.make("rssr")
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +37,17 @@ def motion(linkage):
 @pytest.fixture(scope="module")
 def figures(linkage, motion):
     return [
-        plots.motion_plot(motion),
-        plots.coupler_curve(linkage.mechanism, motion),
-        plots.transmission_plot(ANGLES, linkage.transmission_angle(ANGLES)),
-        plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
+        ms.plots.motion_plot(motion),
+        ms.plots.coupler_curve(linkage.mechanism, motion),
+        ms.plots.transmission_plot(ANGLES, linkage.transmission_angle(ANGLES)),
+        ms.plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
     ]
 
 
 @pytest.fixture(scope="module")
 def vectors(figures):
     """Return every plot as SVG, computed once."""
-    return [plots.drawn(figure) for figure in figures]
+    return [ms.plots.drawn(figure) for figure in figures]
 
 
 @pytest.mark.long
@@ -59,7 +55,7 @@ def vectors(figures):
     ("solver", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg",))
 )
 def test_every_plot_is_written_in_every_format(figures, vectors, solver, start):
-    for drawing in vectors if solver == "svg" else (plots.drawn(figure, solver) for figure in figures):
+    for drawing in vectors if solver == "svg" else (ms.plots.drawn(figure, solver) for figure in figures):
         assert drawing.startswith(start)
         assert len(drawing) > 2000
 
@@ -73,7 +69,7 @@ def test_a_figure_is_independent_of_the_style_of_its_user(figures):
             figure.savefig(out, format="svg", metadata={"Date": None})
         sizes = [
             set(re.findall(rb"scale\(([0-9.]+)", plane_curve))
-            for plane_curve in (out.getvalue(), plots.drawn(figure))
+            for plane_curve in (out.getvalue(), ms.plots.drawn(figure))
         ]
         assert sizes[0] == sizes[1]
         assert b"#ff0000" not in out.getvalue()
@@ -83,10 +79,10 @@ def test_a_figure_is_independent_of_the_style_of_its_user(figures):
 def test_plots_are_self_contained_and_reproducible(linkage, motion, vectors):
     # one plot per module: names and dates are set in one function for all
     repeated = (
-        plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
-        plots.coupler_curve(linkage.mechanism, motion),
+        ms.plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
+        ms.plots.coupler_curve(linkage.mechanism, motion),
     )
-    assert {plots.drawn(figure) for figure in repeated} <= set(vectors)
+    assert {ms.plots.drawn(figure) for figure in repeated} <= set(vectors)
     for plane_curve in vectors:
         for element in ET.fromstring(plane_curve).iter():
             for name, link in element.attrib.items():
@@ -101,38 +97,38 @@ def test_units_are_chosen_by_magnitude():
 
 
 def test_a_path_in_space_is_drawn_in_three_projections(linkage, motion):
-    flat = catalog.make("four_bar")
-    plane_curve = plots.coupler_curve(flat.mechanism, flat.solve(ANGLES))
-    three = plots.coupler_curve(linkage.mechanism, motion)
+    flat = ms.catalog.make("four_bar")
+    plane_curve = ms.plots.coupler_curve(flat.mechanism, flat.solve(ANGLES))
+    three = ms.plots.coupler_curve(linkage.mechanism, motion)
     assert [len(figure.axes) for figure in (plane_curve, three)] == [1, 3]
 
 
 def test_nan_errors_leave_a_gap_in_the_curve():
     errors = np.full(37, np.nan)
-    assert plots.drawn(plots.error_plot(ANGLES, {"P2": errors})).startswith(b"<?xml")
+    assert ms.plots.drawn(ms.plots.error_plot(ANGLES, {"P2": errors})).startswith(b"<?xml")
     errors[3:9] = 1e-7
-    figure = plots.error_plot(ANGLES, {"P2": errors}, tolerance=1e-6)
-    assert plots.drawn(figure).startswith(b"<?xml")
+    figure = ms.plots.error_plot(ANGLES, {"P2": errors}, tolerance=1e-6)
+    assert ms.plots.drawn(figure).startswith(b"<?xml")
     (line, _) = figure.axes[0].get_lines()
     assert np.isnan(line.get_ydata()).sum() == 31
 
 
 @pytest.mark.long
 def test_invalid_formats_are_rejected(motion, tmp_path):
-    with pytest.raises(InputError, match="no plot format 'bmp'"):
-        plots.drawn(plots.motion_plot(motion), "bmp")
-    with pytest.raises(InputError, match=r"not one of .svg, .png, .pdf"):
-        plots.format_of("plot.jpg")
-    assert plots.format_of(Path("plot.pdf")) == "pdf"
+    with pytest.raises(ms.InputError, match="no plot format 'bmp'"):
+        ms.plots.drawn(ms.plots.motion_plot(motion), "bmp")
+    with pytest.raises(ms.InputError, match=r"not one of .svg, .png, .pdf"):
+        ms.plots.format_of("plot.jpg")
+    assert ms.plots.format_of(Path("plot.pdf")) == "pdf"
     with pytest.raises(OutputError, match="no directory"):
-        plots.write(tmp_path / "missing" / "plot.svg", plots.motion_plot(motion))
+        ms.plots.write(tmp_path / "missing" / "plot.svg", ms.plots.motion_plot(motion))
 
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
-    linkage = load("quick_return")
+    linkage = ms.load("quick_return")
     loaded = replace(
-        linkage, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5))
+        linkage, forces=ms.Forces(gravity=(0.0, 0.0, 0.0), crank_torque=ms.load_profile.constant(-0.5))
     )
     study = PlotSource(solver=loaded, speed=1e-3).study()
     assert study.forces.torque == pytest.approx(0.5, abs=1e-6)
@@ -140,7 +136,7 @@ def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):
 
 @pytest.mark.parametrize("limits", [(2.1, 4.4), (6.0, 9.0), (0.3, 700.0)])
 def test_a_logarithmic_axis_within_a_decade_has_labels(limits):
-    figure, axes = plots.blank(1, 1, (4.0, 3.0))
+    figure, axes = ms.plots.blank(1, 1, (4.0, 3.0))
     ax = axes[0, 0]
     ax.set_xscale("log")
     ax.set_xlim(*limits)
@@ -164,7 +160,7 @@ def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(linkage, motion):
     )
     name, moving = next(iter(motion.points.items()))
     both = replace(motion, points={"pin": pin, name: moving})
-    figure = plots.motion_plot(both)
+    figure = ms.plots.motion_plot(both)
     for row in range(3):
         flat, signal = figure.axes[2 * row : 2 * row + 2]
         drawn = max(float(np.ptp(line.get_ydata())) for line in flat.get_lines())
@@ -173,7 +169,7 @@ def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(linkage, motion):
         assert any("rounding" in text.get_text() for text in flat.texts) or row == 0
         assert not signal.texts
     fixed_pin = replace(motion, points={next(iter(linkage.mechanism.points)): pin})
-    ax = plots.coupler_curve(linkage.mechanism, fixed_pin).axes[0]
+    ax = ms.plots.coupler_curve(linkage.mechanism, fixed_pin).axes[0]
     low, high = ax.get_xlim()
     assert high - low > 1.0
     assert "stands still within" in ax.get_title("left")
@@ -198,7 +194,7 @@ def test_a_rounding_sized_difference_is_drawn_as_zero():
 
 
 def test_a_schematic_has_a_symbol_and_a_name_per_joint():
-    source = PlotSource(solver=catalog.make("four_bar"), speed=1.0)
+    source = PlotSource(solver=ms.catalog.make("four_bar"), speed=1.0)
     figure = PLOTS["schematic"].figure(source)
     (ax,) = figure.axes
     circles = [patch for patch in ax.patches if hasattr(patch, "radius")]
@@ -207,7 +203,7 @@ def test_a_schematic_has_a_symbol_and_a_name_per_joint():
     for text in ax.texts:
         if text.get_text() in ("A", "B", "crank", "rocker"):
             assert min(np.hypot(*np.subtract(circle.center, text.xy)) for circle in circles) < 1e-12
-    assert plots.drawn(figure, "pdf").startswith(b"%PDF")
+    assert ms.plots.drawn(figure, "pdf").startswith(b"%PDF")
 
 
 def lines_of(figure):
@@ -216,16 +212,16 @@ def lines_of(figure):
 
 
 def test_a_schematic_names_joints_on_one_pin_together():
-    solver = load("jansen")
-    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))
+    solver = ms.load("jansen")
+    figure = ms.plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))
     names = [text.get_text() for text in figure.axes[0].texts]
     # both triangles of Jansen's leg turn about the same pivot of the frame
     assert [name for name in names if "hip" in name] == ["hip_b, hip_c"]
 
 
 def test_a_schematic_shows_the_pitch_circles_of_gears():
-    solver = load("planetary_gear")
-    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))
+    solver = ms.load("planetary_gear")
+    figure = ms.plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))
     rings = [line for line in lines_of(figure) if len(line) > 60]
     assert len(rings) == 3
     centres = [0.5 * (ring.min(0) + ring.max(0)) for ring in rings]
@@ -240,8 +236,8 @@ def test_a_schematic_shows_the_pitch_circles_of_gears():
 
 
 def test_a_schematic_shows_the_pitch_circle_and_the_pitch_line_of_a_rack():
-    solver = load("rack_steering")
-    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(-0.2, 0.2, 9)))
+    solver = ms.load("rack_steering")
+    figure = ms.plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(-0.2, 0.2, 9)))
     (circle,) = (line for line in lines_of(figure) if len(line) > 60)
     (pitch_line,) = (line for line in lines_of(figure) if len(line) == 3)
     centre, radius = 0.5 * (circle.min(0) + circle.max(0)), 0.5 * float(np.ptp(circle[:, 0]))
@@ -252,8 +248,8 @@ def test_a_schematic_shows_the_pitch_circle_and_the_pitch_line_of_a_rack():
 
 
 def test_a_schematic_shows_the_legs_of_a_platform():
-    solver = load("stewart_gough")
-    figure = plots.schematic_plot(solver.mechanism, solver.solve(t=np.linspace(0.0, 0.2, 9)))
+    solver = ms.load("stewart_gough")
+    figure = ms.plots.schematic_plot(solver.mechanism, solver.solve(t=np.linspace(0.0, 0.2, 9)))
     symbols = [patch.center for patch in figure.axes[0].patches if hasattr(patch, "radius")]
     (ax,) = figure.axes
     feet = [text.xy for text in ax.texts if text.get_text() in {f"u{i}" for i in range(1, 7)}]
@@ -267,30 +263,30 @@ def test_a_schematic_shows_the_legs_of_a_platform():
 
 
 def test_a_schematic_shows_profiles_rollers_belts_and_springs():
-    cam = load("cam_follower")
-    figure = plots.schematic_plot(cam.mechanism, cam.solve(np.linspace(0.0, 6.0, 20)))
+    cam = ms.load("cam_follower")
+    figure = ms.plots.schematic_plot(cam.mechanism, cam.solve(np.linspace(0.0, 6.0, 20)))
     profile, roller = (line for line in lines_of(figure) if len(line) > 60)
     radius = 0.5 * float(np.ptp(roller[:, 0]))
     # the roller touches the profile
     gaps = np.linalg.norm(profile - 0.5 * (roller.min(0) + roller.max(0)), axis=1)
     assert gaps.min() == pytest.approx(radius, rel=0.02)
-    belt = load("belt_drive")
-    figure = plots.schematic_plot(belt.mechanism, belt.solve(np.linspace(0.0, 6.0, 20)))
+    belt = ms.load("belt_drive")
+    figure = ms.plots.schematic_plot(belt.mechanism, belt.solve(np.linspace(0.0, 6.0, 20)))
     strand, *pulleys = (line for line in lines_of(figure) if len(line) > 60)
     paths = list(belts_of(belt.mechanism))
     length = np.linalg.norm(np.diff(strand, axis=0), axis=1).sum()
     assert length == pytest.approx(paths[0].length, rel=1e-3)
     assert 1 + len(pulleys) == sum(1 + len(path.radii) for path in paths)
-    suspension = load("bicycle_suspension")
+    suspension = ms.load("bicycle_suspension")
     motion = suspension.solve([0.0, 0.1])
-    figure = plots.schematic_plot(suspension.mechanism, motion, suspension.forces)
+    figure = ms.plots.schematic_plot(suspension.mechanism, motion, suspension.forces)
     (zigzag,) = (line for line in lines_of(figure) if len(line) == 12)
     names = {text.get_text(): text.xy for text in figure.axes[0].texts}
     np.testing.assert_allclose(sorted(zigzag[[0, -1]].tolist()), sorted([names["shock"], names["frame"]]))
     # a damper is a piston in a cylinder that is open towards it
     (spring,) = suspension.forces.springs
     damper = replace(suspension.forces, springs=(replace(spring, stiffness=0.0),))
-    figure = plots.schematic_plot(suspension.mechanism, motion, damper)
+    figure = ms.plots.schematic_plot(suspension.mechanism, motion, damper)
     (symbol,) = (line for line in lines_of(figure) if np.isnan(line).any())
     np.testing.assert_allclose(symbol[[0, -1]], zigzag[[0, -1]])
     along = (symbol - symbol[0]) @ (symbol[-1] - symbol[0]) / np.sum((symbol[-1] - symbol[0]) ** 2)
@@ -298,8 +294,8 @@ def test_a_schematic_shows_profiles_rollers_belts_and_springs():
 
 
 def test_a_schematic_shows_massless_rods():
-    solver = load("models/machines/peaucellier_rods.toml")
-    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(-0.3, 0.3, 5)))
+    solver = ms.load("models/machines/peaucellier_rods.toml")
+    figure = ms.plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(-0.3, 0.3, 5)))
     bars = [np.linalg.norm(line[1] - line[0]) for line in lines_of(figure) if len(line) == 2]
     for joint in solver.mechanism.joints:
         if joint.kind == "distance":
@@ -309,8 +305,8 @@ def test_a_schematic_shows_massless_rods():
 
 
 def test_a_schematic_shows_the_drum_the_pulley_and_both_falls_of_a_hoist():
-    solver = load("hoist")
-    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 1.0, 5)), solver.forces)
+    solver = ms.load("hoist")
+    figure = ms.plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 1.0, 5)), solver.forces)
     circles = [line for line in lines_of(figure) if len(line) > 60]
     # the pulley between falls that are as far apart as the drum is thick to its middle
     widths = sorted(float(np.ptp(circle[:, 0])) for circle in circles)
@@ -324,7 +320,7 @@ def test_a_schematic_shows_the_drum_the_pulley_and_both_falls_of_a_hoist():
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["looper", "hoist", "machines/needle_drive", "machines/engine"])
 def test_names_in_a_schematic_cover_neither_each_other_nor_the_scale(name):
-    solver = load(name if "/" not in name else f"models/{name}.toml")
+    solver = ms.load(name if "/" not in name else f"models/{name}.toml")
     figure = PLOTS["schematic"].figure(PlotSource(solver=solver, speed=1.0))
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in figure.axes[0].texts]
@@ -332,23 +328,23 @@ def test_names_in_a_schematic_cover_neither_each_other_nor_the_scale(name):
 
 
 def test_a_pivot_at_which_a_tracked_point_stands_has_one_name():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     (pivot,) = (joint for joint in linkage.mechanism.joints if joint.name == "crank")
     mechanism = replace(linkage.mechanism, points={"axle": ("crank", pivot.b.point)})
     motion = linkage.solve(np.linspace(0.0, 6.0, 20))
-    names = {text.get_text() for text in plots.schematic_plot(mechanism, motion).axes[0].texts}
+    names = {text.get_text() for text in ms.plots.schematic_plot(mechanism, motion).axes[0].texts}
     assert names & {"axle", "crank", "axle, crank", "rocker"} == {"axle", "rocker"}
 
 
 def test_a_schematic_is_not_mirrored():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     mechanism, axis = linkage.mechanism, (0.0, 0.0, -1.0)
     joints = tuple(
         replace(joint, a=replace(joint.a, axis=axis), b=replace(joint.b, axis=axis))
         for joint in mechanism.joints
     )
     backwards = replace(mechanism, joints=joints)
-    figure = plots.schematic_plot(backwards, linkage.solve(np.linspace(0.0, 6.0, 20)))
+    figure = ms.plots.schematic_plot(backwards, linkage.solve(np.linspace(0.0, 6.0, 20)))
     names = {text.get_text(): text.xy for text in figure.axes[0].texts}
     # the rocker's pivot is at positive x
     assert names["rocker"][0] - names["crank"][0] == pytest.approx(linkage.ground)
@@ -379,7 +375,7 @@ def test_a_diagram_shows_the_initial_state_of_a_file():
 def test_the_transmission_angle_is_a_quantity_to_draw():
     figure = ms.plot("four_bar", kind="quantities", quantities=["transmission"])
     angle, drawn = figure.axes[0].get_lines()[0].get_data()
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     a, b, c, d = linkage.crank, linkage.coupler, linkage.rocker, linkage.ground
     diagonal = a**2 + d**2 - 2.0 * a * d * np.cos(np.deg2rad(angle))
     between = np.rad2deg(np.arccos((b**2 + c**2 - diagonal) / (2.0 * b * c)))
@@ -388,4 +384,4 @@ def test_the_transmission_angle_is_a_quantity_to_draw():
 
 def test_a_response_of_zero_is_drawn_without_a_warning():
     nothing = {"frequency": np.array([1.0, 2.0]), "magnitude": np.zeros(2), "phase": np.zeros(2)}
-    assert plots.drawn(bode_plot(nothing, "P.x")).startswith(b"<?xml")
+    assert ms.plots.drawn(bode_plot(nothing, "P.x")).startswith(b"<?xml")

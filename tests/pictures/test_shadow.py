@@ -4,21 +4,20 @@ import numpy as np
 import pytest
 from drawing import draws
 
-from mechsim import catalog
+import mechsim as ms
 from mechsim.pictures import render
 from mechsim.pictures.render.drawing import Source
-from mechsim.pictures.render.look import Look
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
-LINKAGE = catalog.make("rssr")
+LINKAGE = ms.catalog.make("rssr")
 MOTION = LINKAGE.solve(ANGLES, 60.0)
 
 
 @pytest.mark.parametrize("look", [{"camera": "shaft"}, {"overlay": 4}])
 def test_other_views_have_no_wall_shadow(look):
     source = Source(LINKAGE.mechanism, MOTION)
-    assert not source.drawn(Look(**look)).stands_on_wall
-    assert source.drawn(Look()).stands_on_wall
+    assert not source.drawn(ms.Look(**look)).stands_on_wall
+    assert source.drawn(ms.Look()).stands_on_wall
 
 
 @draws

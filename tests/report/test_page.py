@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, Browser, in_browser
 
-from mechsim import catalog
-from mechsim.compare.checks import Check
+import mechsim as ms
 from mechsim.errors import OutputError
 from mechsim.files import plain
-from mechsim.pictures import plots
 from mechsim.report import page as report
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
@@ -43,7 +41,7 @@ class Reader(HTMLParser):
 
 
 def check(worst=3.2e-10, subject="P3", kind="position", method="step"):
-    return Check(
+    return ms.Check(
         kind=kind,
         subject=subject,
         method=method,
@@ -80,7 +78,7 @@ def bad():
 
 @pytest.fixture(scope="module")
 def section():
-    linkage = catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
     motion = linkage.solve(ANGLES, 60.0)
     return report.Section(
         name="rssr",
@@ -93,8 +91,8 @@ def section():
         },
         picture=PNG,
         plots=[
-            ("Motion", plots.drawn(plots.motion_plot(motion))),
-            ("Paths", plots.drawn(plots.coupler_curve(linkage.mechanism, motion), "png")),
+            ("Motion", ms.plots.drawn(ms.plots.motion_plot(motion))),
+            ("Paths", ms.plots.drawn(ms.plots.coupler_curve(linkage.mechanism, motion), "png")),
         ],
         checks=(check(),),
         settings={"integrator": "RK4", "timestep": 1e-4},

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import load, loops
-from mechsim.mechanism.joints import Coupling, End, Gear, Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
+import mechsim as ms
+from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.links import IDENTITY as STANDING
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.shapes.joints import link_shapes
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -23,13 +21,13 @@ def shafts(heights, carried):
     points = [tuple(APEX + height * axis) for height, axis in zip(heights, AXES, strict=True)]
     first, second = (tuple(axis) for axis in AXES)
     joints = (
-        Joint("one", "revolute", End(GROUND, points[0], first), End("one", points[0], first)),
-        Joint("two", "revolute", End(carried, points[1], second), End("two", points[1], second)),
+        ms.Joint("one", "revolute", ms.End(GROUND, points[0], first), ms.End("one", points[0], first)),
+        ms.Joint("two", "revolute", ms.End(carried, points[1], second), ms.End("two", points[1], second)),
     )
-    links = Link("one"), Link("two")
+    links = ms.Link("one"), ms.Link("two")
     guess = {link.name: STANDING for link in links}
-    points, gears = {"P": ("two", (0.02, 0.0, 0.0))}, (Gear("one", "two", -1.5, 0.4),)
-    return Mechanism("bevel", links, joints, "one", points, guess=guess, gears=gears)
+    points, gears = {"P": ("two", (0.02, 0.0, 0.0))}, (ms.Gear("one", "two", -1.5, 0.4),)
+    return ms.Mechanism("bevel", links, joints, "one", points, guess=guess, gears=gears)
 
 
 def outer_tooth_ends(mechanism, link, poses):
@@ -46,8 +44,8 @@ def outer_tooth_ends(mechanism, link, poses):
 @pytest.mark.parametrize("carried", [GROUND, "one"])
 def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
     mechanism = shafts(heights, carried)
-    motion = loops.solve(mechanism, ANGLES)
-    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    motion = ms.loops.solve(mechanism, ANGLES)
+    poses = {name: ms.Pose(link.position, link.rotation) for name, link in motion.links.items()}
     poses[GROUND] = STANDING
     arm = np.broadcast_to(np.eye(3), (len(ANGLES), 3, 3)) if carried == GROUND else poses["one"].rotation
     wheels = ("one", "two") if carried == GROUND else (GROUND, "two")
@@ -84,10 +82,10 @@ def test_skew_shafts_have_no_bevel_gears():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_pinion_meshes_with_its_rack_over_the_whole_travel(sign):
-    solver = load("rack_steering")
+    solver = ms.load("rack_steering")
     mesh = solver.mechanism.couplings[0]
     radius = 0.04
-    coupling = Coupling(mesh.name, mesh.left, mesh.right, (0.003, sign * radius), (0.001, 0.2))
+    coupling = ms.Coupling(mesh.name, mesh.left, mesh.right, (0.003, sign * radius), (0.001, 0.2))
     mechanism = replace(solver.mechanism, couplings=(coupling,))
     joints = {joint.name: joint for joint in mechanism.joints}
     shapes = link_shapes(mechanism, {"rack": (-0.05, 0.06)})

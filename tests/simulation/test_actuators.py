@@ -6,7 +6,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.io.law_text import with_controls
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.studies.dynamics_check import crosscheck_forward
@@ -100,7 +99,7 @@ def test_a_file_with_two_controls_of_one_actuator_is_checked(tmp_path, mechsim):
 
 def test_an_unknown_actuator_is_rejected(tmp_path):
     model, _, _ = model_of(tmp_path, "motor")
-    with pytest.raises(InputError, match="--ctrl names 'w'; actuators are u"):
+    with pytest.raises(ms.InputError, match="--ctrl names 'w'; actuators are u"):
         with_controls(model.forces, {"w": "1"})
 
 

@@ -8,7 +8,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import AssemblyError
 
 FOUR_BAR = model_text("closed_configurations_four_bar.xml")
 
@@ -158,7 +157,7 @@ def test_a_joint_that_starts_beyond_its_limits_does_not_reject_draws_of_others()
     # uniform over a revolution
     assert np.ptp(drawn[:, 0]) > np.pi
     spec.add_actuator(target="hip", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    with pytest.raises(AssemblyError, match="knee stays at the start, which is outside its limits"):
+    with pytest.raises(ms.AssemblyError, match="knee stays at the start, which is outside its limits"):
         ms.sample(spec, 50, lock_others=True)
 
 

@@ -7,9 +7,8 @@ from model_files import model_text
 from typer.testing import CliRunner
 
 import mechsim as ms
-from mechsim import catalog
 from mechsim.cli import app
-from mechsim.simulation import Settings, simulate
+from mechsim.simulation import simulate
 from mechsim.simulation.position_tolerance import improving_compliance
 from mechsim.simulation.settings import COMPLIANCE
 
@@ -65,5 +64,5 @@ def test_a_failed_run_with_a_requested_compliance_suggests_a_better_one(path):
 
 
 def test_a_run_without_a_tolerance_reports_the_default_compliance():
-    run = simulate(catalog.make("four_bar"), speed=60.0, settings=Settings(steps_per_turn=100))
+    run = simulate(ms.catalog.make("four_bar"), speed=60.0, settings=ms.Settings(steps_per_turn=100))
     assert run.settings.compliance == COMPLIANCE

@@ -10,7 +10,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.kinetics.dynamic_run import initial_values
-from mechsim.mechanism.forces import Forces
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 ARM = model_text("tendon_arm.xml")
@@ -119,7 +118,7 @@ def test_the_balance_in_the_file_rejects_a_force_that_was_not_read(name, tmp_pat
     assert balance.passed
     assert balance.worst < 1e-6 * balance.tolerance
 
-    weight = Forces(gravity=model.forces.gravity)
+    weight = ms.Forces(gravity=model.forces.gravity)
     unread = replace(model.solver, source=replace(model.solver.source, forces=weight), forces=weight)
     incomplete = ms.dynamics.dynamic_model(unread, weight)
     run = ms.dynamics.run(incomplete, duration=TIME, samples=4)

@@ -8,26 +8,22 @@ from driven_mechanisms import press
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import catalog, simulate
-from mechsim.errors import InputError
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Link
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import GROUND
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, turning_with
 
 
-def chain(*joints: Joint, driver: str = "crank") -> Mechanism:
+def chain(*joints: ms.Joint, driver: str = "crank") -> ms.Mechanism:
     links = {end.link for joint in joints for end in (joint.a, joint.b)} - {GROUND}
-    return Mechanism("chain", tuple(Link(name) for name in sorted(links)), joints, driver, {})
+    return ms.Mechanism("chain", tuple(ms.Link(name) for name in sorted(links)), joints, driver, {})
 
 
-def rows(text: str) -> list[Joint]:
+def rows(text: str) -> list[ms.Joint]:
     """Joints of lines such as "A revolute crank-coupler"."""
     split = [line.replace("-", " ").split() for line in text.strip().splitlines()]
-    return [Joint(name, kind, End(a), End(b)) for name, kind, a, b in split]
+    return [ms.Joint(name, kind, ms.End(a), ms.End(b)) for name, kind, a, b in split]
 
 
-def cut_in(mechanism: Mechanism, *cut: str, **options: object) -> list[str]:
+def cut_in(mechanism: ms.Mechanism, *cut: str, **options: object) -> list[str]:
     return [joint.name for joint in cut_loops(mechanism, cut or None, **options).cuts]
 
 
@@ -42,7 +38,7 @@ ON_AN_ARM = model_text("loop_cuts_on_an_arm.toml")
 
 
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
-def test_every_link_is_in_the_tree_once_after_its_parent(mechanism: Mechanism) -> None:
+def test_every_link_is_in_the_tree_once_after_its_parent(mechanism: ms.Mechanism) -> None:
     tree = cut_loops(mechanism)
     placed = [GROUND]
     for branch in tree.branches:
@@ -54,7 +50,7 @@ def test_every_link_is_in_the_tree_once_after_its_parent(mechanism: Mechanism) -
 
 
 def test_a_requested_cut_is_made() -> None:
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     for name in ("A", "B", "rocker"):
         assert [joint.name for joint in cut_loops(mechanism, (name,)).cuts] == [name]
 
@@ -69,24 +65,24 @@ def test_a_requested_cut_is_made() -> None:
     ],
 )
 def test_invalid_cuts_are_rejected(cut: tuple[str, ...], sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence) as reported:
-        cut_loops(catalog.make("four_bar").mechanism, cut)
+    with pytest.raises(ms.InputError, match=sentence) as reported:
+        cut_loops(ms.catalog.make("four_bar").mechanism, cut)
     assert "\n" not in str(reported.value)
 
 
 def test_a_geared_joint_is_never_cut() -> None:
     mechanism = mechanisms.geared_five_bar()
     assert {joint.name for joint in cut_loops(mechanism).cuts}.isdisjoint({"shaft", "second"})
-    with pytest.raises(InputError, match="joint 'second' is geared and cannot be cut"):
+    with pytest.raises(ms.InputError, match="joint 'second' is geared and cannot be cut"):
         cut_loops(mechanism, ("second",))
 
 
 def test_a_joint_with_an_actuator_is_never_cut() -> None:
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     for acting in (["A"], ["rocker", "B"]):
         assert {joint.name for joint in cut_loops(mechanism, acting=acting).cuts}.isdisjoint(acting)
         with pytest.raises(
-            InputError, match=f"joint '{acting[-1]}' is moved by an actuator and cannot be cut"
+            ms.InputError, match=f"joint '{acting[-1]}' is moved by an actuator and cannot be cut"
         ):
             cut_loops(mechanism, (acting[-1],), acting=acting)
     # with one on each joint, a joint is split instead
@@ -97,9 +93,10 @@ def test_a_joint_with_an_actuator_is_never_cut() -> None:
 
 def test_disconnected_links_are_rejected_by_name() -> None:
     disconnected = chain(
-        Joint("crank", "revolute", End(GROUND), End("crank")), Joint("x", "revolute", End("a"), End("b"))
+        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank")),
+        ms.Joint("x", "revolute", ms.End("a"), ms.End("b")),
     )
-    with pytest.raises(InputError, match="no chain of joints leads from the frame to a, b"):
+    with pytest.raises(ms.InputError, match="no chain of joints leads from the frame to a, b"):
         cut_loops(disconnected)
 
 
@@ -107,7 +104,7 @@ def test_a_loop_without_point_constraints_is_split_and_welded():
     tree = cut_loops(press())
     assert [joint.kind for joint in tree.cuts] == ["fixed"]
     assert len(tree.mechanism.links) == len(press().links) + 1
-    motion = simulate(press(), speed=1.0, turns=0.1).motion
+    motion = ms.simulate(press(), speed=1.0, turns=0.1).motion
     assert set(motion.links) == {"spindle", "nut"}
 
 
@@ -131,8 +128,8 @@ def test_the_cut_joint_is_farthest_from_the_crank_in_any_joint_order():
 
 def test_the_distance_of_a_joint_is_counted_along_moving_links():
     ring = ["crank", "one", "two", "three", "four", "ground"]
-    joints = [Joint("crank", "revolute", End(GROUND), End("crank"))]
-    joints += [Joint(f"to {b}", "revolute", End(a), End(b)) for a, b in pairwise(ring)]
+    joints = [ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank"))]
+    joints += [ms.Joint(f"to {b}", "revolute", ms.End(a), ms.End(b)) for a, b in pairwise(ring)]
     # counted through the frame, joint "to two" would be as distant as "to four"
     assert cut_in(chain(*joints[::-1])) == ["to four"]
 
@@ -156,7 +153,7 @@ def test_a_requested_cut_has_priority_over_a_floating_joint():
 
 def test_a_loop_without_a_passive_joint_is_split_and_welded():
     with_locks = replace(chain(*rows(FOUR_BAR)), locked={"A": 0.3, "B": -0.2})
-    with pytest.raises(InputError, match="joint 'B' is held and cannot be cut; cut another"):
+    with pytest.raises(ms.InputError, match="joint 'B' is held and cannot be cut; cut another"):
         cut_loops(with_locks, ("B",))
     assert cut_in(with_locks) == ["C"]
     immobile = cut_loops(replace(with_locks, locked={"A": 0.3, "B": -0.2, "C": 0.1}))

@@ -5,12 +5,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Link
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.scene import Scene
+import mechsim as ms
+from mechsim import loops
+from mechsim.mechanism.links import GROUND
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.generator import generate
@@ -19,21 +16,21 @@ from mechsim.simulation.source import assembled
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
 EVERYTHING = [
-    *(catalog.make(name).mechanism for name in CATALOGUE),
-    catalog.make("rssr", guide=True).mechanism,
+    *(ms.catalog.make(name).mechanism for name in CATALOGUE),
+    ms.catalog.make("rssr", guide=True).mechanism,
     *mechanisms.everything(),
     *(mechanisms.swapped(mechanism) for mechanism in mechanisms.everything()),
 ]
 
 
-def model_of(mechanism: Mechanism, **scene: object) -> mujoco.MjModel:
-    return assembled(mechanism, Scene(**scene)).compile()
+def model_of(mechanism: ms.Mechanism, **scene: object) -> mujoco.MjModel:
+    return assembled(mechanism, ms.Scene(**scene)).compile()
 
 
 def test_each_joint_kind_maps_to_mujoco_joints() -> None:
     hinge, slide, ball = (int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE", "BALL"))
     kinds = {}
-    for mechanism in (catalog.make("rssr").mechanism, mechanisms.rsup(), mechanisms.rscr()):
+    for mechanism in (ms.catalog.make("rssr").mechanism, mechanisms.rsup(), mechanisms.rscr()):
         model = model_of(mechanism)
         kinds |= {model.joint(i).name: int(model.jnt_type[i]) for i in range(model.njnt)}
     assert kinds["crank"] == kinds["rocker"] == kinds["pivot"] == hinge
@@ -44,7 +41,7 @@ def test_each_joint_kind_maps_to_mujoco_joints() -> None:
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_reference_configuration_satisfies_the_loop_equations(mechanism: Mechanism) -> None:
+def test_the_reference_configuration_satisfies_the_loop_equations(mechanism: ms.Mechanism) -> None:
     model = model_of(mechanism)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -56,8 +53,8 @@ def test_the_reference_configuration_satisfies_the_loop_equations(mechanism: Mec
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_numbers_round_trip_exactly_through_the_text(mechanism: Mechanism) -> None:
-    spec = assembled(mechanism, Scene())
+def test_numbers_round_trip_exactly_through_the_text(mechanism: ms.Mechanism) -> None:
+    spec = assembled(mechanism, ms.Scene())
     made, read = spec.compile(), mujoco.MjModel.from_xml_string(to_xml(spec))
     for field in (
         "body_pos",
@@ -83,7 +80,7 @@ def test_numbers_round_trip_exactly_through_the_text(mechanism: Mechanism) -> No
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_plain_mujoco_reads_the_text_and_turns_the_crank(name: str) -> None:
-    text = to_xml(assembled(catalog.make(name).mechanism, Scene()))
+    text = to_xml(assembled(ms.catalog.make(name).mechanism, ms.Scene()))
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     speed = 2.0 * np.pi
@@ -99,34 +96,34 @@ def test_plain_mujoco_reads_the_text_and_turns_the_crank(name: str) -> None:
 
 
 def test_drive_inertia_and_gravity_depend_on_the_scene_level() -> None:
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     pose, motion, dynamics = (model_of(mechanism, level=level) for level in ("pose", "motion", "dynamics"))
     assert pose.dof_armature[0] == 0.0 < motion.dof_armature[0]
     # the user of a picture scene turns the crank; under dynamics the crank is free
-    assert generate(mechanism, Scene(level="picture")).compile().dof_armature[0] == motion.dof_armature[0]
+    assert generate(mechanism, ms.Scene(level="picture")).compile().dof_armature[0] == motion.dof_armature[0]
     assert dynamics.dof_armature[0] == 0.0
     assert not motion.opt.gravity.any()
     assert dynamics.opt.gravity.any()
 
 
 def test_an_unassemblable_loop_is_rejected() -> None:
-    valid = catalog.make("four_bar").mechanism
+    valid = ms.catalog.make("four_bar").mechanism
     unreachable = tuple(
         replace(joint, a=replace(joint.a, point=(0.5, 0.0, 0.0))) if joint.name == "rocker" else joint
         for joint in valid.joints
     )
-    with pytest.raises(AssemblyError, match="the loops do not close at crank angle") as reported:
-        assembled(replace(valid, joints=unreachable), Scene())
+    with pytest.raises(ms.AssemblyError, match="the loops do not close at crank angle") as reported:
+        assembled(replace(valid, joints=unreachable), ms.Scene())
     assert "\n" not in str(reported.value)
 
 
 def test_an_open_chain_has_no_constraints() -> None:
-    arm = Mechanism(
+    arm = ms.Mechanism(
         "arm",
-        (Link("upper"), Link("lower")),
+        (ms.Link("upper"), ms.Link("lower")),
         (
-            Joint("shoulder", "revolute", End(GROUND), End("upper")),
-            Joint("elbow", "revolute", End("upper", (0.3, 0.0, 0.0)), End("lower")),
+            ms.Joint("shoulder", "revolute", ms.End(GROUND), ms.End("upper")),
+            ms.Joint("elbow", "revolute", ms.End("upper", (0.3, 0.0, 0.0)), ms.End("lower")),
         ),
         "shoulder",
         {"hand": ("lower", (0.2, 0.0, 0.0))},

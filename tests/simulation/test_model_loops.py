@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import catalog
-from mechsim.errors import AssemblyError, InputError
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.scene import Scene
+import mechsim as ms
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
 from mechsim.simulation.model_loops import ModelLoops, read_loops
@@ -17,16 +14,16 @@ from mechsim.simulation.source import assembled
 from mechsim.simulation.state import quaternion_addresses
 
 EVERYTHING = [
-    *(catalog.make(name).mechanism for name in ("rssr", "four_bar", "slider_crank")),
-    catalog.make("rssr", guide=True).mechanism,
+    *(ms.catalog.make(name).mechanism for name in ("rssr", "four_bar", "slider_crank")),
+    ms.catalog.make("rssr", guide=True).mechanism,
     *mechanisms.everything(),
 ]
 # central differences of step 1e-6: truncation 1e-12 and rounding 1e-10 of coordinates of order one
 DIFFERENCE = 1e-9
 
 
-def loops_of(mechanism: Mechanism) -> ModelLoops:
-    return read_loops(assembled(mechanism, Scene()).compile())
+def loops_of(mechanism: ms.Mechanism) -> ModelLoops:
+    return read_loops(assembled(mechanism, ms.Scene()).compile())
 
 
 def states_near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
@@ -36,7 +33,7 @@ def states_near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) -> None:
+def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: ms.Mechanism) -> None:
     loops = loops_of(mechanism)
     states = states_near(loops, 3, 0.02)
     _, jacobian = loops.linearise(states)
@@ -48,7 +45,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) ->
 
 
 def test_slide_rates_scale_with_the_characteristic_length() -> None:
-    loops = loops_of(catalog.make("slider_crank").mechanism)
+    loops = loops_of(ms.catalog.make("slider_crank").mechanism)
     rates = np.full((1, loops.model.nv), 0.1)
     slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
     assert len(slides) == 1
@@ -57,7 +54,7 @@ def test_slide_rates_scale_with_the_characteristic_length() -> None:
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_batched_and_single_states_have_equal_results(mechanism: Mechanism) -> None:
+def test_batched_and_single_states_have_equal_results(mechanism: ms.Mechanism) -> None:
     loops = loops_of(mechanism)
     states = states_near(loops, 3, 0.02)
     many, alone = loops.linearise(states), loops.linearise(states[1:2])
@@ -75,7 +72,7 @@ def test_the_rank_of_a_batch_includes_every_state() -> None:
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_perturbed_loops_close_with_the_crank_locked(mechanism: Mechanism) -> None:
+def test_perturbed_loops_close_with_the_crank_locked(mechanism: ms.Mechanism) -> None:
     loops = loops_of(mechanism)
     perturbed = states_near(loops, 20, 1e-2)
     closed = loop_jacobian.close(loops, perturbed)
@@ -90,7 +87,7 @@ def test_perturbed_loops_close_with_the_crank_locked(mechanism: Mechanism) -> No
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism) -> None:
+def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: ms.Mechanism) -> None:
     loops = loops_of(mechanism)
     start = loops.model.qpos0[None]
     residual, jacobian = loops.linearise(start)
@@ -134,20 +131,22 @@ def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
 
 
 def test_a_model_without_a_crank_is_rejected_with_its_joints() -> None:
-    with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
+    with pytest.raises(ms.InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
         read_loops(user("", crank="motor"))
 
 
 def test_an_unassemblable_state_is_rejected_with_its_crank_angle() -> None:
-    loops = loops_of(catalog.make("four_bar", crank=0.06, ground=0.1, coupler=0.05, rocker=0.05).mechanism)
+    loops = loops_of(ms.catalog.make("four_bar", crank=0.06, ground=0.1, coupler=0.05, rocker=0.05).mechanism)
     states = np.repeat(loops.model.qpos0[None], 2, 0)
     states[1, loops.crank_address] = np.pi
-    with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a closure error of"):
+    with pytest.raises(
+        ms.AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a closure error of"
+    ):
         loop_jacobian.close(loops, states)
 
 
 def test_newtons_method_stops_at_rounding_above_its_tolerance(monkeypatch) -> None:
-    loops = loops_of(catalog.make("rssr").mechanism)
+    loops = loops_of(ms.catalog.make("rssr").mechanism)
     monkeypatch.setattr(loop_jacobian, "NEWTON", replace(loop_jacobian.NEWTON, tolerance=0.0))
     steps: list[int] = []
     original = loops.displaced
@@ -203,7 +202,7 @@ def test_conditioning_is_the_smallest_scaled_singular_value(kind, scale) -> None
 
 
 def test_loops_close_with_another_locked_coordinate_than_the_crank() -> None:
-    loops = loops_of(catalog.make("four_bar").mechanism)
+    loops = loops_of(ms.catalog.make("four_bar").mechanism)
     model = loops.model
     locked = np.array([dof for dof in range(model.nv) if model.joint(model.dof_jntid[dof]).name == "rocker"])
     assert len(locked) == 1
@@ -215,5 +214,5 @@ def test_loops_close_with_another_locked_coordinate_than_the_crank() -> None:
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     # no crank angle closes the loop with the rocker half a revolution away
     states[:, address] += np.pi
-    with pytest.raises(AssemblyError, match="do not close"):
+    with pytest.raises(ms.AssemblyError, match="do not close"):
         loop_jacobian.close(loops, states, locked)

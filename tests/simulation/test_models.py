@@ -6,18 +6,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.mechanism.scene import Scene
+import mechsim as ms
 from mechsim.simulation.source import assembled
 
 MODELS = Path(__file__).parents[2] / "models"
 
 
-@pytest.mark.parametrize("name", catalog.MECHANISMS)
+@pytest.mark.parametrize("name", ms.catalog.MECHANISMS)
 def test_the_model_file_equals_the_generated_model(name: str) -> None:
     text = (MODELS / f"{name}.xml").read_text()
     written = mujoco.MjModel.from_xml_string(text)
-    made = assembled(catalog.make(name).mechanism, Scene()).compile()
+    made = assembled(ms.catalog.make(name).mechanism, ms.Scene()).compile()
     assert [made.body(i).name for i in range(made.nbody)] == [
         written.body(i).name for i in range(written.nbody)
     ]
@@ -41,7 +40,7 @@ def test_the_solver_tolerance_of_a_model_keeps_full_accuracy() -> None:
         assert (
             0.0
             < model.opt.tolerance
-            == assembled(catalog.make("four_bar").mechanism, Scene()).option.tolerance
+            == assembled(ms.catalog.make("four_bar").mechanism, ms.Scene()).option.tolerance
         )
         model.opt.tolerance = model.opt.tolerance if tolerance is None else tolerance
         data = mujoco.MjData(model)

@@ -1,14 +1,9 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.errors import AssemblyError
+import mechsim as ms
 from mechsim.kinematics.loops import motion as loop_motion
 from mechsim.kinematics.loops.start import with_closed_guess
-from mechsim.mechanism.joints import End, Gear, Joint
-from mechsim.mechanism.links import Link
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.scene import Scene
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.equations import ModelEquations, ModelStates
@@ -18,19 +13,19 @@ from mechsim.simulation.source import assembled, from_source, initial_guess
 
 def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
     """A wheel with gear ratio twenty turns a four-bar: its angle is twenty times that of the crank."""
-    ground = {name: End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
+    ground = {name: ms.End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
     joints = (
-        Joint("crank", "revolute", ground["p"], End("crank")),
-        Joint("wheel", "revolute", ground["q"], End("wheel")),
-        Joint("pin", "revolute", End("wheel", (0.02, 0.0, 0.0)), End("rod")),
-        Joint("end", "revolute", End("rod", (0.08, 0.0, 0.0)), End("lever", (0.05, 0.0, 0.0))),
-        Joint("lever", "revolute", ground["r"], End("lever")),
+        ms.Joint("crank", "revolute", ground["p"], ms.End("crank")),
+        ms.Joint("wheel", "revolute", ground["q"], ms.End("wheel")),
+        ms.Joint("pin", "revolute", ms.End("wheel", (0.02, 0.0, 0.0)), ms.End("rod")),
+        ms.Joint("end", "revolute", ms.End("rod", (0.08, 0.0, 0.0)), ms.End("lever", (0.05, 0.0, 0.0))),
+        ms.Joint("lever", "revolute", ground["r"], ms.End("lever")),
     )
-    links = tuple(Link(name) for name in ("crank", "wheel", "rod", "lever"))
+    links = tuple(ms.Link(name) for name in ("crank", "wheel", "rod", "lever"))
     points = {"P": ("rod", (0.04, 0.0, 0.0))}
-    gears = (Gear("crank", "wheel", 20.0),)
-    mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
-    loops, guess = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
+    gears = (ms.Gear("crank", "wheel", 20.0),)
+    mechanism = ms.Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
+    loops, guess = initial_guess(with_closed_guess(mechanism), ms.Scene(level="pose"))
     start = loop_jacobian.close(loops, guess[None])[0]
     angles = start[loops.crank_address] + np.linspace(0.0, 0.4, 40)
     states = follow(loops, start, angles)
@@ -42,7 +37,7 @@ def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
 @pytest.mark.long
 def test_a_tiny_step_near_a_dead_centre_is_solved():
     """A crank angle 50 units of rounding from a node of the path was once rejected."""
-    linkage = catalog.make("four_bar", rocker=0.035)
+    linkage = ms.catalog.make("four_bar", rocker=0.035)
     closed = from_source(linkage)
     (_, high), address = linkage.crank_range().arcs[0], closed.loops.crank_address
     near_dead_centre = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
@@ -56,8 +51,8 @@ REVOLUTION = 2.0 * np.pi
 
 
 def loops_of(name: str, **changed: float) -> ModelLoops:
-    mechanism = catalog.make(name, **changed).mechanism
-    return read_loops(assembled(mechanism, Scene(level="pose")).compile())
+    mechanism = ms.catalog.make(name, **changed).mechanism
+    return read_loops(assembled(mechanism, ms.Scene(level="pose")).compile())
 
 
 def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
@@ -65,7 +60,7 @@ def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
     start = loops.model.qpos0
     angles = start[loops.crank_address] + REVOLUTION * turns * np.linspace(0.0, 1.0, 50)
     positions = loops.posed.site_positions(follow(loops, start, angles))
-    exact = catalog.make(name, **changed).solve(angles, speed=1.0)
+    exact = ms.catalog.make(name, **changed).solve(angles, speed=1.0)
     return max(
         np.abs(positions[:, loops.model.site(point).id] - motion.position).max() / loops.characteristic_length
         for point, motion in exact.points.items()
@@ -83,7 +78,7 @@ def test_a_near_dead_centre_is_passed_in_the_same_assembly_mode(distance: float)
 def test_a_path_beyond_a_dead_centre_is_rejected() -> None:
     loops = loops_of("four_bar", ground=0.08, crank=0.03, coupler=0.07, rocker=0.125)
     start = loops.model.qpos0
-    with pytest.raises(AssemblyError, match="the crank cannot pass"):
+    with pytest.raises(ms.AssemblyError, match="the crank cannot pass"):
         follow(loops, start, start[loops.crank_address] + REVOLUTION * np.linspace(0.0, 1.0, 5))
 
 

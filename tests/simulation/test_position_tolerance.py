@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from scene_texts import FINGER
 
-from mechsim import catalog, units
-from mechsim.io.readers import load
+import mechsim as ms
 from mechsim.mechanism.motion_laws import swing
-from mechsim.simulation import Settings, driven_run, position_tolerance, simulate
+from mechsim.simulation import driven_run, position_tolerance, simulate
 from mechsim.simulation.position_tolerance import TRIAL_STEPS
 
 TURNS = 10.0
-SPEED = units.rpm(100.0)
+SPEED = ms.units.rpm(100.0)
 
 
 @pytest.fixture
@@ -44,7 +43,7 @@ def error(linkage, motion) -> float:
 def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
     # at this tolerance one turn of a Bennett linkage needs about 50 steps;
     # over ten turns such steps end in another assembly mode
-    linkage = catalog.make("bennett")
+    linkage = ms.catalog.make("bennett")
     tolerance = 2e-4 * linkage.length0
     run = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
     assert run.outcome == "passed"
@@ -52,7 +51,7 @@ def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
     assert len(stepped) == 3
     assert run.shortfall == ""
     assert sum(stepped) <= 1.25 * run.steps
-    coarse = Settings(steps_per_turn=stepped[1] // 2)
+    coarse = ms.Settings(steps_per_turn=stepped[1] // 2)
     short = simulate(linkage.mechanism, speed=SPEED, turns=1.0, settings=coarse)
     long = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, settings=coarse)
     assert short.estimate <= tolerance
@@ -63,7 +62,7 @@ def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
 @pytest.mark.parametrize("name", ["four_bar", "rrsrr", "looper"])
 @pytest.mark.parametrize("fraction", [1e-3, 3e-5])
 def test_a_loose_tolerance_needs_only_one_full_run(name, fraction, stepped) -> None:
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     tolerance = fraction * linkage.crank
     run = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
     assert run.outcome == "passed"
@@ -85,19 +84,19 @@ def test_a_zero_error_needs_the_minimum_number_of_steps() -> None:
         def errors_by_turn(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
 
-    assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[1] == position_tolerance.MIN_STEPS
+    assert position_tolerance.steps_needed(Exact(), ms.Settings(), 1e-6)[1] == position_tolerance.MIN_STEPS
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])
 def test_a_swing_below_a_turn_satisfies_its_tolerance(reach) -> None:
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     run = simulate(linkage.mechanism, profile=swing(1.0, reach, 60.0), tolerance=4e-10 * reach)
     assert run.outcome == "passed"
     assert error(linkage, run.motion) <= run.tolerance
 
 
 def test_dense_samples_do_not_hide_the_effect_of_finer_steps() -> None:
-    linkage = catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
     run = simulate(linkage.mechanism, speed=SPEED, tolerance=1e-12, samples=1000)
     assert run.outcome == "passed"
     assert run.steps % 1000 == 0
@@ -106,8 +105,8 @@ def test_dense_samples_do_not_hide_the_effect_of_finer_steps() -> None:
 def test_a_diverged_trial_is_repeated_with_finer_steps(tmp_path):
     path = tmp_path / "stiff.xml"
     path.write_text(FINGER.replace('damping="0.001"', 'damping="0.02"'))
-    model = load(str(path), drive={"knuckle": "0.3*sin(2*pi*t)"}, duration=0.2)
-    coarse = simulate(model, settings=Settings(steps_per_turn=100))
+    model = ms.load(str(path), drive={"knuckle": "0.3*sin(2*pi*t)"}, duration=0.2)
+    coarse = simulate(model, settings=ms.Settings(steps_per_turn=100))
     assert coarse.outcome == "diverged"
     assert "stiffness" in coarse.motion.broken
     run = simulate(model, tolerance=1e-6)

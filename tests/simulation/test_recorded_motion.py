@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import catalog
-from mechsim.mechanism.scene import Scene
+import mechsim as ms
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.recording import CHUNK, States, add_sensors, evaluate
@@ -42,7 +41,7 @@ def of_text(text, points=()):
 
 
 def of_mechanism(mechanism):
-    spec = assembled(mechanism, Scene())
+    spec = assembled(mechanism, ms.Scene())
     track = add_sensors(spec, tuple(mechanism.points))
     return read_loops(spec.compile()), track
 
@@ -50,8 +49,8 @@ def of_mechanism(mechanism):
 CASES = {
     "free body": lambda: of_text(FREE, ["A"]),
     "curve": lambda: of_text(CURVE, ["P"]),
-    "four_bar": lambda: of_mechanism(catalog.make("four_bar").mechanism),
-    "guided rssr": lambda: of_mechanism(catalog.make("rssr", guide=True).mechanism),
+    "four_bar": lambda: of_mechanism(ms.catalog.make("four_bar").mechanism),
+    "guided rssr": lambda: of_mechanism(ms.catalog.make("rssr", guide=True).mechanism),
     **{item.name: lambda item=item: of_mechanism(item) for item in mechanisms.everything()},
 }
 

@@ -7,14 +7,9 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import catalog, loops, simulation
-from mechsim.compare.crosscheck import crosscheck
-from mechsim.errors import AssemblyError
-from mechsim.io.readers import load
-from mechsim.mechanism.mechanism import Mechanism
+import mechsim as ms
 from mechsim.mechanism.motion_laws import swing, tabled
-from mechsim.mechanism.scene import Scene
-from mechsim.simulation import Settings, simulate
+from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.units import rpm
 
@@ -35,12 +30,12 @@ def worst(motion, exact, kind: str = "position") -> float:
 @pytest.mark.parametrize("reach", [0.01, 1e-5])
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str) -> None:
-    linkage = catalog.make("slider_crank")
+    linkage = ms.catalog.make("slider_crank")
     run = simulate(linkage, profile=swing(0.7, reach, 60.0), method=method)
     angle = run.motion.angle
     assert np.ptp(angle) == pytest.approx(2.0 * reach, rel=1e-2)
     assert run.outcome == "passed"
-    assert crosscheck(run, linkage).passed
+    assert ms.crosscheck(run, linkage).passed
 
 
 # poses
@@ -48,8 +43,8 @@ def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str
 
 @pytest.mark.long
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
-def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: Mechanism) -> None:
-    exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, REVOLUTION, 25), 10.0)
+def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: ms.Mechanism) -> None:
+    exact = ms.loops.solve(mechanism, mechanism.start + np.linspace(0.0, REVOLUTION, 25), 10.0)
     for item in (mechanism, mechanisms.swapped(mechanism)):
         motion = simulate(item, speed=10.0, method="pose", samples=24).motion
         assert worst(motion, exact) < 1e-13  # rounding in lengths of a tenth of a metre
@@ -58,7 +53,7 @@ def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: Mec
 
 
 def test_a_thousand_turns_are_as_accurate_as_one() -> None:
-    linkage = catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
     motion = simulate(linkage.mechanism, speed=1.0, turns=1000.0, method="pose", samples=3001).motion
     exact = linkage.solve(motion.angle, 1.0)
     # the rounding error of a crank angle of 6283 rad is 5e-13 rad
@@ -71,9 +66,9 @@ def test_a_thousand_turns_are_as_accurate_as_one() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
-    linkage, errors = catalog.make(name), []
+    linkage, errors = ms.catalog.make(name), []
     for steps in (100, 200, 400, 800):
-        run = simulate(linkage.mechanism, speed=REVOLUTION, settings=Settings(steps_per_turn=steps))
+        run = simulate(linkage.mechanism, speed=REVOLUTION, settings=ms.Settings(steps_per_turn=steps))
         errors.append(worst(run.motion, linkage.solve(run.motion.angle, run.motion.speed)))
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     # fourth order, and no better: 4.0 to 4.3 measured
@@ -95,7 +90,7 @@ def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
     ],
 )
 def test_a_tolerance_is_satisfied_against_the_closed_form(name: str, speed: float, tolerance: float) -> None:
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     run = simulate(linkage.mechanism, speed=speed, turns=1.5, tolerance=tolerance)
     assert run.outcome == "passed"
     exact = linkage.solve(run.motion.angle, run.motion.speed)
@@ -113,14 +108,14 @@ def test_a_tolerance_is_satisfied_against_the_closed_form(name: str, speed: floa
 
 @pytest.mark.long
 def test_a_tolerance_below_rounding_fails_with_the_error() -> None:
-    run = simulate(catalog.make("slider_crank").mechanism, speed=10.0, turns=0.05, tolerance=1e-19)
+    run = simulate(ms.catalog.make("slider_crank").mechanism, speed=10.0, turns=0.05, tolerance=1e-19)
     assert run.outcome == "failed"
     assert 1e-19 < run.estimate < 1e-11
 
 
 def test_rates_and_positions_have_the_same_instant() -> None:
-    linkage = catalog.make("rssr")
-    run = simulate(linkage.mechanism, speed=100.0, settings=Settings(steps_per_turn=1000))
+    linkage = ms.catalog.make("rssr")
+    run = simulate(linkage.mechanism, speed=100.0, settings=ms.Settings(steps_per_turn=1000))
     exact = linkage.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
     scale = linkage.crank * 100.0
     # one step of 6e-3 rad late would be 6e-3 of the speed; measured 1e-8 and 1e-7
@@ -129,10 +124,10 @@ def test_rates_and_positions_have_the_same_instant() -> None:
 
 
 def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
-    linkage = catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
     time = np.linspace(0.0, 0.5, 101)
     law = tabled("crank", time, 0.3 + 20.0 * time**2 - 4.0 * np.sin(6.0 * time))
-    profile = simulation.CrankProfile(0.5, 44.0, law)
+    profile = ms.simulation.CrankProfile(0.5, 44.0, law)
     for method, limit in (("pose", 1e-12), ("step", 1e-4)):
         run = simulate(linkage.mechanism, profile=profile, method=method, samples=100)
         required, speed, acceleration = profile.state(run.motion.time)
@@ -148,9 +143,9 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
 
 @pytest.mark.long
 def test_an_impassable_dead_centre_is_rejected_with_its_angle() -> None:
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     for method in ("step", "pose"):
-        with pytest.raises(AssemblyError, match="the crank cannot pass") as reported:
+        with pytest.raises(ms.AssemblyError, match="the crank cannot pass") as reported:
             simulate(linkage.mechanism, speed=10.0, method=method)
         output = float(str(reported.value).split("cannot pass ")[1].split()[0])
         # the continuation stops within its shortest step of a dead centre
@@ -159,9 +154,9 @@ def test_an_impassable_dead_centre_is_rejected_with_its_angle() -> None:
 
 
 def test_a_crank_that_swings_within_its_range_is_stepped() -> None:
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     ((low, high),) = linkage.crank_range().arcs
-    profile = simulation.swing((low + high) / 2.0, 0.4 * (high - low), 10.0)
+    profile = ms.simulation.swing((low + high) / 2.0, 0.4 * (high - low), 10.0)
     run = simulate(linkage.mechanism, profile=profile, tolerance=1e-6)
     assert run.outcome == "passed"
     assert worst(run.motion, linkage.solve(run.motion.angle, run.motion.speed)) <= 1e-6
@@ -169,10 +164,10 @@ def test_a_crank_that_swings_within_its_range_is_stepped() -> None:
 
 def test_a_diverged_run_reports_its_finite_motion() -> None:
     run = simulate(
-        catalog.make("rssr").mechanism,
+        ms.catalog.make("rssr").mechanism,
         speed=62.0,
         turns=5.0,
-        settings=Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1),
+        settings=ms.Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1),
     )
     assert run.outcome == "diverged"
     assert run.motion.broken
@@ -184,8 +179,10 @@ def test_a_diverged_run_reports_its_finite_motion() -> None:
 
 
 def test_the_estimate_of_a_compliant_loop_is_within_a_factor_of_two() -> None:
-    linkage = catalog.make("rssr")
-    soft = Settings(integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), compliance=1.0, refsafe=True)
+    linkage = ms.catalog.make("rssr")
+    soft = ms.Settings(
+        integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), compliance=1.0, refsafe=True
+    )
     soft = replace(soft, solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
     run = simulate(linkage.mechanism, speed=rpm(600.0), settings=soft)
     error = worst(run.motion, linkage.solve(run.motion.angle, run.motion.speed))
@@ -195,10 +192,10 @@ def test_the_estimate_of_a_compliant_loop_is_within_a_factor_of_two() -> None:
 
 @pytest.mark.long
 def test_a_long_run_needs_memory_only_for_its_records() -> None:
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism = ms.catalog.make("four_bar").mechanism
     simulate(mechanism, speed=10.0, method="step")  # loads modules first
     tracemalloc.start()
-    run = simulate(mechanism, speed=10.0, turns=500.0, samples=10, settings=Settings(steps_per_turn=100))
+    run = simulate(mechanism, speed=10.0, turns=500.0, samples=10, settings=ms.Settings(steps_per_turn=100))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert run.steps == 50_000
@@ -218,7 +215,7 @@ def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:
     closing = '<connect body1="coupler" body2="rocker" anchor=".06 .08 0"/>'
     path = tmp_path / "own.xml"
     path.write_text(FOUR_BAR.format(f=0.0, closing=closing))
-    linkage = catalog.make(
+    linkage = ms.catalog.make(
         "four_bar",
         ground=0.1,
         crank=0.04,
@@ -264,7 +261,7 @@ def test_the_origins_of_bodies_are_points_of_a_model_without_sites() -> None:
 
 
 def test_a_run_reports_the_requested_or_default_method() -> None:
-    mechanism = catalog.make("rssr").mechanism
+    mechanism = ms.catalog.make("rssr").mechanism
 
     def method(**arguments) -> str:
         run = simulate(mechanism, speed=10.0, turns=0.1, **arguments)
@@ -274,7 +271,7 @@ def test_a_run_reports_the_requested_or_default_method() -> None:
 
     assert method() == "pose"
     assert method(tolerance=1e-5) == "step"
-    assert method(settings=Settings()) == "step"
+    assert method(settings=ms.Settings()) == "step"
     assert method(tolerance=1e-5, method="pose") == "pose"
     assert method(method="step") == "step"
 
@@ -293,26 +290,26 @@ def test_a_model_with_an_undetermined_point_is_stepped() -> None:
 
 
 def test_a_crank_without_enough_drive_inertia_diverges() -> None:
-    mechanism = catalog.make("rssr").mechanism
-    run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(drive_inertia=1e-6))
+    mechanism = ms.catalog.make("rssr").mechanism
+    run = simulate(mechanism, speed=10.0, turns=20.0, settings=ms.Settings(drive_inertia=1e-6))
     assert run.outcome == "diverged"
     assert "the crank is at" in run.motion.broken
 
 
 def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
-    linkage = catalog.make("four_bar")
-    spec = assembled(linkage.mechanism, Scene())
+    linkage = ms.catalog.make("four_bar")
+    spec = assembled(linkage.mechanism, ms.Scene())
     spec.option.gravity = 0.0, -9.81, 0.0
     ball = spec.worldbody.add_body(name="ball", pos=(0.3, 0.3, 0.1))
     ball.add_freejoint()
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(0.01, 0.0, 0.0))
     ball.add_site(name="falling")
-    run = simulate(spec, speed=62.8, settings=Settings())
+    run = simulate(spec, speed=62.8, settings=ms.Settings())
     assert run.outcome == "passed"
     assert np.ptp(run.motion.points["falling"].position[:, 1]) > 0.04
     # the falling body does not widen the tolerance
     assert run.tolerance < 1e-5
-    assert crosscheck(run, linkage).passed
+    assert ms.crosscheck(run, linkage).passed
 
 
 # at 100 N m the position errors are 1 to 3 mm, depending on the linear-algebra kernel
@@ -322,13 +319,13 @@ def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
 )
 def test_accelerations_are_correct_with_sticking_dry_friction(name: str, loss: float) -> None:
     """In MuJoCo's compliant loops friction stops a light rocker at instants: 50 m/s2 error at any step."""
-    linkage = catalog.make(name)
-    spec = assembled(linkage.mechanism, Scene(level="dynamics"))
+    linkage = ms.catalog.make(name)
+    spec = assembled(linkage.mechanism, ms.Scene(level="dynamics"))
     for joint in spec.joints:
         joint.frictionloss = loss
     run = simulate(spec, speed=62.8, tolerance=1e-3)
     assert run.outcome == "passed"
-    assert crosscheck(run, linkage).passed
+    assert ms.crosscheck(run, linkage).passed
     exact = linkage.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
     largest = max(float(np.abs(point.acceleration).max()) for point in exact.points.values())
     # measured 0.03
@@ -336,8 +333,8 @@ def test_accelerations_are_correct_with_sticking_dry_friction(name: str, loss: f
 
 
 def test_both_methods_continue_smoothly_through_a_flat_sarrus_linkage() -> None:
-    flat = load("sarrus", {"upper": "40mm"})
-    posed = simulate(flat, profile=simulation.constant(-6.0, 0.3, 0.0), method="pose").motion
+    flat = ms.load("sarrus", {"upper": "40mm"})
+    posed = simulate(flat, profile=ms.simulation.constant(-6.0, 0.3, 0.0), method="pose").motion
     solved = [flat.solve(angles, 2.0) for angles in ([0.0], np.linspace(0.5, -0.5, 8), [0.3, 0.0, -0.3])]
     for motion in (posed, *solved):
         height, speed = motion.points["top"], motion.speed
@@ -349,6 +346,6 @@ def test_both_methods_continue_smoothly_through_a_flat_sarrus_linkage() -> None:
 @pytest.mark.parametrize("compliance", [1e-8, 1e-10, 1e-12])
 def test_the_crank_speed_is_independent_of_the_loop_compliance(compliance):
     """Measured 1.3e-11, 1.3e-11 and 4.9e-13; with the same flywheel for all, 1.3e-11, 1.3e-9 and 4.9e-9."""
-    settings = Settings(steps_per_turn=2000, compliance=compliance)
-    motion = simulate(catalog.make("bennett").mechanism, speed=60.0, settings=settings).motion
+    settings = ms.Settings(steps_per_turn=2000, compliance=compliance)
+    motion = simulate(ms.catalog.make("bennett").mechanism, speed=60.0, settings=settings).motion
     assert np.abs(motion.speed / 60.0 - 1.0).max() < 1e-10

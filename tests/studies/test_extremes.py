@@ -7,8 +7,6 @@ import pytest
 from grids import grid
 
 import mechsim as ms
-from mechsim import catalog
-from mechsim.mechanism.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import stability_map
@@ -18,7 +16,7 @@ from mechsim.studies.extremes.trial import StabilityMap, Trial, borders_along
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett"), ("rssr",)))
 def test_the_error_is_independent_of_size(name):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     trials = [stability_map.characteristic_length(linkage, value) for value in (1e-5, 1e-1, 1e3)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
@@ -27,7 +25,7 @@ def test_the_error_is_independent_of_size(name):
 
 @pytest.mark.parametrize("name", ["slider_crank", "rrsrr"])
 def test_the_error_is_independent_of_speed(name):
-    trials = [stability_map.speed(catalog.make(name), value) for value in (1.0, 1e5)]
+    trials = [stability_map.speed(ms.catalog.make(name), value) for value in (1.0, 1e5)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
     assert errors.max() <= 1.05 * errors.min()
@@ -35,19 +33,19 @@ def test_the_error_is_independent_of_speed(name):
 
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
 def test_extreme_mass_ratios_do_not_change_the_motion(ratio):
-    trial = stability_map.mass_ratio(catalog.make("rssr"), ratio)
+    trial = stability_map.mass_ratio(ms.catalog.make("rssr"), ratio)
     assert trial.passed
     assert trial.error < 1e-7
 
 
 def test_a_reversed_hinge_is_found_from_the_link_poses():
-    trial = stability_map.far_start(catalog.make("rrsrr"), 1.32, seed=2)
+    trial = stability_map.far_start(ms.catalog.make("rrsrr"), 1.32, seed=2)
     assert trial.error < 1e-9
     assert trial.outcome == trial.right == "failed"
 
 
 def test_a_massless_rod_gets_a_mass_that_the_note_states():
-    spec = assembled(catalog.make("rssr").mechanism, Scene())
+    spec = assembled(ms.catalog.make("rssr").mechanism, ms.Scene())
     body = spec.body("coupler")
     body.mass, body.inertia = 0.0, np.zeros(3)
     run = simulate(spec, speed=10.0)
@@ -58,7 +56,7 @@ def test_a_massless_rod_gets_a_mass_that_the_note_states():
 @pytest.mark.long
 @pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])
 def test_a_distant_start_reports_its_true_outcome(value):
-    assert all(stability_map.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))
+    assert all(stability_map.far_start(ms.catalog.make("four_bar"), value, seed).passed for seed in range(4))
 
 
 def test_a_false_outcome_fails_the_study():
@@ -101,7 +99,7 @@ def test_the_command_prints_json(monkeypatch, capsys, tmp_path):
 def test_a_model_file_ends_as_the_formulas_of_the_same_mechanism_state(axis, value, tmp_path):
     path = tmp_path / "linkage.xml"
     ms.export("rssr", path)
-    observed, exact = axis(ms.load(path), value), axis(catalog.make("rssr"), value)
+    observed, exact = axis(ms.load(path), value), axis(ms.catalog.make("rssr"), value)
     assert observed.passed
     assert observed.outcome == exact.outcome == {20.0: "failed", 1e3: "passed", 1e8: "diverged"}[value]
 
@@ -111,7 +109,7 @@ def test_any_model_has_the_axes_that_apply_to_it():
     assert laws == {"steps", "mass ratio", "far start"}
     crank = {name for name, *_ in stability_map.axes_of(ms.load("jansen"), quick=True)}
     assert crank == laws | {"speed"}
-    assert "size" in {name for name, *_ in stability_map.axes_of(catalog.make("rssr"), True)}
+    assert "size" in {name for name, *_ in stability_map.axes_of(ms.catalog.make("rssr"), True)}
 
 
 @pytest.mark.long

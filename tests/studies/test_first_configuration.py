@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.compare.crosscheck import crosscheck
+import mechsim as ms
 from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import simulate
 
@@ -20,16 +19,16 @@ SLIDER = {"crank": 0.05, "rod": 0.05, "offset": 0.0}
     ("method", "start", "turns"), [("pose", 3.5, 1.0), ("pose", 2.0, 1.0), ("step", 3.5, 0.1)]
 )
 def test_mujoco_starts_in_the_selected_assembly_mode(name, lengths, method, start, turns):
-    linkage, other = catalog.make(name, **lengths), catalog.make(name, **lengths, branch=-1)
+    linkage, other = ms.catalog.make(name, **lengths), ms.catalog.make(name, **lengths, branch=-1)
     run = simulate(linkage, profile=constant(20.0, turns, start), method=method)
-    assert crosscheck(run, linkage).passed
-    assert crosscheck(run, other).outcome == "changed assembly"
+    assert ms.crosscheck(run, linkage).passed
+    assert ms.crosscheck(run, other).outcome == "changed assembly"
 
 
 def test_a_backward_start_at_a_change_point_uses_the_sign_behind_it():
-    linkage = catalog.make("four_bar", **PARALLELOGRAM)
+    linkage = ms.catalog.make("four_bar", **PARALLELOGRAM)
     run = simulate(linkage, profile=constant(-20.0, 0.4), method="pose")
     points = run.motion.points
     along = points["B"].position - points["A"].position
     assert np.abs(along - [0.1, 0.0, 0.0]).max() > 0.01
-    assert crosscheck(run, linkage).passed
+    assert ms.crosscheck(run, linkage).passed

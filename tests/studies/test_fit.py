@@ -8,8 +8,7 @@ import pytest
 from grids import grid
 
 import mechsim as ms
-from mechsim import catalog, dynamics, files
-from mechsim.errors import InputError
+from mechsim import files
 from mechsim.studies.measured_table import single
 from mechsim.studies.sensitivity.moved_family import family_at
 
@@ -19,7 +18,7 @@ TRUE = {"coupler": 0.0913, "rocker": 0.0735, "arm_angle": 0.55}
 
 def measured(noise=0.0, seed=0, points="C"):
     random = np.random.default_rng(seed)
-    motion = catalog.make("four_bar", **TRUE).solve(ANGLES)
+    motion = ms.catalog.make("four_bar", **TRUE).solve(ANGLES)
     table = {"angle": ANGLES}
     for i, axis in enumerate("xy"):
         positions = motion.points[points].position[:, i]
@@ -64,7 +63,7 @@ def test_residuals_replace_missing_deviations():
 
 @pytest.mark.long
 def test_undetermined_combinations_of_dimensions_are_reported():
-    motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
+    motion = ms.catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
     table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
     result = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
     assert result.outcome == "underdetermined"
@@ -115,8 +114,8 @@ def test_a_reference_table_is_fitted_with_its_own_column_names(name, vary, effor
 
 @pytest.mark.slow
 def test_the_crank_offset_is_fitted_with_the_dimensions():
-    solver, ahead = catalog.make("four_bar", coupler=0.0913), 0.07
-    forces = dynamics.prescribed(dynamics.dynamic_model(solver), ANGLES + ahead, 5.0).forces
+    solver, ahead = ms.catalog.make("four_bar", coupler=0.0913), 0.07
+    forces = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES + ahead, 5.0).forces
     motion = solver.solve(ANGLES + ahead, 5.0)
     table = {"angle": ANGLES, "C.x": motion.points["C"].position[:, 0], "torque": forces.torque}
     table["rocker.a"] = motion.joints["rocker"].acceleration
@@ -130,7 +129,7 @@ def test_the_crank_offset_is_fitted_with_the_dimensions():
 
 
 def test_an_offset_equivalent_to_a_phase_is_reported():
-    motion = catalog.make("warp_knitter").solve(ANGLES)
+    motion = ms.catalog.make("warp_knitter").solve(ANGLES)
     table = {"angle": ANGLES, "D.x": motion.points["D"].position[:, 0]}
     result = ms.fit("warp_knitter", table, ["phase"], offset=True)
     assert result.together == (("phase", "crank.offset"),)
@@ -149,5 +148,5 @@ def test_intervals_from_residual_deviations_use_students_t():
 def test_the_force_of_a_sliding_driver_has_its_reference_name():
     mechanism = ms.moved("stewart_gough", t=[0.0])
     assert single({"force:l1": np.zeros(1)}, mechanism) == {"force:l1": "drive l1"}
-    with pytest.raises(InputError, match="column force:s1 is not a single quantity"):
+    with pytest.raises(ms.InputError, match="column force:s1 is not a single quantity"):
         single({"force:s1": np.zeros(1)}, mechanism)

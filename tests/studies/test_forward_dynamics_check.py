@@ -13,14 +13,12 @@ import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.initial_state import InitialValues
-from mechsim.mechanism.forces import Forces, Friction, JointSpring
-from mechsim.mechanism.links import Inertia
 from mechsim.mechanism.masses import with_inertia as with_rods
 from mechsim.simulation.dynamics import forward_run
 from mechsim.simulation.dynamics.forward_run import start_of
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
 
-OSCILLATOR = Forces(joint_springs=(JointSpring("s", 200.0),), friction=(Friction("s", viscous=3.0),))
+OSCILLATOR = ms.Forces(joint_springs=(ms.JointSpring("s", 200.0),), friction=(ms.Friction("s", viscous=3.0),))
 
 
 def with_inertia(mechanism, about=1e-3):
@@ -105,13 +103,13 @@ def test_mujoco_starts_in_a_far_configuration_with_a_dependent_coordinate_kept(n
     made = ms.catalog.make(name)
     mechanism, motion = made.mechanism, made.solve(np.array([-2.2]))
     values = {joint: float(row.value[0]) for joint, row in motion.joints.items()}
-    start = start_of(mechanism, Forces(), values, {}, kept={kept}, links=motion.links)
+    start = start_of(mechanism, ms.Forces(), values, {}, kept={kept}, links=motion.links)
     states = start.stepped(np.linspace(0.0, 1e-3, 3), 1)
     for point, row in states.motion.points.items():
         np.testing.assert_allclose(row.position[0], motion.points[point].position[0], atol=1e-11)
 
 
-WITH_FRICTION = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0.0, 2e-3),))
+WITH_FRICTION = ms.Forces(gravity=(0.0, -9.81, 0.0), friction=(ms.Friction("rocker", 0.0, 2e-3),))
 
 
 @pytest.mark.long
@@ -123,7 +121,7 @@ def test_runs_are_compared_between_friction_reversals():
     verdict = crosscheck_forward(run, model, InitialValues({}, {"crank": 30.0}))
     assert verdict.passed, verdict
     assert len({check.variant for check in verdict.checks}) == len(compared_segments(run)) == 3
-    wrong = model.with_forces(replace(WITH_FRICTION, friction=(Friction("rocker", 0.0, 2.2e-3),)))
+    wrong = model.with_forces(replace(WITH_FRICTION, friction=(ms.Friction("rocker", 0.0, 2.2e-3),)))
     assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 30.0})).passed
 
 
@@ -132,7 +130,7 @@ def arm():
     masses = (1.2, 0.8, 0.05)
     links = tuple(
         ms.Link(
-            f"link{i}", inertia=Inertia(mass, (0.15, 0.0, 0.0), np.diag([1e-4, 1e-2 * mass, 1e-2 * mass]))
+            f"link{i}", inertia=ms.Inertia(mass, (0.15, 0.0, 0.0), np.diag([1e-4, 1e-2 * mass, 1e-2 * mass]))
         )
         for i, mass in enumerate(masses)
     )
@@ -143,8 +141,8 @@ def arm():
 
 def test_a_joint_reverses_between_sticking_joints():
     sizes = {"J0": 20.0, "J1": 0.6, "J2": 0.6}
-    friction = tuple(Friction(name, 0.3, torque) for name, torque in sizes.items())
-    model = ms.dynamics.dynamic_model(arm(), Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
+    friction = tuple(ms.Friction(name, 0.3, torque) for name, torque in sizes.items())
+    model = ms.dynamics.dynamic_model(arm(), ms.Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
     run = ms.dynamics.run(model, initial={"J1.v": 0.5, "J2.v": 0.5}, duration=0.2, samples=40)
     rates = {name: joint.rate[-1] for name, joint in run.motion.joints.items()}
     # the weight of both outer links, 1.3 N m at the least, exceeds 0.6 N m
@@ -154,7 +152,7 @@ def test_a_joint_reverses_between_sticking_joints():
     initial = InitialValues({}, {"J1": 0.5, "J2": 0.5})
     verdict = crosscheck_forward(run, model, initial)
     assert verdict.passed, verdict
-    stronger = (*friction[:1], Friction("J1", 0.3, 0.61), friction[2])
+    stronger = (*friction[:1], ms.Friction("J1", 0.3, 0.61), friction[2])
     wrong = model.with_forces(replace(model.forces, friction=stronger))
     assert not crosscheck_forward(run, wrong, initial).passed
 
@@ -162,7 +160,7 @@ def test_a_joint_reverses_between_sticking_joints():
 def test_a_mechanism_that_never_moves_is_not_compared():
     model = ms.dynamics.dynamic_model(
         ms.catalog.make("four_bar"),
-        Forces(gravity=WITH_FRICTION.gravity, friction=(Friction("crank", 0.0, 1.0),)),
+        ms.Forces(gravity=WITH_FRICTION.gravity, friction=(ms.Friction("crank", 0.0, 1.0),)),
     )
     run = ms.dynamics.run(model, initial={"crank.q": 0.5}, duration=0.1, samples=10)
     assert run.outcome == "stopped"
@@ -208,7 +206,7 @@ def test_a_seeded_wrong_equilibrium_is_rejected():
 
 @pytest.mark.long
 def test_dry_friction_does_not_hide_a_wrong_equilibrium():
-    forces = Forces(gravity=WEIGHT.gravity, friction=(Friction("crank", 1e-4, 0.5),))
+    forces = ms.Forces(gravity=WEIGHT.gravity, friction=(ms.Friction("crank", 1e-4, 0.5),))
     model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)
     stable = ms.dynamics.equilibria(model, starts=6)[0]
     assert crosscheck_equilibrium(stable, model).passed
@@ -226,7 +224,7 @@ def test_accelerations_of_a_stiff_spring_have_the_tolerance_of_the_motion_times_
     start = {"pivot.q": "20deg", "s.q": "0.5m"}
 
     def model(k):
-        forces = Forces(gravity=(0.0, -9.81, 0.0), joint_springs=(JointSpring("s", k, 0.5),))
+        forces = ms.Forces(gravity=(0.0, -9.81, 0.0), joint_springs=(ms.JointSpring("s", k, 0.5),))
         return ms.dynamics.dynamic_model(ms.load(path), forces)
 
     run = ms.dynamics.run(model(stiffness), initial=start, duration=0.05, samples=8)
@@ -244,7 +242,7 @@ def test_accelerations_of_a_stiff_spring_have_the_tolerance_of_the_motion_times_
 
 def test_a_run_that_ignores_a_stop_disagrees_with_mujoco():
     """MuJoCo keeps the limit of 0.15 m, which the run without stops passes."""
-    forces = Forces(gravity=(2.0, 0.0, 0.0))
+    forces = ms.Forces(gravity=(2.0, 0.0, 0.0))
     without = ms.dynamics.run(slider(), forces, initial={"s.v": 0.0}, duration=0.6, samples=30)
     assert without.motion.joints["s"].value.max() > 0.3
     values = InitialValues({}, {"s": 0.0})

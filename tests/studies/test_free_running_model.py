@@ -6,10 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.errors import InputError
-from mechsim.io.readers import load
-from mechsim.mechanism.scene import Scene
+import mechsim as ms
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.studies.export import exported
 from mechsim.studies.scene import tune_model
@@ -18,8 +15,8 @@ SPEED = 60.0
 
 
 def test_the_keyframe_is_closed_and_the_motor_keeps_the_speed():
-    solver = catalog.make("four_bar")
-    spec = tune_model.turning(exported(solver.mechanism, Scene(level="dynamics")), solver.mechanism, SPEED)
+    solver = ms.catalog.make("four_bar")
+    spec = tune_model.turning(exported(solver.mechanism, ms.Scene(level="dynamics")), solver.mechanism, SPEED)
     model = mujoco.MjModel.from_xml_string(to_xml(spec))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -35,16 +32,16 @@ def test_the_keyframe_is_closed_and_the_motor_keeps_the_speed():
 
 
 def test_a_turning_model_with_several_drivers_is_rejected():
-    mechanism = load("five_bar").mechanism
-    with pytest.raises(InputError, match="has no single crank that can turn"):
-        tune_model.turning(exported(mechanism, Scene()), mechanism, SPEED)
+    mechanism = ms.load("five_bar").mechanism
+    with pytest.raises(ms.InputError, match="has no single crank that can turn"):
+        tune_model.turning(exported(mechanism, ms.Scene()), mechanism, SPEED)
 
 
 @pytest.mark.parametrize("scene", ["motion", "dynamics"])
 def test_a_driver_with_another_name_turns(scene):
-    mechanism = load("planetary_gear").mechanism
+    mechanism = ms.load("planetary_gear").mechanism
     assert mechanism.crank.name == "carrier"
-    spec = tune_model.turning(exported(mechanism, Scene(level=scene)), mechanism, SPEED)
+    spec = tune_model.turning(exported(mechanism, ms.Scene(level=scene)), mechanism, SPEED)
     model = mujoco.MjModel.from_xml_string(to_xml(spec))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -57,9 +54,9 @@ def test_a_driver_with_another_name_turns(scene):
 
 
 def test_a_passive_joint_named_crank_is_rejected():
-    four_bar = catalog.make("four_bar").mechanism
+    four_bar = ms.catalog.make("four_bar").mechanism
     names = {"crank": "motor", "A": "crank"}
     joints = tuple(replace(joint, name=names.get(joint.name, joint.name)) for joint in four_bar.joints)
     other = replace(four_bar, joints=joints, driver="motor")
-    with pytest.raises(InputError, match=r"joint 'crank' is not the driver.*; rename the joint$"):
-        exported(other, Scene())
+    with pytest.raises(ms.InputError, match=r"joint 'crank' is not the driver.*; rename the joint$"):
+        exported(other, ms.Scene())

@@ -7,12 +7,8 @@ import pytest
 from model_files import model_text
 from scipy.stats import chi2
 
-from mechsim import dynamics
-from mechsim.errors import InputError
-from mechsim.io.readers import load
-from mechsim.mechanism.forces import Forces, Friction
+import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.identification import identify
 
 LINK = ("mass", "com.x", "com.y", "inertia.zz")
 TIMES = np.linspace(0.0, 4.0, 240)
@@ -49,7 +45,7 @@ def pendulum_log(mass, centre, inertia, viscous, coulomb):
 
 def test_a_pendulum_has_two_base_parameters(pendulum):
     log, torque = pendulum_log(1.3, 0.25, 0.02, 0.05, 0.1)
-    result = identify(
+    result = ms.identify(
         pendulum,
         log | {"torque": torque},
         ["bob.mass", "bob.com.x", "bob.inertia.zz", "pivot.viscous", "pivot.coulomb"],
@@ -65,20 +61,20 @@ def test_a_pendulum_has_two_base_parameters(pendulum):
 def test_the_motor_constant_comes_from_currents_if_a_mass_is_known(pendulum):
     log, torque = pendulum_log(1.0, 0.2, 0.02, 0.05, 0.1)
     names = ["bob.inertia.zz", "pivot.viscous", "pivot.coulomb", "motor.constant"]
-    result = identify(pendulum, log | {"current [A]": torque / 0.07}, names)
+    result = ms.identify(pendulum, log | {"current [A]": torque / 0.07}, names)
     assert result.outcome == "fitted"
     assert [*result.values.values()] == pytest.approx([0.02, 0.05, 0.1, 0.07], rel=1e-9)
-    with pytest.raises(InputError, match=r"motor constant is unknown; add motor\.constant"):
-        identify(pendulum, log | {"current": torque / 0.07}, names[:-1])
+    with pytest.raises(ms.InputError, match=r"motor constant is unknown; add motor\.constant"):
+        ms.identify(pendulum, log | {"current": torque / 0.07}, names[:-1])
     # without any known mass, currents determine no scale
     names[:0] = ["bob.mass"]
-    assert identify(pendulum, log | {"current": torque / 0.07}, names).outcome == "underdetermined"
+    assert ms.identify(pendulum, log | {"current": torque / 0.07}, names).outcome == "underdetermined"
 
 
 def test_rates_come_from_positions_if_the_log_has_none(pendulum):
     log, torque = pendulum_log(1.3, 0.2, 0.02, 0.05, 0.1)
     table = {"t": TIMES, "angle [deg]": np.rad2deg(log["pivot.q"]), "torque": torque, "battery": TIMES}
-    result = identify(pendulum, table, ["bob.mass", "bob.inertia.zz", "pivot.viscous", "pivot.coulomb"])
+    result = ms.identify(pendulum, table, ["bob.mass", "bob.inertia.zz", "pivot.viscous", "pivot.coulomb"])
     assert [*result.values.values()] == pytest.approx([1.3, 0.02, 0.05, 0.1], rel=0.03)
     assert result.unused == ("battery",)
 
@@ -86,13 +82,13 @@ def test_rates_come_from_positions_if_the_log_has_none(pendulum):
 def test_a_model_without_a_late_load_does_not_predict_the_end_of_the_log(pendulum):
     log, torque = pendulum_log(1.3, 0.2, 0.001, 0.0, 0.0)
     noise = 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))
-    fitted = identify(pendulum, log | {"torque": torque + noise}, ["bob.mass"])
+    fitted = ms.identify(pendulum, log | {"torque": torque + noise}, ["bob.mass"])
     assert fitted.outcome == "fitted"
     # Student's t of 179 degrees of freedom
     assert fitted.within_95["bob.mass"] == pytest.approx(1.97331 * fitted.deviations["bob.mass"], rel=1e-5)
     # a load that acts in the last second only
     late = np.where(TIMES > 3.0, 0.5, 0.0)
-    result = identify(pendulum, log | {"torque": torque + noise + late}, ["bob.mass"])
+    result = ms.identify(pendulum, log | {"torque": torque + noise + late}, ["bob.mass"])
     assert (result.outcome, result.rows) == ("not predicted", (180, 60))
     assert result.prediction_error["torque:pivot"] == pytest.approx(0.5, rel=0.05)
 
@@ -156,8 +152,8 @@ def by_mujoco(name, truth, friction, gravity):
     def simulated(folder):
         del folder
         duration = float(TIMES[-1])
-        solver = load(name, drive={"crank": crank_motion}, duration=duration)
-        model = dynamics.dynamic_model(solver, Forces(gravity=gravity, friction=friction))
+        solver = ms.load(name, drive={"crank": crank_motion}, duration=duration)
+        model = ms.dynamics.dynamic_model(solver, ms.Forces(gravity=gravity, friction=friction))
         links = tuple(
             replace(
                 link,
@@ -186,13 +182,13 @@ MACHINES = {
     "four_bar": by_mujoco(
         "four_bar",
         {"coupler.mass": 0.03, "rocker.inertia.zz": 4e-5, "rocker.viscous": 2e-4, "rocker.coulomb": 3e-4},
-        (Friction("rocker", viscous=2e-4, coulomb=3e-4),),
+        (ms.Friction("rocker", viscous=2e-4, coulomb=3e-4),),
         (0.0, -GRAVITY, 0.0),
     ),
     "slider_crank": by_mujoco(
         "slider_crank",
         {"rod.mass": 0.2, "slider.mass": 0.4, "slide.viscous": 0.9, "slide.coulomb": 0.6},
-        (Friction("slide", viscous=0.9, coulomb=0.6),),
+        (ms.Friction("slide", viscous=0.9, coulomb=0.6),),
         (0.0, -GRAVITY, 0.0),
     ),
 }
@@ -209,7 +205,7 @@ def normalised_errors(simulated, seeds):
             name: torque + NOISE * np.abs(torque).max() * random.standard_normal(len(TIMES))
             for name, torque in torques.items()
         }
-        result = identify(model, motion | noisy, [*truth])
+        result = ms.identify(model, motion | noisy, [*truth])
         assert result.outcome == "fitted"
         error = np.array([result.values[name] - value for name, value in truth.items()])
         squares.append(error @ np.linalg.solve(np.array(result.covariance), error))
@@ -221,7 +217,7 @@ def normalised_errors(simulated, seeds):
 @pytest.mark.parametrize("name", MACHINES)
 def test_true_values_are_recovered_without_noise(name, tmp_path):
     model, motion, torques, truth = MACHINES[name](tmp_path)
-    result = identify(model, motion | torques, [*truth])
+    result = ms.identify(model, motion | torques, [*truth])
     assert result.outcome == "fitted"
     assert result.values == pytest.approx(truth, rel=1e-6)
 
@@ -245,7 +241,7 @@ def test_closed_loops_have_the_base_parameters_of_a_four_bar(tmp_path):
     _, motion, torques, _ = MACHINES["four_bar"](tmp_path)
     names = [f"{link}.{own}" for link in ("crank", "coupler", "rocker") for own in LINK]
     names += ["rocker.viscous", "rocker.coulomb"]
-    result = identify("four_bar", motion | torques, names)
+    result = ms.identify("four_bar", motion | torques, names)
     # of 14 parameters of a planar four-bar, ten combinations move the crank
     assert len(result.combinations) + len(result.deviations) == 10
     # the mass of the coupler acts in its ends A and B: with A at the crank's end, at 32 mm from its pivot
@@ -269,12 +265,12 @@ def test_invalid_logs_are_rejected(pendulum, change, vary, message):
     table = {
         name: column for name, column in {**log, "torque": torque, **change}.items() if column is not None
     }
-    with pytest.raises(InputError, match=message):
-        identify(pendulum, table, vary)
+    with pytest.raises(ms.InputError, match=message):
+        ms.identify(pendulum, table, vary)
 
 
 def test_friction_by_the_load_is_not_linear(pendulum):
     pendulum.write_text(PENDULUM + "friction.pivot = { coefficient = 0.1, pin_radius = 0.01 }\n")
     log, torque = pendulum_log(1.3, 0.25, 0.02, 0.05, 0.1)
-    with pytest.raises(InputError, match="friction by load or rate, in pivot, is not part of"):
-        identify(pendulum, log | {"torque": torque}, ["bob.mass"])
+    with pytest.raises(ms.InputError, match="friction by load or rate, in pivot, is not part of"):
+        ms.identify(pendulum, log | {"torque": torque}, ["bob.mass"])

@@ -8,9 +8,7 @@ from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
 from model_files import FOLDER
 
-from mechsim.errors import InputError
-from mechsim.io.readers import load
-from mechsim.studies.identification import identify
+import mechsim as ms
 from mechsim.studies.joint_log import read_log
 from mechsim.studies.measured_table import measured_of
 
@@ -97,7 +95,7 @@ def test_a_json_log_may_lack_rates_torques_and_header(tmp_path):
 def test_the_mass_is_identified_from_a_log(tmp_path):
     ros_log(tmp_path / "run.mcap")
     table = read_log(tmp_path / "run.mcap")
-    result = identify(load(FOLDER / "identification_pendulum.toml", still=True), table, ["bob.mass"])
+    result = ms.identify(ms.load(FOLDER / "identification_pendulum.toml", still=True), table, ["bob.mass"])
     # the spline through rates of 50 Hz is the only error
     assert result.values["bob.mass"] == pytest.approx(1.4, rel=1e-5)
 
@@ -133,7 +131,7 @@ def fleeting(i):
 )
 def test_invalid_logs_are_rejected_in_one_sentence(tmp_path, write, message):
     write(tmp_path / "run.mcap")
-    with pytest.raises(InputError, match=message) as error:
+    with pytest.raises(ms.InputError, match=message) as error:
         read_log(tmp_path / "run.mcap")
     assert "\n" not in str(error.value)
 
@@ -142,12 +140,12 @@ def test_a_log_cut_short_is_no_complete_log(tmp_path):
     ros_log(tmp_path / "run.mcap")
     whole = (tmp_path / "run.mcap").read_bytes()
     (tmp_path / "run.mcap").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="is no complete log"):
+    with pytest.raises(ms.InputError, match="is no complete log"):
         read_log(tmp_path / "run.mcap")
 
 
 def test_the_crank_of_a_log_counts_as_the_crank_angle():
-    solver, angles = load("four_bar"), np.linspace(0.2, 1.4, 7)
+    solver, angles = ms.load("four_bar"), np.linspace(0.2, 1.4, 7)
     rocker = solver.solve(angles).joints["rocker"].value
     measured = measured_of({"t": angles, "crank.q": angles, "rocker.q": rocker}, solver)
     np.testing.assert_array_equal(measured.angles, angles)

@@ -12,15 +12,11 @@ import gear_trains
 import numpy as np
 import pytest
 
-from mechsim import dynamics, load_profile
-from mechsim.io.readers import load
+import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.force_record import ForceRecord
-from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring
-from mechsim.mechanism.joints import End, Gear, Joint
-from mechsim.mechanism.links import GROUND, Inertia, Link
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.forces import Couple
+from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -38,8 +34,8 @@ BALANCED = 1e-12
 class Case:
     """A mechanism with inertias, its forces, and the motion laws of its drivers over a second."""
 
-    mechanism: Mechanism
-    forces: Forces
+    mechanism: ms.Mechanism
+    forces: ms.Forces
     laws: dict
 
     @property
@@ -47,15 +43,15 @@ class Case:
         return make_motion_laws(self.mechanism, self.laws, 1.0)
 
 
-def solved(case: Case, method: str) -> tuple[Motion, ForceRecord]:
+def solved(case: Case, method: str) -> tuple[ms.Motion, ForceRecord]:
     """Return motion and forces at six instants by one of the methods."""
     moves = case.moves
     if method == "MuJoCo":
         run = driven(case.mechanism, case.forces, motion_laws=moves, method="pose", samples=5)
         return run.motion, run.forces
-    model = dynamics.dynamic_model(KinematicSolver(case.mechanism, motion_laws=moves), case.forces)
+    model = ms.dynamics.dynamic_model(KinematicSolver(case.mechanism, motion_laws=moves), case.forces)
     time = np.linspace(0.0, 1.0, 6)
-    return model.solver.solve(t=time), dynamics.prescribed(model, t=time).forces
+    return model.solver.solve(t=time), ms.dynamics.prescribed(model, t=time).forces
 
 
 @cache
@@ -70,15 +66,15 @@ def linkage(seed: int) -> Case:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "drawn.toml"
         path.write_text(case_data.text, "utf-8")
-        mechanism = load(path).mechanism
+        mechanism = ms.load(path).mechanism
     length = mechanism.characteristic_length
 
-    def inertia() -> Inertia:
+    def inertia() -> ms.Inertia:
         spread = chance.normal(size=(3, 3))
         spread = spread @ spread.T + 0.5 * np.eye(3)
         moments = 0.05 * length**2 * (np.trace(spread) * np.eye(3) - spread)
         centre = tuple((0.3 * length * chance.normal(size=3)).tolist())
-        return Inertia(1.0, centre, tuple(tuple(row) for row in moments.tolist()))
+        return ms.Inertia(1.0, centre, tuple(tuple(row) for row in moments.tolist()))
 
     mechanism = replace(mechanism, links=tuple(replace(item, inertia=inertia()) for item in mechanism.links))
     start = case_data.pose[len(case_data.pose) - len(case_data.names) :]
@@ -103,13 +99,13 @@ def spindle_and_rack(spindle_first: bool) -> Case:
 
 @cache
 def of_gallery(name: str) -> Case:
-    solver = load(str(GALLERY / f"{name}.toml"))
-    mechanism = dynamics.dynamic_model(solver).mechanism
+    solver = ms.load(str(GALLERY / f"{name}.toml"))
+    mechanism = ms.dynamics.dynamic_model(solver).mechanism
     wave = machines.sinusoidal(mechanism.start + 0.1, 0.2, 3.0, 0.4)
     return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
 
 
-def acting(mechanism: Mechanism, length: float) -> Forces:
+def acting(mechanism: ms.Mechanism, length: float) -> ms.Forces:
     """Return forces of every kind: weight, springs, friction, a load and a couple."""
     driven_joints = {joint.name: joint.kind for joint in mechanism.driven_joints}
     rubbing = []
@@ -117,20 +113,20 @@ def acting(mechanism: Mechanism, length: float) -> Forces:
         # dry friction only in moving joints: at rest it has no direction
         dry = 0.1 * length if joint.name in driven_joints else 0.0
         if joint.kind in ("revolute", "prismatic", "spherical"):
-            rubbing.append(Friction(joint.name, 5.0 * length**2, dry))
+            rubbing.append(ms.Friction(joint.name, 5.0 * length**2, dry))
         if joint.kind in ("cylindrical", "screw"):
-            rubbing.append(Friction(joint.name, 10.0, 0.0, 5.0 * length**2, 0.0))
+            rubbing.append(ms.Friction(joint.name, 10.0, 0.0, 5.0 * length**2, 0.0))
     wound = [
-        JointSpring(name, 0.3 * length, 0.1) for name, kind in driven_joints.items() if kind == "revolute"
+        ms.JointSpring(name, 0.3 * length, 0.1) for name, kind in driven_joints.items() if kind == "revolute"
     ]
     (first, *_, last), (link, *_) = mechanism.points, mechanism.links
-    return Forces(
+    return ms.Forces(
         gravity=(1.0, -9.81, 3.0),
         friction=tuple(rubbing),
-        springs=(Spring((GROUND, (length, 2.0 * length, -length)), first, 50.0, 0.5 * length, 2.0),),
+        springs=(ms.Spring((GROUND, (length, 2.0 * length, -length)), first, 50.0, 0.5 * length, 2.0),),
         joint_springs=tuple(wound),
-        loads=(Load(last, load_profile.constant((7.0, 5.0, -6.0))),),
-        couples=(Couple(link.name, load_profile.constant((length, 2.0 * length, -3.0 * length))),),
+        loads=(ms.Load(last, ms.load_profile.constant((7.0, 5.0, -6.0))),),
+        couples=(Couple(link.name, ms.load_profile.constant((length, 2.0 * length, -3.0 * length))),),
     )
 
 
@@ -187,18 +183,21 @@ def test_the_check_detects_every_omitted_force(case, method):
 
 def press() -> Case:
     """A spindle whose nut presses with 100 N."""
-    body = Inertia(1.0, (0.0, 0.0, 0.0), ((1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3)))
+    body = ms.Inertia(1.0, (0.0, 0.0, 0.0), ((1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3)))
     guide_axis_point, along = (0.05, 0.0, 0.0), (0.0, 0.0, 1.0)
     joints = (
-        Joint("motor", "revolute", End(GROUND), End("spindle")),
-        Joint("thread", "screw", End("spindle", (0.0, 0.0, 0.1)), End("nut"), lead=0.005),
-        Joint(
-            "guide", "prismatic", End(GROUND, guide_axis_point, along), End("nut", guide_axis_point, along)
+        ms.Joint("motor", "revolute", ms.End(GROUND), ms.End("spindle")),
+        ms.Joint("thread", "screw", ms.End("spindle", (0.0, 0.0, 0.1)), ms.End("nut"), lead=0.005),
+        ms.Joint(
+            "guide",
+            "prismatic",
+            ms.End(GROUND, guide_axis_point, along),
+            ms.End("nut", guide_axis_point, along),
         ),
     )
-    links = Link("spindle", inertia=body), Link("nut", inertia=body)
-    mechanism = Mechanism("press", links, joints, "motor", {"P": ("nut", (0.02, 0.0, 0.0))})
-    forces = Forces(loads=(Load("P", load_profile.constant((0.0, 0.0, -100.0))),))
+    links = ms.Link("spindle", inertia=body), ms.Link("nut", inertia=body)
+    mechanism = ms.Mechanism("press", links, joints, "motor", {"P": ("nut", (0.02, 0.0, 0.0))})
+    forces = ms.Forces(loads=(ms.Load("P", ms.load_profile.constant((0.0, 0.0, -100.0))),))
     return Case(mechanism, forces, {"motor": lambda t: (2.0 * t, 2.0 + 0.0 * t, 0.0 * t)})
 
 
@@ -225,9 +224,9 @@ def test_the_force_of_a_locked_joint_balances_its_links(method):
         run = driven(mechanism, case_data.forces, speed=3.0, turns=0.1, method="pose", samples=4)
         motion, record = run.motion, run.forces
     else:
-        model = dynamics.dynamic_model(mechanism, case_data.forces)
+        model = ms.dynamics.dynamic_model(mechanism, case_data.forces)
         angles = np.linspace(0.0, 0.6, 5)
-        motion, record = model.solver.solve(angles, 3.0), dynamics.prescribed(model, angles, 3.0).forces
+        motion, record = model.solver.solve(angles, 3.0), ms.dynamics.prescribed(model, angles, 3.0).forces
     assert {*record.locked} == {"cam"}
     assert equilibrium.largest_imbalance(mechanism, case_data.forces, motion, record) <= BALANCED
     imbalance = equilibrium.largest_imbalance(
@@ -239,23 +238,23 @@ def test_the_force_of_a_locked_joint_balances_its_links(method):
 def test_bearing_forces_of_redundant_planets_are_undetermined():
     """With a second planet the distribution of the load is undetermined."""
     joints = [
-        Joint("crank", "revolute", End(GROUND), End("arm")),
-        Joint("sun", "revolute", End("arm"), End("sun")),
+        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("arm")),
+        ms.Joint("sun", "revolute", ms.End("arm"), ms.End("sun")),
     ]
     gears = []
     for i, side in enumerate((1.0, -1.0)):
         pivot = (0.04 * side, 0.0, 0.0)
-        joints.append(Joint(f"planet{i}", "revolute", End("arm", pivot), End(f"planet{i}")))
-        gears += [Gear("crank", f"planet{i}", -2.0), Gear(f"planet{i}", "sun", -1.5)]
-    links = tuple(Link(joint.b.link) for joint in joints)
+        joints.append(ms.Joint(f"planet{i}", "revolute", ms.End("arm", pivot), ms.End(f"planet{i}")))
+        gears += [ms.Gear("crank", f"planet{i}", -2.0), ms.Gear(f"planet{i}", "sun", -1.5)]
+    links = tuple(ms.Link(joint.b.link) for joint in joints)
     points = {"P": ("sun", (0.02, 0.0, 0.0))}
-    mechanism = Mechanism("planets", links, tuple(joints), "crank", points, tuple(gears))
-    study = dynamics.prescribed(dynamics.dynamic_model(mechanism), [0.3, 0.4], 5.0)
+    mechanism = ms.Mechanism("planets", links, tuple(joints), "crank", points, tuple(gears))
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(mechanism), [0.3, 0.4], 5.0)
     for i in range(2):
         assert {"fx", "fy"} <= {*study.forces.reactions[f"planet{i}"].undetermined}
     assert study.forces.undetermined == {*study.forces.gears}
     single = replace(mechanism, gears=tuple(gears[:3]))
-    study = dynamics.prescribed(dynamics.dynamic_model(single), [0.3, 0.4], 5.0)
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(single), [0.3, 0.4], 5.0)
     assert {"fx", "fy"}.isdisjoint(study.forces.reactions["planet0"].undetermined)
     assert not study.forces.undetermined
 

@@ -5,18 +5,15 @@ import pytest
 from catalog_faults import COLLINEAR, SWINGING
 from grids import grid
 
-from mechsim import catalog, load, loops
-from mechsim.errors import AssemblyError, MobilityError
+import mechsim as ms
+from mechsim import loops
+from mechsim.errors import MobilityError
 from mechsim.kinematics.continuation import segments
-from mechsim.mechanism.joints import End, Gear, Joint
-from mechsim.mechanism.links import Link
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.newton import root
 from mechsim.studies import trace as mechanism_trace
-from mechsim.studies.trace import trace
 
 REVOLUTION = 2.0 * np.pi
-SOLVERS = {name: catalog.make(name) for name in catalog.MECHANISMS}
+SOLVERS = {name: ms.catalog.make(name) for name in ms.catalog.MECHANISMS}
 SOLVERS |= {
     f"{name} {case}": closed_form.with_parameters(**changes)
     for name, closed_form in tuple(SOLVERS.items())
@@ -33,7 +30,7 @@ STARTS = 30
 
 def traced(name):
     if name not in TRACES:
-        TRACES[name] = trace(SOLVERS[name], starts=STARTS)
+        TRACES[name] = ms.trace(SOLVERS[name], starts=STARTS)
     return TRACES[name]
 
 
@@ -128,9 +125,9 @@ def test_branch_points_agree_with_the_closed_form(name):
 
 @pytest.mark.slow
 def test_close_curves_without_a_branch_point_are_separated():
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
-    assert trace(linkage.with_parameters(coupler=0.1), starts=0).branch_points
-    result = trace(linkage, starts=2)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
+    assert ms.trace(linkage.with_parameters(coupler=0.1), starts=0).branch_points
+    result = ms.trace(linkage, starts=2)
     assert not result.branch_points
     # each curve keeps its assembly mode where the curves are close
     for curve in result.curves:
@@ -141,8 +138,8 @@ def test_close_curves_without_a_branch_point_are_separated():
 
 @pytest.mark.long
 def test_a_curve_of_high_curvature_keeps_its_assembly_mode():
-    linkage = catalog.make("four_bar", ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + 1e-10)
-    curve = trace(linkage, starts=0).curves[0]
+    linkage = ms.catalog.make("four_bar", ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + 1e-10)
+    curve = ms.trace(linkage, starts=0).curves[0]
     assert abs(curve.turns) == 1
     poses = curve.samples(60)
     assert set(np.sign(linkage.assembly_sign(poses.points))) == {1.0}
@@ -150,8 +147,8 @@ def test_a_curve_of_high_curvature_keeps_its_assembly_mode():
 
 @pytest.mark.long
 def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
-    kite = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
-    result = trace(kite, starts=20)
+    kite = ms.catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
+    result = ms.trace(kite, starts=20)
     swinging, still = result.curves
     assert len(swinging.dead_centres) == 2
     assert np.ptp(still.samples(40).angle) <= 1e-12
@@ -163,8 +160,8 @@ def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
 
 
 def test_rockers_reverse_where_crank_and_coupler_are_collinear():
-    linkage = catalog.make("four_bar")
-    first, second = trace(linkage, starts=20).curves
+    linkage = ms.catalog.make("four_bar")
+    first, second = ms.trace(linkage, starts=20).curves
     for curve in (first, second):
         reversals = [point for point in curve.turning_points if point.coordinate == "rocker.q"]
         reach = np.array([linkage.coupler + linkage.crank, linkage.coupler - linkage.crank])
@@ -177,14 +174,14 @@ def test_rockers_reverse_where_crank_and_coupler_are_collinear():
 
 
 def test_the_length_of_a_curve_is_the_integral_of_twists():
-    linkage = catalog.make("rrsrr")
+    linkage = ms.catalog.make("rrsrr")
     motion = linkage.solve(np.linspace(0.0, REVOLUTION, 400)[:-1])
     squares = sum(
         (link.velocity**2).sum(1) / linkage.mechanism.characteristic_length**2
         + (link.angular_velocity**2).sum(1)
         for link in motion.links.values()
     )
-    assert abs(trace(linkage, starts=0).curves[0].length - REVOLUTION * np.sqrt(squares).mean()) <= 1e-8
+    assert abs(ms.trace(linkage, starts=0).curves[0].length - REVOLUTION * np.sqrt(squares).mean()) <= 1e-8
 
 
 def test_poses_are_assigned_to_their_own_curve():
@@ -204,20 +201,20 @@ def geared(ratio):
     """Return a four-bar driven through a gear: its curve closes after a common period."""
     z = (0.0, 0.0, 1.0)
     ground = {"p": (0.0, 0.0, 0.0), "q": (0.05, 0.0, 0.0), "r": (0.13, 0.0, 0.0)}
-    ends = {name: End("ground", position, z) for name, position in ground.items()}
-    return Mechanism(
+    ends = {name: ms.End("ground", position, z) for name, position in ground.items()}
+    return ms.Mechanism(
         "geared",
-        (Link("crank"), Link("wheel"), Link("rod"), Link("lever")),
+        (ms.Link("crank"), ms.Link("wheel"), ms.Link("rod"), ms.Link("lever")),
         (
-            Joint("crank", "revolute", ends["p"], End("crank")),
-            Joint("wheel", "revolute", ends["q"], End("wheel")),
-            Joint("pin", "revolute", End("wheel", (0.02, 0.0, 0.0)), End("rod")),
-            Joint("end", "revolute", End("rod", (0.08, 0.0, 0.0)), End("lever", (0.05, 0.0, 0.0))),
-            Joint("lever", "revolute", ends["r"], End("lever")),
+            ms.Joint("crank", "revolute", ends["p"], ms.End("crank")),
+            ms.Joint("wheel", "revolute", ends["q"], ms.End("wheel")),
+            ms.Joint("pin", "revolute", ms.End("wheel", (0.02, 0.0, 0.0)), ms.End("rod")),
+            ms.Joint("end", "revolute", ms.End("rod", (0.08, 0.0, 0.0)), ms.End("lever", (0.05, 0.0, 0.0))),
+            ms.Joint("lever", "revolute", ends["r"], ms.End("lever")),
         ),
         "crank",
         {"P": ("crank", (0.02, 0.0, 0.0)), "Q": ("rod", (0.04, 0.0, 0.0))},
-        gears=(Gear("crank", "wheel", ratio),),
+        gears=(ms.Gear("crank", "wheel", ratio),),
         start=0.4,
     )
 
@@ -225,62 +222,64 @@ def geared(ratio):
 @pytest.mark.long
 @pytest.mark.parametrize(("ratio", "turns"), [(-1.5, 2), (2.0, 1)])
 def test_the_gear_ratio_determines_the_period(ratio, turns):
-    assert abs(trace(geared(ratio), starts=0).curves[0].turns) == turns
+    assert abs(ms.trace(geared(ratio), starts=0).curves[0].turns) == turns
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("slots", [3, 4])
 def test_a_geneva_drive_repeats_after_as_many_turns_as_it_has_slots(slots):
-    mechanism = load("geneva_drive", {"slots": slots}).mechanism
-    assert abs(trace(mechanism, starts=0).curves[0].turns) == slots
+    mechanism = ms.load("geneva_drive", {"slots": slots}).mechanism
+    assert abs(ms.trace(mechanism, starts=0).curves[0].turns) == slots
 
 
 def test_a_curve_that_never_closes_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_SEGMENTS", 60)
     reported = []
     with pytest.raises(
-        AssemblyError, match=r"geared: the curve has not returned .* 60 segments, .* irrational"
+        ms.AssemblyError, match=r"geared: the curve has not returned .* 60 segments, .* irrational"
     ):
-        trace(geared(np.sqrt(2.0)), starts=0, progress=lambda *output: reported.append(output))
+        ms.trace(geared(np.sqrt(2.0)), starts=0, progress=lambda *output: reported.append(output))
     assert reported[-1] == ("component 1, segment 60 of at most 60", 1.0)
 
 
 def on_a_rail(kind, *, lead=0.0):
     """Return a carriage on a rail, driven directly or by a screw."""
-    rail = Joint("rail", "prismatic", End("ground", (0.06, 0.0, 0.0)), End("car", (0.06, 0.0, 0.0)))
+    rail = ms.Joint("rail", "prismatic", ms.End("ground", (0.06, 0.0, 0.0)), ms.End("car", (0.06, 0.0, 0.0)))
     points = {"P": ("car", (0.08, 0.02, 0.0))}
     if kind == "slide":
-        return Mechanism("carriage", (Link("car"),), (rail,), "rail", points)
+        return ms.Mechanism("carriage", (ms.Link("car"),), (rail,), "rail", points)
     joints = (
-        Joint("crank", "revolute", End("ground"), End("spindle")),
-        Joint("thread", "screw", End("spindle", (0.0, 0.0, 0.05)), End("car"), lead=lead),
+        ms.Joint("crank", "revolute", ms.End("ground"), ms.End("spindle")),
+        ms.Joint("thread", "screw", ms.End("spindle", (0.0, 0.0, 0.05)), ms.End("car"), lead=lead),
         rail,
     )
-    return Mechanism("press", (Link("spindle"), Link("car")), joints, "crank", points)
+    return ms.Mechanism("press", (ms.Link("spindle"), ms.Link("car")), joints, "crank", points)
 
 
 def test_an_unbounded_slide_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_DISPLACEMENT", 20)
     with pytest.raises(
-        AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
+        ms.AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
     ):
-        trace(on_a_rail("slide"), starts=0)
+        ms.trace(on_a_rail("slide"), starts=0)
 
 
 def test_an_unbounded_screw_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_REVOLUTIONS", 4)
-    with pytest.raises(AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"):
-        trace(on_a_rail("screw", lead=0.005), starts=0)
+    with pytest.raises(
+        ms.AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"
+    ):
+        ms.trace(on_a_rail("screw", lead=0.005), starts=0)
 
 
 def arms(*, joined=False):
-    gears = (Gear("one", "two", -1.0),) if joined else ()
-    return Mechanism(
+    gears = (ms.Gear("one", "two", -1.0),) if joined else ()
+    return ms.Mechanism(
         "arms",
-        (Link("first"), Link("second")),
+        (ms.Link("first"), ms.Link("second")),
         (
-            Joint("one", "revolute", End("ground"), End("first")),
-            Joint("two", "revolute", End("ground", (0.1, 0.0, 0.0)), End("second")),
+            ms.Joint("one", "revolute", ms.End("ground"), ms.End("first")),
+            ms.Joint("two", "revolute", ms.End("ground", (0.1, 0.0, 0.0)), ms.End("second")),
         ),
         "one",
         {"P": ("first", (0.05, 0.0, 0.0)), "Q": ("second", (0.05, 0.0, 0.0))},
@@ -290,14 +289,14 @@ def arms(*, joined=False):
 
 def test_a_trace_of_two_dofs_is_rejected():
     with pytest.raises(MobilityError, match=r"arms: underdetermined: .*two can still move; drive, lock or"):
-        trace(arms())
-    (curve,) = trace(arms(joined=True)).curves
+        ms.trace(arms())
+    (curve,) = ms.trace(arms(joined=True)).curves
     assert curve.turns == 1
 
 
 @pytest.mark.long
 def test_a_dwell_is_one_turning_point_at_its_middle():
-    curve = trace(load("cam_follower"), starts=0).curves[0]
+    curve = ms.trace(ms.load("cam_follower"), starts=0).curves[0]
     turns = [point for point in curve.turning_points if point.coordinate == "guide.q"]
     lowest = np.sqrt(0.038**2 - 0.005**2) + 0.03
     assert [point.which for point in turns] == ["highest", "lowest"]

@@ -5,11 +5,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.kinematics.loops.start import start_poses
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.studies.assemblies import all_assembly_points
 from mechsim.studies.scene.open_scene import open_scene
 
@@ -29,23 +25,23 @@ def test_a_changed_design_has_the_same_assembly_in_solve_and_sweep(tmp_path, sta
         assert np.linalg.norm(solved - [base, 0.0, 0.0]) == pytest.approx(0.03, abs=1e-12)
 
 
-def platform(height: float) -> Mechanism:
+def platform(height: float) -> ms.Mechanism:
     """Return a plate on six rods from fixed arms, whose height alone is stated."""
     base = [np.array([np.cos(a), np.sin(a), 0.0]) * 0.3 for a in np.deg2rad([5, 115, 125, 235, 245, 355])]
     top = [np.array([np.cos(a), np.sin(a), 0.0]) * 0.2 for a in np.deg2rad([50, 70, 170, 190, 290, 310])]
     rod = float(np.hypot(0.25, np.linalg.norm(base[0] - top[0])))
     up = (0.0, 0.0, 1.0)
-    joints: list[Joint] = []
+    joints: list[ms.Joint] = []
     for i, (foot, head) in enumerate(zip(base, top, strict=True)):
         joints += [
-            Joint(f"m{i}", "revolute", End("ground", tuple(foot), up), End(f"arm{i}", axis=up)),
-            Joint(f"a{i}", "spherical", End(f"arm{i}"), End(f"rod{i}")),
-            Joint(f"p{i}", "spherical", End(f"rod{i}", (rod, 0.0, 0.0)), End("plate", tuple(head))),
+            ms.Joint(f"m{i}", "revolute", ms.End("ground", tuple(foot), up), ms.End(f"arm{i}", axis=up)),
+            ms.Joint(f"a{i}", "spherical", ms.End(f"arm{i}"), ms.End(f"rod{i}")),
+            ms.Joint(f"p{i}", "spherical", ms.End(f"rod{i}", (rod, 0.0, 0.0)), ms.End("plate", tuple(head))),
         ]
-    links = [Link("plate"), *(Link(f"{kind}{i}") for kind in ("arm", "rod") for i in range(6))]
-    guess = {"plate": Pose(np.array([0.0, 0.0, height]), np.eye(3))}
+    links = [ms.Link("plate"), *(ms.Link(f"{kind}{i}") for kind in ("arm", "rod") for i in range(6))]
+    guess = {"plate": ms.Pose(np.array([0.0, 0.0, height]), np.eye(3))}
     drivers = tuple(f"m{i}" for i in range(6))
-    return Mechanism("platform", tuple(links), tuple(joints), drivers, {"C": ("plate", up)}, guess=guess)
+    return ms.Mechanism("platform", tuple(links), tuple(joints), drivers, {"C": ("plate", up)}, guess=guess)
 
 
 @pytest.mark.long
@@ -101,9 +97,9 @@ def test_a_requested_start_selects_the_assembly(tmp_path):
     across = np.sqrt(0.04**2 - along**2) * between[0] / distance
     middle = end[1] + along * between[1] / distance
     assert heights == pytest.approx([middle + across, middle - across], abs=1e-12)
-    with pytest.raises(InputError, match="no coordinate 'C' to start at"):
+    with pytest.raises(ms.InputError, match="no coordinate 'C' to start at"):
         ms.load(path, start={"C": 0.0})
-    with pytest.raises(InputError, match="leave out --start"):
+    with pytest.raises(ms.InputError, match="leave out --start"):
         ms.load("four_bar", start={"crank": 0.0})
 
 

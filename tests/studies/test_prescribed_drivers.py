@@ -8,11 +8,10 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.kinetics.dynamic_run import initial_values
-from mechsim.mechanism.forces import Forces
 from mechsim.studies.dynamics_check import crosscheck_forward
 
 LENGTH, MASS, INERTIA, GRAVITY = 0.2, 1.5, 2e-3, 9.81
-WEIGHT = Forces(gravity=(0.0, 0.0, -GRAVITY))
+WEIGHT = ms.Forces(gravity=(0.0, 0.0, -GRAVITY))
 # a bead on a hoop that turns about a vertical diameter; it swings about the hoop's axis x
 HOOP = model_text("prescribed_drivers_hoop.toml", mass=MASS, height=-LENGTH, inertia=INERTIA)
 START = {"bead.q": "1rad", "bead.v": "-2rad/s"}

@@ -3,9 +3,8 @@ import numpy as np
 import pytest
 from scene_texts import FINGER
 
-from mechsim.errors import InputError
+import mechsim as ms
 from mechsim.io.law_text import control_laws
-from mechsim.io.readers import load
 from mechsim.studies.reduction.candidates import bodies
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
@@ -42,7 +41,7 @@ CLUTTER = FINGER.replace(
 def scene(folder, text, *, ctrl=CONTROL, drive=None, duration=0.5, track=("tip,pad@0.02,0,0",)):
     path = folder / "scene.xml"
     path.write_text(text)
-    solver = load(str(path), drive=drive, track=track)
+    solver = ms.load(str(path), drive=drive, track=track)
     motion_laws = solver.motion_laws.by_name
     control = control_laws({"servo": ctrl} if ctrl else {})
     scene_object = scene_of(
@@ -201,11 +200,11 @@ SERVO = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body na
 
 def test_a_scene_that_diverges_is_rejected(tmp_path):
     user, spec = scene(tmp_path, FINGER.replace('kv="0.02"', 'kv="50"'))
-    with pytest.raises(InputError, match="diverges over its motion"):
+    with pytest.raises(ms.InputError, match="diverges over its motion"):
         reduce_scene(user, spec, 1e-5)
 
 
 def test_a_stationary_tracked_point_is_rejected(tmp_path):
     user, spec = scene(tmp_path, SERVO, track=("P,arm@0,0,0",))
-    with pytest.raises(InputError, match=r"move by only 0 m.* track a point that moves"):
+    with pytest.raises(ms.InputError, match=r"move by only 0 m.* track a point that moves"):
         reduce_scene(user, spec, 1e-5)

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.compare.crosscheck import crosscheck
-from mechsim.mechanism.links import Inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.studies.motions import driven_as
@@ -63,10 +61,10 @@ def test_the_torque_is_that_of_virtual_work(lift):
 
 def test_solved_configurations_and_forces_agree_with_mujoco(lift):
     model = ms.dynamics.dynamic_model(lift)
-    assert crosscheck(ms.simulate(lift, method="pose"), lift).passed
+    assert ms.crosscheck(ms.simulate(lift, method="pose"), lift).passed
     run = driven(model.mechanism, model.forces, method="pose", samples=20, **driven_as(lift, None))
     assert crosscheck_driven(run, model).passed
-    table = Inertia(80.08, (0.2, 0.0, 0.0), (1.0, 1.0, 1.0))
+    table = ms.Inertia(80.08, (0.2, 0.0, 0.0), (1.0, 1.0, 1.0))
     links = [replace(link, inertia=table) if link.name == "table" else link for link in model.mechanism.links]
     heavier = replace(model, mechanism=replace(model.mechanism, links=tuple(links)))
     assert crosscheck_driven(run, heavier).outcome == "failed"

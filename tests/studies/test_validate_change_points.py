@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.compare.crosscheck import crosscheck
+import mechsim as ms
 from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
@@ -20,7 +19,7 @@ FLAT = {
 @pytest.mark.parametrize("which", FLAT)
 def test_a_mechanism_with_change_points_passes_validation(which):
     name, lengths = FLAT[which]
-    linkage = catalog.make(name, **lengths)
+    linkage = ms.catalog.make(name, **lengths)
     case = case_of(linkage)
     assert case.verdict.outcome == "passed", case.verdict.reason
     assert np.ptp(case.exact.angle) == pytest.approx(linkage.period)
@@ -33,17 +32,17 @@ def test_a_mechanism_with_change_points_passes_validation(which):
 
 def test_another_branch_of_a_parallelogram_fails_the_check():
     name, lengths = FLAT["parallelogram"]
-    other_branch = catalog.make(name, **lengths, change_point="branch")
-    run = simulate(catalog.make(name, **lengths), speed=20.0, method="pose")
-    assert crosscheck(run, other_branch).outcome == "changed assembly"
+    other_branch = ms.catalog.make(name, **lengths, change_point="branch")
+    run = simulate(ms.catalog.make(name, **lengths), speed=20.0, method="pose")
+    assert ms.crosscheck(run, other_branch).outcome == "changed assembly"
 
 
 @pytest.mark.slow
 def test_the_branch_policy_passes_validation():
     name, lengths = FLAT["one change point"]
-    other_branch = catalog.make(name, **lengths, change_point="branch")
+    other_branch = ms.catalog.make(name, **lengths, change_point="branch")
     case = case_of(other_branch)
     assert case.verdict.outcome == "passed", case.verdict.reason
     # over the one revolution between two passes of the change point the smooth motion is the same
     run = simulate(other_branch, profile=constant(20.0, 2.0), method="pose")
-    assert crosscheck(run, catalog.make(name, **lengths)).outcome == "changed assembly"
+    assert ms.crosscheck(run, ms.catalog.make(name, **lengths)).outcome == "changed assembly"

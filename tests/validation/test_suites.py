@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import mechsim as ms
-from mechsim.errors import InputError
 from validation.published.table import Row
 from validation.suites import __main__ as command
 from validation.suites import (
@@ -69,9 +68,9 @@ def test_a_fault_counts_only_with_evidence(measured, outcome):
 
 def test_a_stated_cause_of_a_rejection_needs_its_words_in_the_message():
     cause = {"rejected": "it has no motor", "says": "no actuator"}
-    assert rejected("a", InputError("no actuator acts on a joint"), cause).outcome == "rejected"
-    assert rejected("a", InputError("the loops do not close"), cause).outcome == "unexplained"
-    assert rejected("a", InputError("the loops do not close"), {}).outcome == "unexplained"
+    assert rejected("a", ms.InputError("no actuator acts on a joint"), cause).outcome == "rejected"
+    assert rejected("a", ms.InputError("the loops do not close"), cause).outcome == "unexplained"
+    assert rejected("a", ms.InputError("the loops do not close"), {}).outcome == "unexplained"
 
 
 @pytest.mark.parametrize(
@@ -423,7 +422,7 @@ def test_a_usd_file_is_compared_with_its_joints(tmp_path, free):
     path = written("joint", free.split())
     if not free:
         with pytest.raises(
-            InputError, match="joint cannot move: its loops and locked joints leave no degree"
+            ms.InputError, match="joint cannot move: its loops and locked joints leave no degree"
         ):
             kamino.compared("joint", path)
         return

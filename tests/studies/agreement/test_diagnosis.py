@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import dynamics
 from mechsim.io.readers import parametric_model
-from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.quantities import quantity
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate
@@ -172,7 +170,7 @@ def test_a_displaced_joint_is_reported_without_parameters():
 )
 def test_wrong_gravity_or_mass_is_found_from_a_torque(factor, kind):
     solver = ms.catalog.make("four_bar")
-    dynamic_model = dynamics.dynamic_model(solver, Forces(gravity=(0.0, -9.81, 0.0)))
+    dynamic_model = ms.dynamics.dynamic_model(solver, ms.Forces(gravity=(0.0, -9.81, 0.0)))
     evaluation = replace(evaluation_points(solver, SPEED), dynamic_model=dynamic_model)
     if factor is None:
         item, *rest = dynamic_model.mechanism.links
@@ -182,7 +180,7 @@ def test_wrong_gravity_or_mass_is_found_from_a_torque(factor, kind):
             mechanism=replace(dynamic_model.mechanism, links=(replace(item, inertia=heavy), *rest)),
         )
     else:
-        other = dynamic_model.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
+        other = dynamic_model.with_forces(ms.Forces(gravity=(0.0, -9.81 * factor, 0.0)))
     named = quantity("torque:crank", solver.mechanism)
     candidate = Candidate(named, replace(evaluation, dynamic_model=other).exact(named))
     result = agreement(evaluation, [candidate], "the test", None, parametric_model(solver))

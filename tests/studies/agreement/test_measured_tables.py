@@ -5,7 +5,6 @@ import pytest
 
 import mechsim as ms
 from mechsim import files
-from mechsim.errors import InputError
 
 ANGLES = np.linspace(0.1, 6.2, 60)
 SIGMA = 2e-5
@@ -46,13 +45,13 @@ def test_a_tolerance_above_the_noise_passes_and_one_below_it_names_the_short_rod
 
 def test_standard_deviations_belong_to_fit(tmp_path):
     table = measured() | {"B.x ±": np.full(60, SIGMA)}
-    with pytest.raises(InputError, match=r"the standard deviation of B\.x, .* use `mechsim fit`"):
+    with pytest.raises(ms.InputError, match=r"the standard deviation of B\.x, .* use `mechsim fit`"):
         validated(written(tmp_path / "deviations.csv", table))
     table["B.x ±"][4] = 0.0
-    with pytest.raises(InputError, match=r"column B\.x ± is .* in row 5; give it above 0"):
+    with pytest.raises(ms.InputError, match=r"column B\.x ± is .* in row 5; give it above 0"):
         ms.fit("slider_crank", table, ["rod"])
     table = {"angle": ANGLES, "angle±": np.full(60, 1e-3), "B.x": np.cos(ANGLES)}
-    with pytest.raises(InputError, match="column angle counts as exact; leave out its standard deviation"):
+    with pytest.raises(ms.InputError, match="column angle counts as exact; leave out its standard deviation"):
         ms.fit("four_bar", table, ["coupler"])
 
 
@@ -68,5 +67,5 @@ def test_fit_and_validate_read_a_table_equally(tmp_path):
         ms.fit("slider_crank", table, ["rod"]).values["rod"], abs=1e-12
     )
     assert fitted.values["rod"] - 0.2 == pytest.approx(0.2 * cause.value, rel=0.02)
-    with pytest.raises(InputError, match=r"'B\.x \[inchworm\]', whose unit does not suit"):
+    with pytest.raises(ms.InputError, match=r"'B\.x \[inchworm\]', whose unit does not suit"):
         ms.fit("slider_crank", {"angle": [0.0, 1.0], "B.x [inchworm]": [1.0, 2.0]}, ["rod"])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import dynamics
 from mechsim.studies.sweep.methods import by_one_formula
 from mechsim.studies.sweep.sweeping import swept_task
 
@@ -58,7 +57,7 @@ def test_forces_and_transmission_angles_are_measured():
         "rssr", {"crank": [0.012, 0.013]}, ["max:torque", "max:force:P3", "min:transmission"], speed=50.0
     )
     solver = ms.catalog.make("rssr", crank=0.012)
-    study = dynamics.prescribed(dynamics.dynamic_model(solver), ANGLES, 50.0)
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 50.0)
     assert float(result["max:torque"][0]) == pytest.approx(study.forces.torque.max())
     force = np.linalg.norm(study.forces.reactions["P3"].force, axis=1).max()
     assert float(result["max:force:P3"][0]) == pytest.approx(force)

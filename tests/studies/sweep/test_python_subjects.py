@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.studies.sweep.designs import parsed_range
 from mechsim.studies.sweep.sweeping import swept_designs
 
@@ -39,11 +38,11 @@ def test_arguments_with_numeric_defaults_are_parameters(model):
 
 def test_an_unknown_argument_is_rejected(model):
     for name in ("krank", "mark"):
-        with pytest.raises(InputError, match=f"no parameter '{name}'.* choose from crank, ratio, branch"):
+        with pytest.raises(ms.InputError, match=f"no parameter '{name}'.* choose from crank, ratio, branch"):
             ms.load(model, {name: "1"})
-    with pytest.raises(InputError, match="no parameter 'krank' to vary"):
+    with pytest.raises(ms.InputError, match="no parameter 'krank' to vary"):
         ms.sweep(model, {"krank": [1.0]}, "range:rocker")
-    with pytest.raises(InputError, match="has no parameters"):
+    with pytest.raises(ms.InputError, match="has no parameters"):
         ms.load(model.replace("scaled", "still"), {"crank": "1"})
 
 
