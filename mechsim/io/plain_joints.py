@@ -167,13 +167,16 @@ def leaders(mechanism: Mechanism, format: str) -> dict[str, tuple[str, float]]:
     return by_follower
 
 
-def left_out(solver: KinematicSolver, format: str, limits: Collection[str] | None = None) -> str:
+def left_out(
+    solver: KinematicSolver, format: str, limits: Collection[str] | None = None, dry: Sequence[str] = ()
+) -> str:
     """Return a sentence on what a format cannot contain; empty if there is nothing.
 
     Args:
         solver: the mechanism.
         format: a key of `WRITTEN`, or another that has no masses and forces.
         limits: coordinates whose limits it cannot contain; None for those of joints with several.
+        dry: joints whose constant friction it cannot contain although it can that of others.
     """
     forces, joints = forces_of(solver), solver.mechanism.joints
     several = {joint.name: joint.coordinates for joint in joints if not KINDS[joint.kind].single}
@@ -196,6 +199,7 @@ def left_out(solver: KinematicSolver, format: str, limits: Collection[str] | Non
         "friction about several axes": [
             friction for friction in forces.friction if friction.joint in several
         ],
+        f"constant friction in {', '.join(dry)}": dry,
         f"friction by load and rate in {', '.join(varying)}": varying,
         f"limits of {', '.join(sorted(limited))}": limited,
         "restitution": solver.restitution,

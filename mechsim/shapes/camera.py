@@ -87,6 +87,15 @@ def free_camera(angles: Angles) -> tuple[Array, Array]:
     return back, np.array([-sin_e * cos_a, -sin_e * sin_a, cos_e])
 
 
+def free_camera_angles(back: Array, up: Array) -> Angles:
+    """Return the azimuth and the elevation in [deg] of MuJoCo's free camera that looks against `back`.
+
+    `up` decides the azimuth where the camera looks along z.
+    """
+    ahead = -back[:2] if np.hypot(*back[:2]) > 1.0 - PARALLEL else up[:2] * np.sign(back[2])
+    return float(np.rad2deg(np.arctan2(ahead[1], ahead[0]))), -float(np.rad2deg(np.arcsin(back[2])))
+
+
 def directions(
     mechanism: Mechanism, preset: str, up: Up | None = None, angles: Angles | None = None
 ) -> tuple[Array, Array]:

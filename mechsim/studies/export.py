@@ -14,10 +14,13 @@ from mechsim.io.plain_joints import left_out
 from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.forces import forces_of
+from mechsim.mechanism.limits import Ranges
 from mechsim.mechanism.mechanism import Mechanism, require_polynomials
 from mechsim.mechanism.scene import Level, Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.equalities import TIME_CONSTANT_STEPS
+from mechsim.simulation.mjcf.force_elements import coulomb_name
 from mechsim.simulation.mjcf.generator import set_drive_inertia
 from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 from mechsim.simulation.settings import plain_settings
@@ -153,7 +156,8 @@ def _exported(solver: KinematicSolver, format: str, style: str, contents: _Conte
                 "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
                 "and --speed"
             )
-        return ExportedModel(solver.name, format, _menagerie_text(solver, contents))
+        text, omitted = _menagerie_text(solver, contents)
+        return ExportedModel(solver.name, format, text, left_out=omitted)
     if style != "plain":
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
     if format in ("sdf", "usda"):
@@ -229,8 +233,8 @@ def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     return spec
 
 
-def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
-    """Return the text of a model with pictures, position actuators and a closed keyframe."""
+def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> tuple[str, str]:
+    """Return the text of a model with position actuators and a closed keyframe, and what is left out."""
     from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, with_servos
 
     scene = Scene(level="picture", forces=solver.forces)
@@ -238,7 +242,20 @@ def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     settings = {"constant_steps": TIME_CONSTANT_STEPS, **contents.settings}
     step = SERVO_TIMESTEP if contents.timestep is None else contents.timestep
     plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
-    return to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
+    spec = with_servos(spec, solver.mechanism, scene.acting, solver.ranges)
+    return to_xml(spec), _omitted(solver, "MJCF", spec, solver.ranges)
+
+
+def _omitted(solver: KinematicSolver, container: str, spec: mujoco.MjSpec, ranges: Ranges) -> str:
+    """Give a model its ranges; return a sentence on what it cannot contain."""
+    # where MuJoCo has no Coulomb friction, an actuator waits for a caller that computes it in each step
+    names = [actuator.name for actuator in spec.actuators]
+    dry = [
+        friction.joint
+        for friction in forces_of(solver).friction
+        if any(name.startswith(coulomb_name(friction.joint)) for name in names)
+    ]
+    return left_out(solver, container, limit_joints(spec, ranges), dry)
 
 
 def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> tuple[str, str]:
@@ -249,7 +266,7 @@ def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> tuple[str, str]:
     crank = solver.mechanism.has_crank and solver.mechanism.crank.name
     ranges = {CRANK if name == crank else name: limits for name, limits in solver.ranges.items()}
     container = "MJCF" if scene.holds("dynamics") else f"the scene {contents.scene}"
-    omitted = left_out(solver, container, limit_joints(spec, ranges))
+    omitted = _omitted(solver, container, spec, ranges)
     rate = crank_speed(SPEED if contents.speed is None else contents.speed)
     if "solref" not in settings:
         settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}

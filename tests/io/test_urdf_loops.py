@@ -182,6 +182,13 @@ def test_what_is_not_read_is_a_finding_with_its_line(written, element, what):
     assert any(what in fact for fact in ms.load(path, still=True).facts)
 
 
+def test_effort_and_velocity_of_a_joint_are_notes(written):
+    limit = '<child link="follower"/><limit effort="0.0" velocity="2"/>'
+    text = robot(DIALECTS["URDF+"]).replace('<child link="follower"/>', limit)
+    notes = [violation for violation in ms.check(written(text)) if violation.rule == "MS115"]
+    assert [(note.object, note.severity) for note in notes] == [("velocity", "note")]
+
+
 @pytest.mark.long
 def test_a_sensor_is_a_note_and_a_complete_file_has_no_finding(written):
     text = robot(

@@ -98,3 +98,14 @@ def test_friction_and_limits_of_joints_with_several_axes_are_named(tmp_path):
     for format in ("sdf", "usda"):
         named = ms.export(tmp_path / "tube.toml", format=format).left_out
         assert named.endswith("has no place for it: friction about several axes, limits of j.way")
+
+
+def test_constant_friction_that_mujoco_does_not_have_is_named(tmp_path):
+    text = ms.export("rssr", format="toml").text
+    text += "\n[forces]\nfriction.P2 = { coulomb = 0.1 }\nfriction.rocker = { coulomb = 0.1 }\n"
+    (tmp_path / "rssr.toml").write_text(text)
+    for options in ({"style": "menagerie"}, {"scene": "dynamics"}):
+        result = ms.export(tmp_path / "rssr.toml", **options)
+        assert result.left_out == "left out, because MJCF has no place for it: constant friction in P2"
+        model = mujoco.MjModel.from_xml_string(result.text)
+        assert np.count_nonzero(model.dof_frictionloss) == 1

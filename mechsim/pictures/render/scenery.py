@@ -334,6 +334,9 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     add_light(spec, camera, middle, wall.normal, shadow=True)
     add_grid(spec, "grid", wall, grid_step, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
     add_camera(spec, CAMERA, camera)
+    # MuJoCo's viewer starts with its free camera
+    view = spec.visual.global_
+    view.azimuth, view.elevation = cameras.free_camera_angles(camera.back, camera.up)
     for link, body in bodies.items():
         for shape in shapes[link]:
             add_shape(spec, body, shape)

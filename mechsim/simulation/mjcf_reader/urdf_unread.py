@@ -42,10 +42,21 @@ def unread_elements(tree: UrdfTree) -> Iterator[Finding]:
             tree.lines[child]
         )
     for (parent, tag, motion), lines in lines_of.items():
-        tag, count = tag.replace("drake_", "drake:"), f" ({len(lines)} times)" if len(lines) > 1 else ""
-        message = f"<{tag}> in <{parent}> is not read{count}"
+        tag = tag.replace("drake_", "drake:")
+        message = f"<{tag}> in <{parent}> is not read{_times(lines)}"
         yield _finding(tag, message, REMEDY if motion else HARMLESS, lines[0])
     yield from _loop_joints(tree)
+    for key in ("effort", "velocity"):
+        lines = [
+            tree.lines[limit] for limit in tree.root.findall("joint/limit") if limit.get(key, "").strip(" 0.")
+        ]
+        if lines:
+            message = f"{key} in <limit> is not compared with the motion{_times(lines)}"
+            yield _finding(key, message, HARMLESS, lines[0])
+
+
+def _times(lines: list[int]) -> str:
+    return f" ({len(lines)} times)" if len(lines) > 1 else ""
 
 
 def _loop_joints(tree: UrdfTree) -> Iterator[Finding]:
