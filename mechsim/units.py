@@ -57,6 +57,12 @@ Unit = Literal[
     "N/m^2",
 ]
 
+# unit of a coordinate -> units of quantities along it
+ALONG: dict[str, dict[str, Unit]] = {
+    "m": {"rate": "m/s", "force": "N", "stiffness": "N/m", "damping": "N s/m"},
+    "rad": {"rate": "rad/s", "force": "N m", "stiffness": "N m/rad", "damping": "N m s/rad"},
+}
+
 # ratio of a number in SI to the number that it replaces, and of a position to the size of the mechanism,
 # above which it was probably given in another unit: a value in mm read as metres is 1,000 times too large
 IMPLAUSIBLE, IMPLAUSIBLE_SIZES = 100.0, 10.0

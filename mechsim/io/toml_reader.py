@@ -97,9 +97,8 @@ class TomlModel(ModelSource):
         bouncing = {f"{name}.gap": contact.restitution for name, contact in contacts.items()}
         forces, facts = None, ()
         if limits.stops or has_forces(read):
-            from mechsim.io.toml_forces import facts_of, forces_of, require_pitch_points
+            from mechsim.io.toml_forces import facts_of, forces_of
 
-            require_pitch_points(source, mechanism, read)
             forces = forces_of(values, mechanism, read, limits.stops)
             facts = facts_of(values, mechanism, forces)
         solver = KinematicSolver(

@@ -1,8 +1,9 @@
 """Springs of a TOML file, between points or in joints: linear, or with a law of length l and rate v."""
 
 import re
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from mechsim.errors import InputError
 from mechsim.files import is_table
@@ -12,79 +13,90 @@ from mechsim.mechanism.forces import Location, Spring, located
 from mechsim.mechanism.links import ORIGIN
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SpringLaw
-from mechsim.units import Unit
+from mechsim.units import ALONG, Unit
 
-# keys of a linear spring, with their units along a displacement and along an angle
-_CONSTANTS: dict[str, tuple[Unit, Unit]] = {
-    "stiffness": ("N/m", "N m/rad"),
-    "rest": ("m", "rad"),
-    "damping": ("N s/m", "N m s/rad"),
-    "preload": ("N", "N m"),
-}
+Made = TypeVar("Made")
 # a name that is no function
 _NAME = re.compile(r"(?<![\w.])([^\W\d]\w*)(?![\w(])")
 # value of the other variable at which the unit of an expression is checked
 PROBE = 0.5
 
 
-def springs_of(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[Spring]:
-    """Yield the linear springs and dampers between points."""
-    for kind in ("springs", "dampers"):
-        for name, entry in table.get(kind, {}).items():
-            path: KeyPath = ("forces", kind, name)
-            if kind == "springs" and _nonlinear(values, entry, path):
-                continue
-            with values.source.error_context(path):
-                a, b = (point_of(mechanism, entry[side]) for side in "ab")
-                constants = _constants(values, entry, "m", path)
-                constants.pop("preload")
-                yield Spring(a, b, **constants)
+@dataclass(frozen=True)
+class FileForces:
+    """The forces in a file.
+
+    Attributes:
+        values: reader of the file's numbers.
+        mechanism: the mechanism.
+        table: the table `[forces]`, whose keys are checked.
+    """
+
+    values: Values
+    mechanism: Mechanism
+    table: Mapping[str, Any]
+
+    def each(self, key: str, make: "Callable[[FileForces, str, Any, KeyPath], Made]") -> list[Made]:
+        """Return what `make` returns for these forces, name, entry and key path of each in a table of them.
+
+        An error names the key path.
+        """
+        made: list[Made] = []
+        for name, entry in self.table.get(key, {}).items():
+            path = ("forces", key, name)
+            with self.values.source.error_context(path):
+                made.append(make(self, name, entry, path))
+        return made
+
+    def point(self, entry: Any) -> Location:
+        """Return a point by its name, or by a link and a point in its frame."""
+        point: Location = entry if isinstance(entry, str) else (entry["link"], entry.get("at", ORIGIN))
+        located(self.mechanism, point)
+        return point
+
+    def ends(self, entry: Mapping[str, Any]) -> tuple[Location, Location]:
+        """Return the points a and b of a force."""
+        return self.point(entry["a"]), self.point(entry["b"])
+
+    def unit(self, coordinate: str, path: KeyPath) -> Unit:
+        """Return the unit of a coordinate; raise InputError for an unknown one."""
+        if coordinate not in self.mechanism.coordinates:
+            hint = suggestion(coordinate, self.mechanism.coordinates)
+            raise self.values.source.error((*path, "joint"), f"names coordinate {coordinate!r}{hint}")
+        return "m" if self.mechanism.unit(coordinate) == "m" else "rad"
 
 
-def nonlinear_springs_of(
-    values: Values, mechanism: Mechanism, table: Mapping[str, Any]
-) -> Iterator[NonlinearSpring]:
-    """Yield the springs in joints, and those with preload or a law of their own."""
-    units = {name: mechanism.unit(name) for joint in mechanism.joints for name in joint.coordinates}
-    for name, entry in table.get("springs", {}).items():
-        path: KeyPath = ("forces", "springs", name)
-        if not _nonlinear(values, entry, path):
-            continue
-        joint = entry.get("joint")
-        if joint is not None and joint not in units:
-            raise values.source.error(
-                (*path, "joint"), f"names coordinate {joint!r}{suggestion(joint, units)}"
-            )
-        with values.source.error_context(path):
-            ends = joint or (point_of(mechanism, entry["a"]), point_of(mechanism, entry["b"]))
-            unit: Unit = "m" if joint is None or units[joint] == "m" else "rad"
-            constants, force = _constants(values, entry, unit, path), entry.get("force", "")
-            law = SpringLaw(**constants, **_force(values, force, unit, (*path, "force")))
-            yield NonlinearSpring(ends, law, name)
-
-
-def point_of(mechanism: Mechanism, entry: Any) -> Location:
-    """Return a point by its name, or by a link and a point in its frame."""
-    point: Location = entry if isinstance(entry, str) else (entry["link"], entry.get("at", ORIGIN))
-    located(mechanism, point)
-    return point
-
-
-def _nonlinear(values: Values, entry: Mapping[str, Any], path: KeyPath) -> bool:
-    """Return whether a spring is more than a linear one between points; raise InputError for missing keys."""
-    between, joint = "a" in entry and "b" in entry, "joint" in entry
-    if between == joint or (joint and ("a" in entry or "b" in entry)):
-        raise values.source.error(path, "needs two points a and b, or the coordinate of a joint; give either")
+def spring_of(file: FileForces, name: str, entry: Any, path: KeyPath) -> Spring | NonlinearSpring:
+    """Return a spring between points, or one in a joint, with preload or with a law of its own."""
+    between, in_joint = "a" in entry and "b" in entry, "joint" in entry
+    if between == in_joint or (in_joint and ("a" in entry or "b" in entry)):
+        reason = "needs two points a and b, or the coordinate of a joint; give either"
+        raise file.values.source.error(path, reason)
     if not {"stiffness", "force"} & {*entry}:
-        raise values.source.error(path, "has no 'stiffness' and no 'force'; give one, or both")
-    return joint or bool({"force", "preload"} & {*entry})
+        raise file.values.source.error(path, "has no 'stiffness' and no 'force'; give one, or both")
+    if between and not {"force", "preload"} & {*entry}:
+        return linear_spring(file, name, entry, path)
+    unit = file.unit(entry["joint"], path) if in_joint else "m"
+    ends = entry["joint"] if in_joint else file.ends(entry)
+    constants = _constants(file.values, entry, unit, path)
+    law = _force(file.values, entry.get("force", ""), unit, (*path, "force"))
+    return NonlinearSpring(ends, SpringLaw(**constants, **law), name)
+
+
+def linear_spring(file: FileForces, _: str, entry: Any, path: KeyPath) -> Spring:
+    """Return a linear spring or damper between points."""
+    constants = _constants(file.values, entry, "m", path)
+    constants.pop("preload")
+    return Spring(*file.ends(entry), **constants)
 
 
 def _constants(values: Values, entry: Mapping[str, Any], unit: Unit, path: KeyPath) -> dict[str, float]:
     """Return the constants of a linear spring in SI; 0 for those that are not given."""
+    along = ALONG[unit]
+    units = {"stiffness": along["stiffness"], "rest": unit, "damping": along["damping"]}
     return {
-        key: values.quantity(entry.get(key, 0.0), units[unit == "rad"], (*path, key))
-        for key, units in _CONSTANTS.items()
+        key: values.quantity(entry.get(key, 0.0), key_unit, (*path, key))
+        for key, key_unit in (units | {"preload": along["force"]}).items()
     }
 
 

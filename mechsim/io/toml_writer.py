@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,18 +13,18 @@ import numpy as np
 from mechsim import files
 from mechsim.errors import InputError
 from mechsim.io.law_text import MotionLaw, WrittenLoad
-from mechsim.io.toml_forces import FRICTION_NUMBERS
+from mechsim.io.toml_forces import FRICTION_NUMBERS, MOTORS
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.actuators import NO_LIMIT, Actuator, no_control
+from mechsim.mechanism.clearances import Clearance
 from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.mechanism.forces import Forces, Location
 from mechsim.mechanism.joint_friction import BRISTLES
-from mechsim.mechanism.joints import Coupling, End, Gear, Joint
-from mechsim.mechanism.links import Link
+from mechsim.mechanism.joints import Coupling, Joint
 from mechsim.mechanism.load_profile import LoadProfile
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import MotionLaws
-from mechsim.mechanism.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
+from mechsim.mechanism.motors import Geared, Motor
 from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, SoftStop, SpringLaw
 
 if TYPE_CHECKING:
@@ -64,6 +65,12 @@ def _table(entries: Mapping[Any, Any], *names: str) -> Iterator[str]:
     yield from ("", f"[{_key(*names)}]", *_lines(entries))
 
 
+def _tables(tables: Mapping[str, Mapping[Any, Any]]) -> Iterator[str]:
+    """Yield the tables that have entries."""
+    for name, entries in tables.items():
+        yield from _table(entries, name) if entries else ()
+
+
 def to_toml(source: Mechanism | KinematicSolver) -> str:
     """Return a mechanism as TOML text, in metres and radians, numbers with 17 digits.
 
@@ -73,27 +80,43 @@ def to_toml(source: Mechanism | KinematicSolver) -> str:
     Raises:
         InputError: for a motion law or load that is neither text nor constant.
     """
-    mechanism = source if isinstance(source, Mechanism) else source.mechanism
-    lines = [*_lines({"name": mechanism.name, "drivers": mechanism.drivers}), *_lines(_start(mechanism))]
-    if not isinstance(source, Mechanism):
-        lines += _solver_lines(source)
-    if mechanism.up is not None:
-        lines += _table({"up": mechanism.up}, "display")
+    solver = KinematicSolver(source) if isinstance(source, Mechanism) else source
+    mechanism, laws, forces = solver.mechanism, solver.motion_laws, solver.forces or Forces()
+    head = {"name": mechanism.name, "drivers": mechanism.drivers} | _start(mechanism)
+    lines = [*_lines(head if laws.crank else head | {"duration": laws.duration})]
+    lines += _tables(
+        {
+            "motion_laws": {} if laws.crank else _motion_laws(laws),
+            "formula": {"python": solver.formula} if solver.formula else {},
+            "forces": {} if solver.forces is None else _forces(forces),
+            "initial": {tuple(name.split(".")): value for name, value in solver.initial.items()},
+            "display": {} if mechanism.up is None else {"up": mechanism.up},
+        }
+    )
     for link in mechanism.links:
-        lines += _table(_link(link), "links", link.name)
-    solver = None if isinstance(source, Mechanism) else source
+        inertia = link.inertia and files.attributes(link.inertia, "mass", "centre", "moments")
+        table = files.attributes(link, "outline", "polygon") | {"inertia": inertia}
+        lines += _table(_stated(table, outline=(), polygon=False, inertia=None), "links", link.name)
+    clearances = {clearance.joint: _clearance(clearance) for clearance in forces.clearances}
     for joint in mechanism.joints:
-        table = _joint(joint) | _limits(joint, solver) | _clearance(joint, solver)
+        table = _joint(joint) | _limits(joint, solver) | clearances.get(joint.name, {})
         lines += _table(table, "joints", joint.name)
+    lossy = {mechanism.named_laws[each.coupling]: each for each in forces.friction if each.coupling}
+    losses = {
+        (str(law.left), str(law.right)): {"efficiency": 1.0 / (1.0 + friction.coefficient / abs(law.ratio))}
+        for law, friction in lossy.items()
+    }
     names = [coupling.name for coupling in mechanism.couplings]
-    losses = _efficiencies(mechanism, solver)
     for i, gear in enumerate(mechanism.gears):
-        table = _gear(gear) | losses.get((gear.driven, gear.driver), {})
-        lines += _table(table, "couplings", _gear_name(mechanism, i, names))
-    bouncing = {} if solver is None else solver.restitution
+        name = "gear" if len(mechanism.gears) == 1 else f"gear{i + 1}"
+        while name in names:
+            name += "_"
+        table = files.attributes(gear, "driver", "driven", "ratio", "phase", "pressure_angle")
+        table |= losses.get((gear.driven, gear.driver), {})
+        lines += _table(_stated(table, pressure_angle=0.0), "couplings", name)
     for coupling in mechanism.couplings:
-        restitution = bouncing.get(f"{coupling.name}.gap")
-        table = _coupling(coupling) | ({} if restitution is None else {"restitution": restitution})
+        table, gap = _coupling(coupling), f"{coupling.name}.gap"
+        table |= {"restitution": solver.restitution[gap]} if gap in solver.restitution else {}
         table |= losses.get((str(coupling.left), str(coupling.right)), {})
         lines += _table(table, "couplings", coupling.name)
     points = {name: {"link": link, "at": position} for name, (link, position) in mechanism.points.items()}
@@ -101,22 +124,8 @@ def to_toml(source: Mechanism | KinematicSolver) -> str:
         link: {"at": np.asarray(pose.position).tolist(), "rotation": np.asarray(pose.rotation).tolist()}
         for link, pose in mechanism.guess.items()
     }
-    for name, entries in (("locked", mechanism.locked), ("points", points), ("guess", guess)):
-        lines += _table(entries, name) if entries else ()
+    lines += _tables({"locked": mechanism.locked, "points": points, "guess": guess})
     return "\n".join(lines) + "\n"
-
-
-def _solver_lines(solver: KinematicSolver) -> Iterator[str]:
-    """Yield the lines of motion laws, formula, forces and initial state."""
-    if not solver.motion_laws.crank:
-        yield from _lines({"duration": solver.motion_laws.duration})
-        yield from _table(_motion_laws(solver.motion_laws), "motion_laws")
-    if solver.formula:
-        yield from _table({"python": solver.formula}, "formula")
-    if solver.forces is not None:
-        yield from _table(_forces(solver.forces), "forces")
-    if solver.initial:
-        yield from _table({tuple(name.split(".")): x for name, x in solver.initial.items()}, "initial")
 
 
 def _motion_laws(laws: MotionLaws) -> dict[str, str]:
@@ -148,12 +157,13 @@ def _forces(forces: Forces) -> dict[Any, Any]:
     named = {spring.name for spring in forces.nonlinear_springs}
     numbers = (i for i in count(1) if f"spring{i}" not in named)
     for i, spring in zip(numbers, forces.springs, strict=False):
-        ends = {"a": _point(spring.a), "b": _point(spring.b)}
-        table["springs", f"spring{i}"] = ends | files.attributes(spring, "stiffness", "rest", "damping")
+        constants = files.attributes(spring, "stiffness", "rest", "damping")
+        table["springs", f"spring{i}"] = _ends((spring.a, spring.b)) | constants
     for spring in forces.nonlinear_springs:
         if isinstance(spring.law, SpringLaw):
             table["springs", spring.name] = _nonlinear_spring(spring, spring.law)
-    table |= {("bushings", bushing.name): _bushing(bushing) for bushing in forces.bushings}
+    matrices = {item.name: files.attributes(item, "stiffness", "damping") for item in forces.bushings}
+    table |= {("bushings", item.name): _sides(item) | matrices[item.name] for item in forces.bushings}
     springs = {("joint_springs", item.joint): item for item in forces.joint_springs}
     table |= {key: files.attributes(spring, "stiffness", "rest") for key, spring in springs.items()}
     for i, load in enumerate(forces.loads, 1):
@@ -165,9 +175,7 @@ def _forces(forces: Forces) -> dict[Any, Any]:
 
 
 def _nonlinear_spring(spring: NonlinearSpring, law: SpringLaw) -> dict[str, Any]:
-    ends = {"joint": spring.ends}
-    if not isinstance(spring.ends, str):
-        ends = {side: _point(end) for side, end in zip("ab", spring.ends, strict=True)}
+    ends = {"joint": spring.ends} if isinstance(spring.ends, str) else _ends(spring.ends)
     force = _without_names(law) if law.table is None else _absolute(law.table.text)
     table = ends | files.attributes(law, "stiffness", "rest", "damping", "preload") | {"force": force}
     return _stated(table, stiffness=0.0, rest=0.0, damping=0.0, preload=0.0, force="")
@@ -181,15 +189,11 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
         text = "0"
     else:
         raise InputError(f"the control of {actuator.name} is a function without text; give it as text")
-    table: dict[str, Any] = {
-        "kind": "general",
-        "control": text,
-    }
+    table: dict[str, Any] = {"kind": "general", "control": text}
     if actuator.ends is None:
         table |= {"gear": dict(actuator.gear), "rotor": actuator.inertia}
     else:
-        table |= {side: _point(end) for side, end in zip("ab", actuator.ends, strict=True)}
-        table["gear"] = actuator.pull
+        table |= _ends(actuator.ends) | {"gear": actuator.pull}
     table |= files.attributes(actuator, "gain", "bias", "direct", "start")
     if actuator.inflow is not None:
         table["inflow"] = actuator.inflow
@@ -203,11 +207,8 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
 def _motor(motor: Motor) -> dict[str, Any]:
     if isinstance(motor, Geared):
         return _motor(motor.motor) | {"gear": motor.ratio}
-    if isinstance(motor, ConstantTorque):
-        return {"kind": "constant", "torque": motor.value}
-    if isinstance(motor, TorqueSpeedLine):
-        return {"kind": "line", **files.attributes(motor, "stall", "no_load")}
-    return {"kind": "dc", **files.attributes(motor, "voltage", "resistance", "constant")}
+    kind, keys = next((kind, keys) for kind, (make, keys) in MOTORS.items() if isinstance(motor, make))
+    return {"kind": kind, **dict(zip(keys, astuple(motor), strict=True))}
 
 
 def _components(profile: LoadProfile, what: str) -> Sequence[float | str]:
@@ -229,6 +230,11 @@ def _point(point: Location) -> str | dict[str, Any]:
     return point if isinstance(point, str) else {"link": point[0], "at": point[1]}
 
 
+def _ends(ends: tuple[Location, Location]) -> dict[str, Any]:
+    """Return the points of a force between two."""
+    return {side: _point(end) for side, end in zip("ab", ends, strict=True)}
+
+
 def _start(mechanism: Mechanism) -> dict[str, Any]:
     """Return the driver positions at the guess: the crank angle, or a table."""
     positions = dict(mechanism.guess_coordinates)
@@ -244,23 +250,14 @@ def _stated(entries: dict[str, Any], **defaults: Any) -> dict[str, Any]:
     return {name: value for name, value in entries.items() if name not in defaults or value != defaults[name]}
 
 
-def _link(link: Link) -> dict[str, Any]:
-    inertia = None if link.inertia is None else files.attributes(link.inertia, "mass", "centre", "moments")
-    table = files.attributes(link, "outline", "polygon") | {"inertia": inertia}
-    return _stated(table, outline=(), polygon=False, inertia=None)
-
-
 def _joint(joint: Joint) -> dict[str, Any]:
-    ends = {"a": _end(joint.a), "b": _end(joint.b)}
-    table = {"kind": joint.kind, **ends, **files.attributes(joint, "cross_angle", "lead", "length")}
+    table = {"kind": joint.kind, **_sides(joint), **files.attributes(joint, "cross_angle", "lead", "length")}
     return _stated(table, cross_angle=np.pi / 2, lead=0.0, length=0.0)
 
 
-def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
+def _limits(joint: Joint, solver: KinematicSolver) -> dict[str, Any]:
     """Return the limits of a joint's coordinates: ranges with their restitution, and soft stops."""
     limits: dict[str, Any] = {}
-    if solver is None:
-        return limits
     for name in joint.coordinates:
         pairs = zip(("lower", "upper"), solver.ranges.get(name, NO_LIMIT), strict=True)
         entry = {side: value for side, value in pairs if abs(value) < np.inf}
@@ -275,50 +272,18 @@ def _limits(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
     return {"limits": limits} if limits else {}
 
 
-def _clearance(joint: Joint, solver: KinematicSolver | None) -> dict[str, Any]:
-    clearances = () if solver is None or solver.forces is None else solver.forces.clearances
-    fields = "radius", "restitution", "stiffness", "exponent", "law"
+def _clearance(clearance: Clearance) -> dict[str, Any]:
+    table = files.attributes(clearance, "radius", "restitution", "stiffness", "exponent", "law")
     defaults = {"restitution": None, "stiffness": 0.0, "exponent": 1.5, "law": "lankarani-nikravesh"}
-    tables = {item.joint: _stated(files.attributes(item, *fields), **defaults) for item in clearances}
-    return {"clearance": tables[joint.name]} if joint.name in tables else {}
+    return {"clearance": _stated(table, **defaults)}
 
 
-def _bushing(bushing: Bushing) -> dict[str, Any]:
-    matrices = {name: [list(row) for row in getattr(bushing, name)] for name in ("stiffness", "damping")}
-    return {"a": _end(bushing.a), "b": _end(bushing.b)} | matrices
-
-
-def _end(end: End) -> dict[str, Any]:
-    return {"link": end.link, "at": end.point, "axis": end.axis, "reference": end.reference}
-
-
-def _gear(gear: Gear) -> dict[str, Any]:
-    table = files.attributes(gear, "driver", "driven", "ratio", "phase", "pressure_angle")
-    return _stated(table, pressure_angle=0.0)
-
-
-def _efficiencies(
-    mechanism: Mechanism, solver: KinematicSolver | None
-) -> dict[tuple[str, str], dict[str, float]]:
-    """Return the efficiency of couplings by driven and driving coordinate."""
-    if solver is None or solver.forces is None:
-        return {}
-    laws = {
-        friction: mechanism.named_laws[friction.coupling]
-        for friction in solver.forces.friction
-        if friction.coupling
-    }
+def _sides(item: Joint | Bushing) -> dict[str, Any]:
+    """Return both sides of a joint or a bushing."""
     return {
-        (str(law.left), str(law.right)): {"efficiency": 1.0 / (1.0 + friction.coefficient / abs(law.ratio))}
-        for friction, law in laws.items()
+        side: {"link": end.link, "at": end.point, "axis": end.axis, "reference": end.reference}
+        for side, end in (("a", item.a), ("b", item.b))
     }
-
-
-def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:
-    name = "gear" if len(mechanism.gears) == 1 else f"gear{index + 1}"
-    while name in names:
-        name += "_"
-    return name
 
 
 def _coupling(coupling: Coupling) -> dict[str, Any]:

@@ -193,6 +193,16 @@ class Mechanism:
         return (self.driver,) if isinstance(self.driver, str) else tuple(self.driver)
 
     @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates of all joints."""
+        return tuple(name for joint in self.joints for name in joint.coordinates)
+
+    @cached_property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the ground and of the moving links."""
+        return (GROUND, *(link.name for link in self.links))
+
+    @cached_property
     def has_crank(self) -> bool:
         """Whether the only driver is a revolute joint."""
         return len(self.drivers) == 1 and KINDS[self.driven_joints[0].kind].hinge
