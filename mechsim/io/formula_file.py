@@ -7,7 +7,7 @@ choice is true.
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ from mechsim.io.model_source import ModelDescription, ModelSource, Parameters, P
 from mechsim.io.python_object import PythonObject, run_object, run_user_code
 from mechsim.io.toml_coordinates import coordinates_of, drivers_of
 from mechsim.io.toml_keys import root
-from mechsim.io.toml_reader import TomlModel, formula_path, mechanism_of
+from mechsim.io.toml_reader import TomlModel, formula_path, mechanism_of, tables_in
 from mechsim.io.toml_values import TomlSource, Values, head_comment, suggestion
 from mechsim.kinematics.designs import Dimension
 from mechsim.kinematics.formulas.closed_form import ClosedForm, Geometry
@@ -67,7 +67,11 @@ class FormulaDescription(ModelSource):
         Raises:
             InputError: for a parameter that only the formulas use, and as `read`.
         """
-        code, alone = _formulas_address(self.source), self._used_by_formulas_alone()
+        code = _formulas_address(self.source)
+        document = {key: table for key, table in self.source.document.items() if key != "parameters"}
+        words = set(re.findall(r"\w+", repr(document)))
+        # choices that no table and no expression of the description uses
+        alone = [name for name, row in self.rows.items() if row.is_choice and name not in words]
         for name in changed:
             if name in alone:
                 raise InputError(
@@ -84,20 +88,11 @@ class FormulaDescription(ModelSource):
         """Return the parameters that are single numbers."""
         values = self._values(changed)
         numbers = {
-            name: row
+            name: Dimension(name, float(values[name]), row.unit, row.unit)
             for name, row in self.rows.items()
             if not (row.is_choice or isinstance(row.default, tuple))
         }
-        return Parameters(
-            {name: Dimension(name, float(values[name]), row.unit, row.unit) for name, row in numbers.items()},
-            intended_use=self.source.document.get("intended_use", ""),
-        )
-
-    def _used_by_formulas_alone(self) -> list[str]:
-        """Return the choices that no table and no expression of the description uses."""
-        document = {key: table for key, table in self.source.document.items() if key != "parameters"}
-        words = set(re.findall(r"\w+", repr(document)))
-        return [name for name, row in self.rows.items() if row.is_choice and name not in words]
+        return Parameters(numbers, intended_use=self.source.document.get("intended_use", ""))
 
     def read(self, changed: Mapping[str, Any]) -> dict[str, Any]:
         """Return parameters in SI from values or text with a unit.
@@ -146,7 +141,8 @@ class FormulaDescription(ModelSource):
             frames={
                 name: frame(entry["a"])
                 for name, entry in joints
-                if "reference" in entry["a"] and _varies(entry["a"].get("axis", ()))
+                # those that an expression gives
+                if "reference" in entry["a"] and any(isinstance(x, str) for x in entry["a"].get("axis", ()))
             },
         )
 
@@ -189,7 +185,8 @@ def open_toml(path: str) -> ModelSource:
         InputError: for a file that is no TOML.
     """
     model = TomlModel(path)
-    return description_in(model.source, ClosedForm) if _has_tables(model.source) else model
+    has_tables = tables_in(model.source.document, "parameters")
+    return description_in(model.source, ClosedForm) if has_tables else model
 
 
 def with_formulas(model: Any) -> Any:
@@ -197,7 +194,7 @@ def with_formulas(model: Any) -> Any:
     if not isinstance(model, str | os.PathLike) or not (path := os.fspath(model)).endswith(".toml"):
         return model
     source = TomlModel(path).source
-    code = _formulas_address(source) if _has_tables(source) else ""
+    code = _formulas_address(source) if tables_in(source.document, "parameters") else ""
     return formula_path(source, code) if code else model
 
 
@@ -212,7 +209,8 @@ def open_python(address: str) -> ModelSource:
     if not os.path.isfile(described):
         return PythonObject(address)
     source = TomlModel(described).source
-    if not _has_tables(source) or _formulas_address(source).rpartition(":")[0] != Path(path).name:
+    own = _formulas_address(source).rpartition(":")[0] == Path(path).name
+    if not (own and tables_in(source.document, "parameters")):
         return PythonObject(address)
     mechanism = mechanism_in(source)
     run_user_code(path, lambda: _try_formulas(mechanism))
@@ -221,13 +219,12 @@ def open_python(address: str) -> ModelSource:
 
 def _tables(source: TomlSource, path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Return a table of tables of a file; empty without one."""
-    table: Any = source.document
+    rows: Any = source.document
     for key in path:
-        table = table.get(key, {})
-        if not isinstance(table, dict):
+        rows = rows.get(key, {})
+        if not isinstance(rows, dict):
             raise source.error(path, "is no table; give one")
-    rows = cast(dict[str, Any], table)
-    for key, row in rows.items():
+    for key, row in cast(dict[str, Any], rows).items():
         if not isinstance(row, dict):
             raise source.error((*path, key), "is no table; give one")
     return rows
@@ -238,13 +235,6 @@ def _formulas_address(source: TomlSource) -> str:
     table = source.document.get("formula")
     address = cast(dict[str, Any], table).get("python") if isinstance(table, dict) else None
     return address if isinstance(address, str) else ""
-
-
-def _has_tables(source: TomlSource) -> bool:
-    """Whether parameters of a file are tables, as those of formulas that solve."""
-    rows = source.document.get("parameters")
-    tables = list(cast(dict[str, Any], rows).values()) if isinstance(rows, dict) else []
-    return any(isinstance(row, dict) for row in tables)
 
 
 def _try_formulas(mechanism: FormulaFile) -> None:
@@ -323,10 +313,6 @@ def _numbers(values: Mapping[str, Any]) -> dict[str, Any]:
         elif not isinstance(value, str):
             numbers[name] = value
     return numbers
-
-
-def _varies(vector: Sequence[Any]) -> bool:
-    return any(isinstance(entry, str) for entry in vector)
 
 
 def _number(entry: float | str, numbers: Mapping[str, Any]) -> Any:

@@ -129,7 +129,8 @@ class Reader:
 
     Attributes:
         opens: returns a `ModelSource` for a path or an object; a function, or "module:function", which is
-            imported when the first model of this kind is opened.
+            imported when the first model of this kind is opened. Of plain files it returns the mechanism.
+        plain: whether the files have no parameters, motion laws and prescriptions.
         suffixes: suffixes of its files in lower case, such as ".toml"; "FILE.py:OBJECT" counts as ".py".
         types: types of its objects, as package and class, such as "mujoco.MjSpec".
     """
@@ -137,13 +138,15 @@ class Reader:
     opens: str | Callable[[Any], ModelSource]
     suffixes: tuple[str, ...] = ()
     types: tuple[str, ...] = ()
+    plain: bool = False
 
     def open(self, model: Any) -> ModelSource:
         """Return the source of a model."""
         if callable(self.opens):
             return self.opens(model)
         module, _, name = self.opens.partition(":")
-        return getattr(import_module(module), name)(model)
+        opens = getattr(import_module(module), name)
+        return PlainFile(model, opens) if self.plain else opens(model)
 
 
 READERS: list[Reader] = [
@@ -154,13 +157,10 @@ READERS: list[Reader] = [
         types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
     ),
     Reader("mechsim.io.formula_file:open_python", suffixes=(".py",)),
-    Reader("mechsim.io.sdf_reader:open_sdf", suffixes=(".sdf",)),
-    Reader("mechsim.io.usd_reader:open_usd", suffixes=(".usda", ".usdc", ".usdz", ".usd")),
-    Reader("mechsim.io.planar_json:open_json", suffixes=(".json", ".pmks")),
-    Reader(
-        "mechsim.io.python_object:GivenObject",
-        types=("mechsim.Mechanism", "mechsim.KinematicSolver"),
-    ),
+    Reader("mechsim.io.sdf_reader:read_sdf", suffixes=(".sdf",), plain=True),
+    Reader("mechsim.io.usd_reader:read_usd", suffixes=(".usda", ".usdc", ".usdz", ".usd"), plain=True),
+    Reader("mechsim.io.planar_json:read_json", suffixes=(".json", ".pmks"), plain=True),
+    Reader("mechsim.io.python_object:GivenObject", types=("mechsim.Mechanism", "mechsim.KinematicSolver")),
 ]
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from mechsim.errors import InputError, cut
 from mechsim.files import read_text
-from mechsim.io.model_source import ModelSource, PlainFile
 from mechsim.io.toml_values import MAX_DIGITS, MAX_SHOWN, shown
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.joints import End, Joint
@@ -64,22 +63,8 @@ FORMATS = (
 )
 
 
-def open_json(path: str) -> ModelSource:
-    """Return the source of a JSON file with a planar linkage."""
-    return PlainFile(path, _solver)
-
-
-def _solver(path: str) -> KinematicSolver:
-    """Return the mechanism of a file."""
-    content = _content(path)
-    for file_format in FORMATS:
-        if file_format.keys <= content.keys():
-            return file_format.read(Path(path).stem, content)
-    keys = "; ".join(f"{', '.join(sorted(entry.keys))} ({entry.software})" for entry in FORMATS)
-    raise InputError(f"{path} holds no linkage that is known; its first level needs {keys}")
-
-
-def _content(path: str) -> Mapping[str, Any]:
+def read_json(path: str) -> KinematicSolver:
+    """Return the mechanism of a file with a planar linkage."""
     written = read_text(path, "a JSON file with a linkage")
     try:
         content = json.loads(written)
@@ -88,7 +73,12 @@ def _content(path: str) -> Mapping[str, Any]:
         raise InputError(f"{path}{line} is no JSON; correct it") from None
     except ValueError:  # Python reads no integer of more digits
         raise InputError(f"{path} has a number of over {MAX_DIGITS} digits; shorten it") from None
-    return content if isinstance(content, dict) else {}
+    content = content if isinstance(content, dict) else {}
+    for file_format in FORMATS:
+        if file_format.keys <= content.keys():
+            return file_format.read(Path(path).stem, content)
+    keys = "; ".join(f"{', '.join(sorted(entry.keys))} ({entry.software})" for entry in FORMATS)
+    raise InputError(f"{path} holds no linkage that is known; its first level needs {keys}")
 
 
 def entries(content: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:

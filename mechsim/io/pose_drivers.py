@@ -42,13 +42,12 @@ def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]
     Returns:
         Point or link -> whether its rotation is driven, too.
     """
-    joints = {name for joint in mechanism.joints for name in joint.coordinates}
     links = {link.name for link in mechanism.links}
     moving = {*links, *moving_points(mechanism)}
     subjects: dict[str, bool] = {}
     for name in names:
         subject, _, suffix = name.rpartition(".")
-        if name in joints or suffix not in (*POSITIONS, *ROTATIONS):
+        if name in mechanism.coordinates or suffix not in (*POSITIONS, *ROTATIONS):
             continue
         if suffix in ROTATIONS and subject in mechanism.points and subject not in links:
             raise InputError(f"{name} cannot be driven: {subject} is a point; drive the rotation of its link")

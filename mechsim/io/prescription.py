@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,10 +22,9 @@ from mechsim.mechanism.links import GROUND, IDENTITY, ORIGIN, Pose, Vector, vect
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws, State, make_motion_laws, steady
 from mechsim.numerics.arrays import REVOLUTION, number
-from mechsim.units import Unit, WrittenUnits
+from mechsim.units import WrittenUnits
 
 if TYPE_CHECKING:
-    from mechsim.io.law_text import Start
     from mechsim.io.model_source import LockedAt
 
 # duration of motion laws in [s] if no table ends and no file states one
@@ -80,11 +80,14 @@ def prescribed_solver(
     elif solver.closed_form is None:
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
-        solver = _at_requested_start(solver, prescription.start)
+        if prescription.start:
+            from mechsim.io.requested_start import started_near
+
+            started = started_near(solver.mechanism, prescription.start, solver.written)
+            solver = solver.with_mechanism(started)
         if assembled:
-            if changed:
-                solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
-            solver = _assembled(solver)
+            own = written_guess(source) if changed and guess is None else guess
+            solver = _assembled(solver, own if changed else None)
         requested = prescription.still or prescription.drive or prescription.lock or prescription.fix_base
         if not requested and (turning := _turning_balls(solver.mechanism)) is not None:
             fact = (
@@ -96,20 +99,20 @@ def prescribed_solver(
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
 
 
-def _at_requested_start(solver: KinematicSolver, start: Mapping[str, str | float]) -> KinematicSolver:
-    """Return a solver in the assembly nearest to requested values of joints."""
-    if not start:
-        return solver
-    from mechsim.io.requested_start import started_near
+def _assembled(solver: KinematicSolver, guess: Mapping[str, Pose] | None) -> KinematicSolver:
+    """Return a solver whose loops close at its start, with what was moved for it.
 
-    return solver.with_mechanism(started_near(solver.mechanism, start, solver.written))
-
-
-def _assembled(solver: KinematicSolver) -> KinematicSolver:
-    """Return a solver whose loops close at its start, with what was moved for it."""
+    Args:
+        solver: the mechanism.
+        guess: poses of a design in which its links without a guess start, so that all commands choose the
+            same assembly; those of other links than its own are without effect.
+    """
     from mechsim.kinematics.loops.rounded_geometry import corrected
 
-    exact = corrected(solver.mechanism)
+    mechanism = solver.mechanism
+    if guess is not None and guess.keys() == {*mechanism.link_names[1:]}:
+        mechanism = replace(mechanism, guess={**guess, **mechanism.guess})
+    exact = corrected(mechanism)
     start = closed_start(exact.mechanism)
     facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
     return solver.with_mechanism(start.mechanism, facts=facts)
@@ -122,17 +125,6 @@ def written_guess(source: ModelSource) -> Mapping[str, Pose]:
         if written.closed_form is None and len(written.mechanism.guess) < len(written.mechanism.links):
             return start_poses(written.mechanism)[0]
     return {}
-
-
-def with_written_guess(solver: KinematicSolver, guess: Mapping[str, Pose]) -> KinematicSolver:
-    """Return a design in which links without a guess start as in the written one.
-
-    All commands then choose the same assembly of a design.
-    """
-    mechanism, links = solver.mechanism, {link.name for link in solver.mechanism.links}
-    if len(mechanism.guess) == len(links) or set(guess) != links:
-        return solver
-    return solver.with_mechanism(replace(mechanism, guess={**guess, **mechanism.guess}))
 
 
 def _with_prescription(
@@ -172,7 +164,10 @@ def _with_prescription(
     fixed = _joints_to_fix(mechanism, prescription)
     spins = {name: spin for name, spin in prescription.lock.items() if isinstance(spin, tuple)}
     if spins:
-        mechanism = _with_locked_spins(mechanism, spins)
+        poses, _ = start_poses(mechanism)
+        frames = {GROUND: IDENTITY, **poses}
+        rods = (spin_rod(mechanism.joint(name), spin, frames) for name, spin in spins.items())
+        mechanism = replace(mechanism, joints=(*mechanism.joints, *rods), guess=poses)
     if fixed:
         mechanism = _with_fixed_joints(mechanism, fixed)
     locks = {name: law for name, law in prescription.lock.items() if name not in (*fixed, *spins)}
@@ -205,9 +200,10 @@ def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> 
     """
     mechanism = solver.mechanism
     guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.guess_coordinates)
+    unknown = dict.fromkeys(mechanism.drivers, np.nan)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
         if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:
-            state = _state(mechanism, name, laws[name], lambda: np.nan, solver.written)
+            state = _state(mechanism, name, laws[name], lambda: unknown, solver.written)
             value = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
             starts |= {name: value} if np.isfinite(value) else {}
     if starts == mechanism.guess_coordinates:
@@ -215,14 +211,21 @@ def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> 
     return solver.with_mechanism(replace(mechanism, guess_coordinates=starts))
 
 
-def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: "Start", written: WrittenUnits) -> State:
-    """Return the parsed motion law of a driver."""
+def _state(
+    mechanism: Mechanism,
+    name: str,
+    law: DriverLaw,
+    starts: Callable[[], Mapping[str, float]],
+    written: WrittenUnits,
+) -> State:
+    """Return the parsed motion law of a driver; `starts` returns the coordinates at the start."""
     unit = mechanism.unit(name)
     if isinstance(law, str):
         from mechsim.io.law_text import parse_motion_law
 
-        return parse_motion_law(law, name, unit, start, declared=written.declared(unit))
-    return law.parse(name, unit, start) if isinstance(law, FileMotionLaw) else law
+        declared = written.declared(unit)
+        return parse_motion_law(law, name, unit, lambda: starts()[name], declared=declared)
+    return law.parse(name, unit, lambda: starts()[name]) if isinstance(law, FileMotionLaw) else law
 
 
 def _motion_laws(
@@ -234,18 +237,9 @@ def _motion_laws(
 ) -> MotionLaws:
     """Return the motion laws of all drivers; `CRANK` without any law."""
     if laws:
-        # the parsed motion laws of drivers
-        starts: dict[str, float] = {}
-
-        def start(name: str) -> Callable[[], float]:
-            def value() -> float:
-                if not starts:
-                    starts.update(start_poses(mechanism)[1])
-                return starts[name]
-
-            return value
-
-        states = {name: _state(mechanism, name, law, start(name), written) for name, law in laws.items()}
+        # assembled for the laws that need it
+        starts = cache(lambda: start_poses(mechanism)[1])
+        states = {name: _state(mechanism, name, law, starts, written) for name, law in laws.items()}
         return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
     if requested is not None:
         raise InputError(
@@ -288,10 +282,10 @@ def _with_drivers_and_locks(
     Requested drivers replace the mechanism's own drivers, unless these keep the motion laws of the file, or
     need one. A locked coordinate is not driven.
     """
-    names = [name for joint in mechanism.joints for name in joint.coordinates]
     for name in prescription.drive:
-        if name not in names:
-            raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{suggestion(name, names)}")
+        if name not in mechanism.coordinates:
+            hint = suggestion(name, mechanism.coordinates)
+            raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{hint}")
     requested = {*prescription.drive}
     released = prescription.still and bool(requested) and not {*mechanism.drivers} <= {*requested, *file_laws}
     if not prescription.lock and not released and requested <= {*mechanism.drivers}:
@@ -313,13 +307,8 @@ def _with_drivers_and_locks(
         name: value for name, value in mechanism.guess_coordinates.items() if name not in locked
     }
     single = drivers[0] if len(drivers) == 1 else ""
-    changed = replace(
-        mechanism,
-        driver=single or drivers,
-        locked=locked,
-        guess_coordinates=guess_coordinates,
-        guess=poses,
-    )
+    at_guess = {"guess": poses, "guess_coordinates": guess_coordinates}
+    changed = replace(mechanism, driver=single or drivers, locked=locked, **at_guess)
     return replace(changed, start=guess_coordinates[single]) if changed.has_crank else changed
 
 
@@ -331,9 +320,7 @@ def _locked_coordinates(
 ) -> dict[str, float]:
     """Return all locked coordinates and their values in SI."""
     locked = dict(mechanism.locked)
-    coordinates_of: dict[str, tuple[str, ...]] = {
-        name: (name,) for joint in mechanism.joints for name in joint.coordinates
-    }
+    coordinates_of: dict[str, tuple[str, ...]] = {name: (name,) for name in mechanism.coordinates}
     coordinates_of |= {joint.name: joint.coordinates for joint in mechanism.joints if joint.coordinates}
     balls = _ball_joints(mechanism)
     for name, value in lock.items():
@@ -354,8 +341,8 @@ def _locked_coordinates(
             listed = ", ".join(coordinates_of[name])
             raise InputError(f"joint {name!r} has coordinates {listed}; lock each by its own name")
         elif isinstance(value, str):
-            unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
             what, length = f"the locked position of {name}", mechanism.characteristic_length
+            unit = mechanism.unit(first)
             locked[first] = units.parse_coordinate(value, unit, what, written, length=length)
         else:
             locked[first] = number(value)
@@ -364,8 +351,7 @@ def _locked_coordinates(
 
 def _tracked_point(mechanism: Mechanism, text: str, written: WrittenUnits) -> tuple[str, tuple[str, Vector]]:
     """Return a point written as NAME, of a point or a link, or as NAME,LINK@x,y,z."""
-    name, comma, rest = text.partition(",")
-    links = [GROUND, *(link.name for link in mechanism.links)]
+    (name, comma, rest), links = text.partition(","), mechanism.link_names
     if not comma:
         if name in mechanism.points:
             return name, mechanism.points[name]
@@ -409,30 +395,21 @@ def _ball_joints(mechanism: Mechanism) -> list[str]:
 def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
     """Return the mechanism with joints fixed at their initial pose."""
     poses, _ = start_poses(mechanism)
-    link_frames = {GROUND: IDENTITY, **poses}
-    joints = tuple(
-        _fixed_joint(joint_, link_frames) if joint_.name in names else joint_ for joint_ in mechanism.joints
+    frames, joints = {GROUND: IDENTITY, **poses}, [*mechanism.joints]
+    for i, joint in enumerate(joints):
+        if joint.name in names:
+            a, b = frames[joint.a.link], frames[joint.b.link]
+            frame = a.rotation.T @ b.rotation @ joint.b.frame
+            point = a.rotation.T @ (b.point(joint.b.point) - a.position)
+            end = End(joint.a.link, vector(point), vector(frame[:, 2]), vector(frame[:, 0]))
+            joints[i] = Joint(joint.name, FIXED, end, replace(joint.b, reference=vector(joint.b.frame[:, 0])))
+    coordinates = {name for joint in joints for name in joint.coordinates}
+    locked, guessed = (
+        {name: value for name, value in values.items() if name in coordinates}
+        for values in (mechanism.locked, mechanism.guess_coordinates)
     )
-    coordinates = [name for joint in joints for name in joint.coordinates]
-    return replace(
-        mechanism,
-        joints=joints,
-        guess=poses,
-        locked={name: value for name, value in mechanism.locked.items() if name in coordinates},
-        guess_coordinates={
-            name: value for name, value in mechanism.guess_coordinates.items() if name in coordinates
-        },
-    )
-
-
-def _with_locked_spins(mechanism: Mechanism, spins: Mapping[str, Vector]) -> Mechanism:
-    """Return the mechanism with balls that do not rotate about one axis each, as in `spin_rod`."""
-    poses, _ = start_poses(mechanism)
-    link_frames = {GROUND: IDENTITY, **poses}
-    rods = [
-        spin_rod(joint, spins[joint.name], link_frames) for joint in mechanism.joints if joint.name in spins
-    ]
-    return replace(mechanism, joints=(*mechanism.joints, *rods), guess=poses)
+    changed = {"joints": tuple(joints), "guess": poses, "locked": locked, "guess_coordinates": guessed}
+    return replace(mechanism, **changed)
 
 
 def _turning_balls(mechanism: Mechanism) -> Mechanism | None:
@@ -462,12 +439,3 @@ def _turning_balls(mechanism: Mechanism) -> Mechanism | None:
     )
     hinges = tuple(hinge if joint.name == first.name else joint for joint in fixed.joints)
     return replace(fixed, joints=hinges, driver=first.name, guess_coordinates={}, guess={})
-
-
-def _fixed_joint(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
-    """Return a fixed joint that keeps the present relative pose of its links."""
-    a, b = poses[joint.a.link], poses[joint.b.link]
-    frame = a.rotation.T @ b.rotation @ joint.b.frame
-    point = a.rotation.T @ (b.point(joint.b.point) - a.position)
-    end = End(joint.a.link, vector(point), vector(frame[:, 2]), vector(frame[:, 0]))
-    return Joint(joint.name, FIXED, end, replace(joint.b, reference=vector(joint.b.frame[:, 0])))

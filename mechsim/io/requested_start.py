@@ -21,16 +21,13 @@ def started_near(
     """
     if not requested:
         return mechanism
-    names = [name for joint in mechanism.joints for name in joint.coordinates]
     values: dict[str, float] = {}
     for name, value in requested.items():
-        if name not in names:
-            raise InputError(
-                f"{mechanism.name} has no coordinate {name!r} to start at{suggestion(name, names)}"
-            )
-        unit = "m" if mechanism.unit(name) == "m" else "rad"
+        if name not in mechanism.coordinates:
+            hint = suggestion(name, mechanism.coordinates)
+            raise InputError(f"{mechanism.name} has no coordinate {name!r} to start at{hint}")
         if isinstance(value, str):
             what, length = f"the start of {name}", mechanism.characteristic_length
-            value = units.parse_coordinate(value, unit, what, written, length=length)
+            value = units.parse_coordinate(value, mechanism.unit(name), what, written, length=length)
         values[name] = number(value)
     return with_requested_start(mechanism, values)

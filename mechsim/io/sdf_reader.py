@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 
 from mechsim.errors import InputError, several
 from mechsim.files import read_text
-from mechsim.io.model_source import ModelSource, PlainFile
 from mechsim.io.plain_joints import FileContents
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.forces import JointSpring
@@ -61,13 +60,8 @@ MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0
 MAX_BYTES = 20_000_000
 
 
-def open_sdf(path: str) -> ModelSource:
-    """Return the source of an SDF file with one model."""
-    return PlainFile(path, _solver)
-
-
-def _solver(path: str) -> KinematicSolver:
-    """Return the mechanism of a file, its forces and limits, and a sentence on what is not read."""
+def read_sdf(path: str) -> KinematicSolver:
+    """Return the mechanism of a file with one model, its forces and limits, and what is not read."""
     try:
         root = ElementTree.fromstring(read_text(path, "an SDF file", MAX_BYTES))
     except ElementTree.ParseError as error:

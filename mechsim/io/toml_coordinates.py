@@ -1,6 +1,6 @@
 """Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,7 +12,7 @@ from mechsim.io.toml_values import KeyPath, Values, suggestion, tabled_function,
 from mechsim.mechanism.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.mechanism.joints import Belt, Coupling, Gear, state_variable
 from mechsim.numerics.arrays import REVOLUTION
-from mechsim.units import Unit
+from mechsim.units import ALONG, Unit
 
 if TYPE_CHECKING:
     from mechsim.io.law_text import MotionLaw, Start
@@ -53,10 +53,6 @@ class FileCoordinates:
         """Return the value of a coordinate in SI."""
         self.require(name, path)
         return self.values.quantity(written, self.units[name], path)
-
-    def unit_in_si(self, name: str) -> float:
-        """Return the value in SI of the number 1 without a unit for a coordinate."""
-        return self.values.in_si(1.0, self.units[name])
 
     def table(self, key: str) -> dict[str, tuple[KeyPath, Any]]:
         """Return a table by coordinates: name -> its key path, and its value."""
@@ -176,8 +172,8 @@ def initial_of(coordinates: FileCoordinates) -> dict[str, float | tuple[float, .
                 coordinates.require(".".join(path[1:-1]), path)
             raise coordinates.error(path, "is no state variable; give J.q or J.v of a coordinate J")
         name, letter = variable
-        rate: Unit = "m/s" if coordinates.units[name] == "m" else "rad/s"
-        unit = coordinates.units[name] if letter == "q" else rate
+        unit = coordinates.units[name]
+        unit = unit if letter == "q" else ALONG[unit]["rate"]
         initial[f"{name}.{letter}"] = coordinates.values.quantity(written, unit, path)
     return initial
 
@@ -253,12 +249,9 @@ def _add_limits(
         raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
     from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop
 
-    units: tuple[Unit, Unit] = (
-        ("N/m", "N s/m") if coordinates.units[name] == "m" else ("N m/rad", "N m s/rad")
-    )
+    along = ALONG[coordinates.units[name]]
     stiffness, damping = (
-        values.quantity(entry.get(key, 0.0), unit, (*path, key))
-        for key, unit in zip(("stiffness", "damping"), units, strict=True)
+        values.quantity(entry.get(key, 0.0), along[key], (*path, key)) for key in ("stiffness", "damping")
     )
     with values.source.error_context(path):
         limits_read.stops += [
@@ -294,7 +287,7 @@ class FileMotionLaw:
                 name,
                 unit,
                 start,
-                default_unit=self.coordinates.unit_in_si(name),
+                default_unit=values.in_si(1.0, self.coordinates.units[name]),
                 parameters=values.parameters,
             )
 
@@ -310,17 +303,6 @@ def motion_laws_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> di
 
 
 Side = str | dict[str, float]
-
-# key that determines the kind of a coupling -> further keys of this kind
-_KEYS_OF_KIND = {
-    "ratio": ("phase", "pressure_angle", "backlash", "efficiency"),
-    "radius": ("phase", "pressure_angle", "backlash", "efficiency"),
-    "travel": ("phase", "pressure_angle", "backlash", "efficiency"),
-    "coefficients": ("zeros", "turns", "pressure_angle", "backlash", "efficiency"),
-    "function": ("zeros", "turns", "periodic", "backlash"),
-    "radii": ("crossed", "phase", "length", "tensioner", "backlash", "efficiency"),
-    "rope": ("length", "path"),
-}
 
 
 @dataclass(frozen=True)
@@ -382,9 +364,7 @@ def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[
         with coordinates.values.source.error_context(written.path):
             made = _coupling(written)
             if "backlash" in table:
-                if isinstance(made, Gear):
-                    terms, teeth = (made.phase, made.ratio), made.pressure_angle
-                    made = Coupling(name, made.driven, made.driver, terms, turns=True, pressure_angle=teeth)
+                made = replace(made.coupling, name=name) if isinstance(made, Gear) else made
                 made = replace(made, backlash=written.value(table["driven"], table["backlash"], "backlash"))
         if isinstance(made, Gear):
             gears.append(made)
@@ -395,15 +375,16 @@ def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[
 
 def _coupling(written: WrittenCoupling) -> Gear | Coupling:
     table = written.table
-    kinds = [key for key in _KEYS_OF_KIND if key in table]
+    kinds = [key for key in COUPLINGS if key in table]
     if len(kinds) != 1:
         raise written.error(
             f"has {' and '.join(kinds) or 'none'} of ratio (a gear), radius or travel (a rack), coefficients "
             "(a polynomial), function, radii (a belt), rope; give one"
         )
     (kind,) = kinds
+    make, keys = COUPLINGS[kind]
     opens = ("restitution",) if {"rope", "backlash"} & {*table} else ()
-    allowed = ("driver", "driven", kind, *_KEYS_OF_KIND[kind], *opens)
+    allowed = ("driver", "driven", kind, *keys, *opens)
     if extra := [key for key in table if key not in allowed]:
         raise written.error(f"does not go with {kind!r}; leave it out", extra[0])
     for side in ("driver", "driven"):
@@ -412,14 +393,7 @@ def _coupling(written: WrittenCoupling) -> Gear | Coupling:
             written.coordinates.require(coordinate, (*written.path, side))
     if kind != "rope" and "driven" not in table:
         raise written.error("has no 'driven'; name a coordinate")
-    makers = {
-        "ratio": _gear,
-        "coefficients": _polynomial,
-        "function": _function,
-        "radii": _belt,
-        "rope": _rope,
-    }
-    return makers.get(kind, _rack)(written)
+    return make(written)
 
 
 def _gear(written: WrittenCoupling) -> Gear | Coupling:
@@ -451,7 +425,8 @@ def _polynomial(written: WrittenCoupling) -> Coupling:
 
     def unit_in_si(side: Side) -> float:
         """Return the value in SI of the number 1 on a side; a sum of lengths and angles is in SI."""
-        factors = {coordinates.unit_in_si(name) for name in ((side,) if isinstance(side, str) else side)}
+        units = {coordinates.units[name] for name in ((side,) if isinstance(side, str) else side)}
+        factors = {coordinates.values.in_si(1.0, unit) for unit in units}
         return factors.pop() if len(factors) == 1 else 1.0
 
     coefficients: list[float] = []
@@ -525,3 +500,16 @@ def _belt(written: WrittenCoupling) -> Coupling:
     belt = Belt((first, second), table.get("length", 0.0), pulley["at"], pulley["radius"])
     ratio = first / second * (-1.0 if table.get("crossed") else 1.0)
     return Coupling(written.name, driven, driver, (phase, ratio), turns=True, belt=belt)
+
+
+_TEETH = ("phase", "pressure_angle", "backlash", "efficiency")
+# key that determines the kind of a coupling -> its reader, and further keys of this kind
+COUPLINGS: dict[str, tuple[Callable[[WrittenCoupling], Gear | Coupling], tuple[str, ...]]] = {
+    "ratio": (_gear, _TEETH),
+    "radius": (_rack, _TEETH),
+    "travel": (_rack, _TEETH),
+    "coefficients": (_polynomial, ("zeros", "turns", "pressure_angle", "backlash", "efficiency")),
+    "function": (_function, ("zeros", "turns", "periodic", "backlash")),
+    "radii": (_belt, ("crossed", "phase", "length", "tensioner", "backlash", "efficiency")),
+    "rope": (_rope, ("length", "path")),
+}

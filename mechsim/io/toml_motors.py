@@ -76,7 +76,7 @@ def require_motor_keys(
 
 
 def _law(values: Values, name: str, entry: Mapping[str, Any], unit: Unit, path: KeyPath) -> dict[str, Any]:
-    """Return the law of a constant effort, a line, or a pd or pid controller, with the unit of its coordinate."""
+    """Return the law of a constant effort, a line, or a pd or pid controller, on a coordinate with a unit."""
 
     def number(key: str, quantity: str) -> float:
         return values.quantity(entry[key], ALONG[unit][quantity], (*path, key))

@@ -54,7 +54,7 @@ class TomlModel(ModelSource):
     def source(self) -> TomlSource:
         """The parsed file."""
         source = parsed_source(self.path, read_text(self.path, "a TOML file", MAX_BYTES))
-        if not _tables(source.document, "parameters"):
+        if not tables_in(source.document, "parameters"):
             return source
         from mechsim.io.toml_stated import with_stated
 
@@ -70,12 +70,10 @@ class TomlModel(ModelSource):
         document = {
             name: entry for name, entry in source.document.items() if name not in ("parameters", "units")
         }
-        units_of = parameter_units(source.document) if changed else {}
-        parameters = source.document.get("parameters", {})
-        values = values_of(source).with_parameters(parameters, changed, units_of)
+        values = self.values(changed)
         if source.stated:
             self.parameters({})
-        if any("backlash" in joint for joint in _tables(document, "joints")):
+        if any("backlash" in joint for joint in tables_in(document, "joints")):
             from mechsim.io.toml_backlash import with_backlash
 
             values.checked(root(), document, ())
@@ -88,13 +86,14 @@ class TomlModel(ModelSource):
 
             document, added, contacts = with_curves(values, document, values.checked(root(), document, ()))
         read = values.checked(root(), document, ())
-        require_dimensions(source, {**parameters, **changed})
+        require_dimensions(source, {**source.document.get("parameters", {}), **changed})
         coordinates = coordinates_of(values, read)
         with source.error_context(()):
             drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
             mechanism = replace(mechanism_of(coordinates, drivers, added), contacts=contacts)
         limits = limits_of(coordinates)
-        bouncing = {f"{name}.gap": contact.restitution for name, contact in contacts.items()}
+        stated = {name: contact.restitution for name, contact in contacts.items()}
+        restitution = {f"{name}.gap": e for name, e in stated.items() if e is not None}
         forces, facts = None, ()
         if limits.stops or has_forces(read):
             from mechsim.io.toml_forces import facts_of, forces_of
@@ -108,7 +107,7 @@ class TomlModel(ModelSource):
             forces=forces,
             initial=initial_of(coordinates),
             ranges=limits.ranges,
-            restitution=limits.restitution | {gap: e for gap, e in bouncing.items() if e is not None},
+            restitution=limits.restitution | restitution,
             written=WrittenUnits(values.length, values.angle),
             comment=head_comment(source.path),
             facts=facts,
@@ -121,8 +120,8 @@ class TomlModel(ModelSource):
     def values(self, changed: Mapping[str, str | float]) -> Values:
         """Return what reads values of the file, with its parameters."""
         document = self.source.document
-        texts, units_of = document.get("parameters", {}), parameter_units(document)
-        return values_of(self.source).with_parameters(texts, changed, units_of)
+        units_of = parameter_units(document) if changed else {}
+        return values_of(self.source).with_parameters(document.get("parameters", {}), changed, units_of)
 
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
         """Return the parameters; a parameter whose use does not determine its unit is a plain number."""
@@ -154,11 +153,11 @@ def has_forces(read: Mapping[str, Any]) -> bool:
 
 def has_curves(document: Mapping[str, Any]) -> bool:
     """Whether a file has curves or cams, or joints on them."""
-    kinds = [row.get("kind") for row in _tables(document, "joints")]
+    kinds = [row.get("kind") for row in tables_in(document, "joints")]
     return not {"curves", "cams"}.isdisjoint(document) or "curve" in kinds or "cam" in kinds
 
 
-def _tables(document: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+def tables_in(document: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     """Return the tables of an entry of a file that is not checked."""
     entries = document.get(key)
     return [row for row in entries.values() if isinstance(row, dict)] if isinstance(entries, dict) else []
@@ -186,7 +185,7 @@ def mechanism_of(
         couplings=(*couplings, *added),
         locked=locked_of(coordinates, drivers),
         guess_coordinates=guess_coordinates,
-        up=_up(read),
+        up=read.get("display", {}).get("up") or _against_gravity(read),
     )
     if any(coupling.belt for coupling in couplings):
         from mechsim.mechanism.belts import belts_of
@@ -221,11 +220,10 @@ def formula_path(source: TomlSource, formula: str) -> str:
     return os.path.join(os.path.dirname(source.path), formula) if formula else ""
 
 
-def _up(read: Mapping[str, Any]) -> Up | None:
-    """Return the axis that points up: as stated in the file, else against the gravity of `[forces]`."""
-    stated: Up | None = read.get("display", {}).get("up")
-    if stated or "forces" not in read:
-        return stated
+def _against_gravity(read: Mapping[str, Any]) -> Up | None:
+    """Return the axis against the gravity of `[forces]`; None without that table."""
+    if "forces" not in read:
+        return None
     from mechsim.mechanism.forces import WEIGHT
 
     return against(read["forces"].get("gravity", WEIGHT.gravity))

@@ -63,7 +63,7 @@ class FileForces:
         if coordinate not in self.mechanism.coordinates:
             hint = suggestion(coordinate, self.mechanism.coordinates)
             raise self.values.source.error((*path, "joint"), f"names coordinate {coordinate!r}{hint}")
-        return "m" if self.mechanism.unit(coordinate) == "m" else "rad"
+        return self.mechanism.unit(coordinate)
 
 
 def spring_of(file: FileForces, name: str, entry: Any, path: KeyPath) -> Spring | NonlinearSpring:
@@ -93,11 +93,9 @@ def linear_spring(file: FileForces, _: str, entry: Any, path: KeyPath) -> Spring
 def _constants(values: Values, entry: Mapping[str, Any], unit: Unit, path: KeyPath) -> dict[str, float]:
     """Return the constants of a linear spring in SI; 0 for those that are not given."""
     along = ALONG[unit]
-    units = {"stiffness": along["stiffness"], "rest": unit, "damping": along["damping"]}
-    return {
-        key: values.quantity(entry.get(key, 0.0), key_unit, (*path, key))
-        for key, key_unit in (units | {"preload": along["force"]}).items()
-    }
+    units: dict[str, Unit] = {"rest": unit, "preload": along["force"]}
+    units |= {key: along[key] for key in ("stiffness", "damping")}
+    return {key: values.quantity(entry.get(key, 0.0), own, (*path, key)) for key, own in units.items()}
 
 
 def _force(values: Values, text: str, unit: Unit, path: KeyPath) -> dict[str, Any]:

@@ -207,7 +207,7 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
 def _motor(motor: Motor) -> dict[str, Any]:
     if isinstance(motor, Geared):
         return _motor(motor.motor) | {"gear": motor.ratio}
-    kind, keys = next((kind, keys) for kind, (make, keys) in MOTORS.items() if isinstance(motor, make))
+    kind, keys = next((kind, keys) for kind, (make, keys) in MOTORS.items() if type(motor) is make)
     return {"kind": kind, **dict(zip(keys, astuple(motor), strict=True))}
 
 

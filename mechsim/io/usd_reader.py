@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from mechsim.errors import InputError, needs
 from mechsim.files import require_file
-from mechsim.io.model_source import ModelSource, PlainFile
 from mechsim.io.plain_joints import FileContents
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.actuators import Actuator
@@ -66,13 +65,8 @@ UNREAD = "velocity angularVelocity breakForce breakTorque coneAngle0Limit coneAn
 MAX_BYTES = 200_000_000
 
 
-def open_usd(path: str) -> ModelSource:
-    """Return the source of a USD file, text or binary, with one mechanism."""
-    return PlainFile(path, _solver)
-
-
-def _solver(path: str) -> KinematicSolver:
-    """Return the mechanism of a file, its forces and limits, and a sentence on what is not read."""
+def read_usd(path: str) -> KinematicSolver:
+    """Return the mechanism of a file, text or binary, its forces and limits, and what is not read."""
     require_file(path, "a USD file", MAX_BYTES)
     with needs("usd"):
         from pxr import Tf, Usd

@@ -101,12 +101,11 @@ class Actuator:
 
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError if the mechanism lacks one of the coordinates."""
-        names = [name for joint in mechanism.joints for name in joint.coordinates]
         for name in self.gear:
-            if name not in names:
+            if name not in mechanism.coordinates:
                 raise InputError(
                     f"actuator {self.name!r} acts on {name!r}, which is no coordinate of {mechanism.name}; "
-                    f"it has {', '.join(names)}"
+                    f"it has {', '.join(mechanism.coordinates)}"
                 )
 
     def input(self, time: Array) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.mechanism.link_poses import Sides, complete_guess, initial_coordinates
-from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
@@ -42,7 +42,10 @@ class DesignArrays:
 
     def sides(self) -> dict[str, Sides]:
         """Return the joint ends with the designs along the first axis: points (d, 3), frames (d, 3, 3)."""
-        return {name: _designs_first(ends) for name, ends in self.ends.items()}
+        return {
+            name: (point_a.T, np.moveaxis(frame_a, -1, 0), point_b.T, np.moveaxis(frame_b, -1, 0))
+            for name, (point_a, frame_a, point_b, frame_b) in self.ends.items()
+        }
 
     def on(self, link: str) -> Array:
         """Return the points of all joint ends on a link, (k, 3, d)."""
@@ -56,7 +59,7 @@ class DesignArrays:
     def characteristic_length(self) -> Array:
         """Longest distance between two joints of a link, (d,) in [m], as in `Mechanism`."""
         longest = np.zeros(self.count)
-        for link in (GROUND, *(moving.name for moving in self.mechanism.links)):
+        for link in self.mechanism.link_names:
             points = self.on(link)
             gaps = points[:, None] - points[None]
             np.maximum(longest, np.sqrt((gaps**2).sum(2)).max((0, 1), initial=0.0), out=longest)
@@ -132,16 +135,11 @@ def similar_designs(
 def same_structure(first: Mechanism, other: Mechanism) -> bool:
     """Whether two mechanisms differ only in the positions of joints and points and in the guess."""
     return (
-        [link.name for link in first.links] == [link.name for link in other.links]
+        first.link_names == other.link_names
         and structure(first) == structure(other)
         and {name: link for name, (link, _) in first.points.items()}
         == {name: link for name, (link, _) in other.points.items()}
     )
-
-
-def _designs_first(ends: Ends) -> Sides:
-    point_a, frame_a, point_b, frame_b = ends
-    return point_a.T, np.moveaxis(frame_a, -1, 0), point_b.T, np.moveaxis(frame_b, -1, 0)
 
 
 def side_numbers(mechanism: Mechanism) -> dict[str, Array]:

@@ -284,9 +284,9 @@ def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
             )
         return mechanism.points[location]
     link, point = location
-    names = [GROUND, *(moving.name for moving in mechanism.links)]
-    if link not in names:
-        raise InputError(f"{mechanism.name} has no link {link!r}, only {', '.join(names)}; name one of them")
+    if link not in mechanism.link_names:
+        names = ", ".join(mechanism.link_names)
+        raise InputError(f"{mechanism.name} has no link {link!r}, only {names}; name one of them")
     if len(point) != 3 or not (np.abs(point) < HUGE).all():
         raise InputError(
             f"position {point} on link {link!r} is not three finite numbers in [m]; give x, y, z"

@@ -48,6 +48,12 @@ class Gear:
         """Name of the pair, DRIVER-DRIVEN."""
         return f"{self.driver}-{self.driven}"
 
+    @property
+    def coupling(self) -> Coupling:
+        """The same law as a coupling."""
+        terms, teeth = (self.phase, self.ratio), self.pressure_angle
+        return Coupling(self.name, self.driven, self.driver, terms, turns=True, pressure_angle=teeth)
+
 
 @dataclass(frozen=True, slots=True)
 class Belt:
@@ -227,7 +233,8 @@ class End:
             reference_given = EX if abs(axis[0]) < 0.9 * length else EY
         reference = _finite(self, "reference", reference_given)
         # normalised vectors, such as those of another End, keep every bit
-        if self.reference is None or not _orthonormal(axis, reference):
+        both = np.column_stack([axis, reference])
+        if self.reference is None or not np.abs(both.T @ both - np.eye(2)).max() < ROUNDING:
             axis = axis / length
             reference = reference - axis * (axis @ reference)
             length = float(np.linalg.norm(reference))
@@ -374,12 +381,6 @@ def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
     gap = b.point(joint.b.point) - a.point(joint.a.point)
     frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
     return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
-
-
-def _orthonormal(axis: Array, reference: Array) -> bool:
-    """Whether axis and reference are perpendicular unit vectors within rounding."""
-    both = np.column_stack([axis, reference])
-    return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDING)
 
 
 def _finite(end: End, what: str, value: Vector) -> Array:

@@ -80,11 +80,16 @@ def complete_guess(
         joint = min(attached, key=lambda j: KINDS[j.kind].helical)
         waiting.remove(joint)
         forward = joint.a.link in placed
-        placed_link, next_link = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
-        if next_link not in placed:
-            point_a, frame_a, point_b, frame_b = sides[joint.name]
-            ends = (point_a, frame_a, point_b, frame_b) if forward else (point_b, frame_b, point_a, frame_a)
-            placed[next_link] = _attached(placed[placed_link], ends, _displaced(joint, coordinates, forward))
+        near, far = joint.links if forward else joint.links[::-1]
+        if far not in placed:
+            near_point, near_frame, far_point, far_frame = sides[joint.name]
+            if not forward:
+                near_point, near_frame, far_point, far_frame = far_point, far_frame, near_point, near_frame
+            pose, (shift, relative) = placed[near], _displaced(joint, coordinates, forward)
+            frame = pose.rotation @ near_frame
+            rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
+            position = pose.position + rotated(pose.rotation, near_point) + rotated(frame, shift)
+            placed[far] = Pose(position - rotated(rotation, far_point), rotation)
     require_placed(mechanism, placed)
     del placed[GROUND]
     return placed
@@ -97,15 +102,6 @@ def require_placed(mechanism: Mechanism, placed: Container[str]) -> None:
             f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add a joint, "
             "or leave the link out"
         )
-
-
-def _attached(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:
-    """Return the pose of a link that a joint connects to a placed link, whose side is first in `ends`."""
-    (near_point, near_frame, far_point, far_frame), (shift, relative) = ends, displacement
-    frame = pose.rotation @ near_frame
-    rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
-    joint_position = pose.position + rotated(pose.rotation, near_point)
-    return Pose(joint_position + rotated(frame, shift) - rotated(rotation, far_point), rotation)
 
 
 def rotated(rotation: Array, vector: Array) -> Array:
@@ -123,8 +119,12 @@ def initial_coordinates(mechanism: Mechanism, poses: Mapping[str, Pose] | None =
         mechanism: the mechanism.
         poses: link -> its pose; default those of the guess.
     """
-    angles = _screw_angles(mechanism, mechanism.guess if poses is None else poses)
-    coordinates = {**angles, **mechanism.guess_coordinates, **mechanism.locked}
+    placed, coordinates = {GROUND: IDENTITY, **(mechanism.guess if poses is None else poses)}, {}
+    for joint in mechanism.joints:
+        if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:
+            displacement = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
+            coordinates[joint.coordinates[1]] = REVOLUTION * displacement / joint.lead
+    coordinates |= {**mechanism.guess_coordinates, **mechanism.locked}
     if mechanism.has_crank:
         coordinates[mechanism.crank.name] = mechanism.start
     for law in mechanism.laws:
@@ -136,17 +136,6 @@ def initial_coordinates(mechanism: Mechanism, poses: Mapping[str, Pose] | None =
             right = sum(weight * coordinates[name] for name, weight in law.right_terms.items())
             coordinates[law.left] = law.zeros[0] + float(law.polynomial(np.array([right]))[0][0])
     return coordinates
-
-
-def _screw_angles(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
-    """Return the angles of screws between placed links from their displacements, in [rad]."""
-    placed = {GROUND: IDENTITY, **poses}
-    angles: dict[str, float] = {}
-    for joint in mechanism.joints:
-        if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:
-            displacement = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
-            angles[joint.coordinates[1]] = REVOLUTION * displacement / joint.lead
-    return angles
 
 
 def _displaced(
@@ -224,11 +213,13 @@ def split_joints(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
     of the body, can be cut.
     """
     shares = Counter(_replaced_end(joint).link for joint in mechanism.joints if joint.name in names)
-    links = [
-        replace(link, inertia=_shared(link.inertia, 1 + shares[link.name])) if link.inertia else link
-        for link in mechanism.links
-    ]
-    inertias, joints = {link.name: link.inertia for link in links}, list[Joint]()
+    links, joints = [*mechanism.links], list[Joint]()
+    for i, link in enumerate(links):
+        if link.inertia and shares[link.name]:
+            parts, whole = 1 + shares[link.name], link.inertia
+            share = Inertia(whole.mass / parts, whole.centre, rows(whole.matrix / parts))
+            links[i] = replace(link, inertia=share)
+    inertias = {link.name: link.inertia for link in links}
     for joint in mechanism.joints:
         if joint.name not in names:
             joints.append(joint)
@@ -302,13 +293,6 @@ def _replaced_end(joint: Joint) -> End:
     return joint.a if joint.b.link == GROUND else joint.b
 
 
-def _shared(inertia: Inertia, count: int) -> Inertia:
-    """Return the inertia of one of `count` equal parts that are rigidly joined."""
-    if count == 1:
-        return inertia
-    return Inertia(inertia.mass / count, inertia.centre, rows(inertia.matrix / count))
-
-
 # directions count as parallel below this: frames are accurate to 1e-16, real tilts are far larger
 PARALLEL_TOLERANCE = 1e-9
 
@@ -338,7 +322,7 @@ def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
     hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
     normals = (_normals(hinges[0], mechanism, aligned) if hinges else None) or {}
-    return normals if {GROUND, *(link.name for link in mechanism.links)} <= normals.keys() else None
+    return normals if normals.keys() >= {*mechanism.link_names} else None
 
 
 def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:
@@ -349,11 +333,11 @@ def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[
                 if start.link in normals and other.link not in normals:
                     # a joint that rotates about the normal has it in the same direction of both joint frames
                     normals[other.link] = other.frame @ start.frame.T @ normals[start.link]
-    for joint in joints:
-        for end in (joint.a, joint.b):
-            if end.link not in normals or not _stays_in_plane(joint, end, normals[end.link]):
-                return None
-    return normals
+    ends = [(joint, end) for joint in joints for end in (joint.a, joint.b)]
+    planar = all(
+        end.link in normals and _stays_in_plane(joint, end, normals[end.link]) for joint, end in ends
+    )
+    return normals if planar else None
 
 
 def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:

@@ -5,7 +5,8 @@ A `Mechanism` is plain data without positions in space. The analytic solvers and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -97,17 +98,16 @@ class Mechanism:
         self._require_kinds()
         _require_name("a mechanism is called", self.name)
         require_axis(self.name, self.up)
-        names = [link.name for link in self.links]
-        _unique(self.name, "link", [GROUND, *names])
+        _unique(self.name, "link", self.link_names)
         _unique(self.name, "joint", [joint.name for joint in self.joints])
         _unique(self.name, "point", [*self.points])
         for joint in self.joints:
-            for end in (joint.a, joint.b):
-                _require_known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
+            for link in joint.links:
+                _require_known(f"joint {joint.name!r}", "link", link, self.link_names)
         for point, (link, _) in self.points.items():
-            _require_known(f"point {point!r}", "link", link, [GROUND, *names])
+            _require_known(f"point {point!r}", "link", link, self.link_names)
         for link, pose in self.guess.items():
-            _require_known("guess", "link", link, names)
+            _require_known("guess", "link", link, self.link_names[1:])
             _require_pose(link, pose)
         if not abs(number(self.start)) < np.inf:
             raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
@@ -144,16 +144,15 @@ class Mechanism:
 
     def _require_coordinates(self) -> None:
         """Raise InputError for drivers, locks and couplings of unknown coordinates, and for repeated ones."""
-        names = [name for joint in self.joints for name in joint.coordinates]
         drivable = [name for joint in self.joints if KINDS[joint.kind].drivable for name in joint.coordinates]
         for name in self.drivers:
             _require_known("driver", "coordinate", name, drivable)
         for what, coordinates in (("locked", self.locked), ("guess_coordinates", self.guess_coordinates)):
             for name, value in require(f"{what} of {self.name!r}", coordinates, Mapping).items():
-                _require_known(what, "coordinate", name, names)
+                _require_known(what, "coordinate", name, self.coordinates)
                 if not abs(number(value)) < np.inf:
                     raise InputError(f"{what}: coordinate {name!r} is {value}; give a finite number")
-        _unique(self.name, "driver or lock of the coordinate", [*self.drivers, *self.locked])
+        _unique(self.name, "driver or lock of the coordinate", (*self.drivers, *self.locked))
         for named in (*self.gears, *self.couplings):
             if not 0.0 <= number(named.pressure_angle or 0.0) < np.pi / 2:
                 raise InputError(
@@ -162,7 +161,7 @@ class Mechanism:
                 )
         for coupling in self.couplings:
             for name in coupling.coordinates:
-                _require_known(f"coupling {coupling.name!r}", "coordinate", name, names)
+                _require_known(f"coupling {coupling.name!r}", "coordinate", name, self.coordinates)
 
     def _require_kinds(self) -> None:
         for name, kind in (("links", Link), ("joints", Joint), ("gears", Gear), ("couplings", Coupling)):
@@ -175,15 +174,13 @@ class Mechanism:
                 require(f"one of the {name} of {self.name!r}", entry, kind)
         for name in ("points", "guess"):
             require(f"{name} of {self.name!r}", getattr(self, name), Mapping)
-        for point, point_position in self.points.items():
-            if isinstance(point_position, str) or len(point_position) != 2:
-                raise InputError(
-                    f"point {point!r} is {point_position}; give a link and three numbers in its frame"
-                )
-            position = numbers(point_position[1])
+        for point, entry in self.points.items():
+            if isinstance(entry, str) or len(entry) != 2:
+                raise InputError(f"point {point!r} is {entry}; give a link and three numbers in its frame")
+            position = numbers(entry[1])
             if position.shape != (3,) or not (np.abs(position) < MAX_COORDINATE).all():
                 raise InputError(
-                    f"point {point!r} is at {point_position[1]}; give three finite numbers in [m] below "
+                    f"point {point!r} is at {entry[1]}; give three finite numbers in [m] below "
                     f"{MAX_COORDINATE:g}"
                 )
 
@@ -238,8 +235,8 @@ class Mechanism:
         """The joints with driven coordinates, in the order of the drivers."""
         return tuple(self.joint_with(name)[0] for name in self.drivers)
 
-    def unit(self, coordinate: str) -> str:
-        """Return the unit of a coordinate, "m" or "rad"."""
+    def unit(self, coordinate: str) -> Literal["m", "rad"]:
+        """Return the unit of a coordinate."""
         joint, number_in_joint = self.joint_with(coordinate)
         return KINDS[joint.kind].units[number_in_joint]
 
@@ -257,23 +254,12 @@ class Mechanism:
     @property
     def laws(self) -> tuple[Coupling, ...]:
         """All couplings: of gears, of screws, and `couplings`, in this order."""
-        gears = tuple(
-            Coupling(
-                gear.name,
-                gear.driven,
-                gear.driver,
-                (gear.phase, gear.ratio),
-                turns=True,
-                pressure_angle=gear.pressure_angle,
-            )
-            for gear in self.gears
-        )
         screws = tuple(
             Coupling(joint.name, joint.coordinates[0], joint.coordinates[1], (0.0, joint.lead / REVOLUTION))
             for joint in self.joints
             if KINDS[joint.kind].helical
         )
-        return gears + screws + tuple(self.couplings)
+        return (*(gear.coupling for gear in self.gears), *screws, *self.couplings)
 
     @property
     def named_laws(self) -> dict[str, Coupling]:
@@ -317,7 +303,7 @@ class Mechanism:
         """
         if not self.links:
             return 1.0  # no link, no length
-        points_of = {name: list[Vector]() for name in (GROUND, *(link.name for link in self.links))}
+        points_of = {name: list[Vector]() for name in self.link_names}
         for joint in self.joints:
             for end in (joint.a, joint.b):
                 points_of[end.link].append(end.point)
@@ -414,10 +400,10 @@ def _extent(points: list[Vector]) -> float:
     return float(np.sqrt(max(((gaps**2).sum(-1).max(initial=0.0) for gaps in rows), default=0.0)))
 
 
-def _unique(mechanism: str, what: str, names: list[str]) -> None:
-    for name in names:
+def _unique(mechanism: str, what: str, names: Iterable[str]) -> None:
+    for name, count in Counter(names).items():
         _require_name(f"mechanism {mechanism!r} has a {what} called", name)
-        if names.count(name) > 1:
+        if count > 1:
             raise InputError(f"mechanism {mechanism!r} has more than one {what} called {name!r}; rename one")
 
 
@@ -434,7 +420,7 @@ def _require_name(who: str, name: str) -> None:
         )
 
 
-def _require_known(who: str, what: str, name: str, names: list[str]) -> None:
+def _require_known(who: str, what: str, name: str, names: Sequence[str]) -> None:
     if name not in names:
         raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(names)}")
 

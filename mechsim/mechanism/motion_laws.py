@@ -107,10 +107,16 @@ def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
     if not MIN_TURNS <= number(turns) < np.inf:
         raise InputError(f"{turns} turns requested; give a finite number above 0, {MIN_TURNS:g} at least")
 
+    return _uniform(speed, turns * REVOLUTION / abs(speed), start)
+
+
+def _uniform(speed: float, duration: float, start: float = 0.0) -> CrankProfile:
+    """Return a crank that turns at constant speed for a duration in [s]."""
+
     def state(time: Array) -> tuple[Array, Array, Array]:
         return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
 
-    return CrankProfile(turns * REVOLUTION / abs(speed), abs(speed), state, steady=True)
+    return CrankProfile(duration, abs(speed), state, steady=True)
 
 
 def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
@@ -285,11 +291,7 @@ class MotionLaws:
     @property
     def path_profile(self) -> CrankProfile:
         """The path parameter as a function of time."""
-
-        def state(time: Array) -> tuple[Array, Array, Array]:
-            return self.rate * time, np.full_like(time, self.rate), np.zeros_like(time)
-
-        return CrankProfile(self.duration, self.rate, state, steady=True)
+        return _uniform(self.rate, self.duration)
 
     def state(self, time: Array) -> tuple[Array, Array, Array]:
         """Return values, rates and accelerations of the drivers at times (n,) in [s], (drivers, n) each."""
@@ -349,8 +351,7 @@ class CrankLaw(MotionLaws):
     def require_drivers(self, mechanism: Mechanism) -> None:
         """Raise InputError unless a crank is the only driver of a mechanism."""
         if not mechanism.drivers:
-            joints = ", ".join(name for joint in mechanism.joints for name in joint.coordinates)
-            if not joints:
+            if not mechanism.coordinates:
                 link = mechanism.links[-1].name
                 raise InputError(
                     f"{mechanism.name} has no driver, and its balls and free joints have no coordinate that "
@@ -359,8 +360,8 @@ class CrankLaw(MotionLaws):
                     "(mechsim dynamics forward)"
                 )
             raise InputError(
-                f"{mechanism.name} has no driver; give the motion law of one of its joints {joints} by "
-                "--drive JOINT=LAW, or in Python by drive"
+                f"{mechanism.name} has no driver; give the motion law of one of its joints "
+                f"{', '.join(mechanism.coordinates)} by --drive JOINT=LAW, or in Python by drive"
             )
         if not mechanism.has_crank:
             mechanism.require_driver()
@@ -422,16 +423,27 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     with np.errstate(all="ignore"):
         times = np.concatenate([_probes(duration), *(_peaks(law, duration) for law in chosen)])
         values = state.state(np.sort(times))
-    for name, *derivatives in zip(state.drivers, *values, strict=True):
+    units = [mechanism.unit(name) for name in state.drivers]
+    lengths = [mechanism.characteristic_length if unit == "m" else 1.0 for unit in units]
+    # largest rate of each driver, in [rad/s] or characteristic lengths per second
+    rates: list[float] = []
+    for name, unit, length, *derivatives in zip(state.drivers, units, lengths, *values, strict=True):
         if not all(np.isfinite(derivative).all() for derivative in derivatives):
             raise InputError(
                 f"{mechanism.name}: the motion law of {name} is not finite from 0 to {duration:g} s; "
                 "give one with two finite derivatives"
             )
-    rates = [
-        _max_rate(mechanism, name, *derivatives[1:])
-        for name, *derivatives in zip(state.drivers, *values, strict=True)
-    ]
+        rate, acceleration = (float(np.abs(derivative).max()) for derivative in derivatives[1:])
+        for what, ending, worst, most in (
+            ("rate", "s", rate, MAX_RATE),
+            ("acceleration", "s2", acceleration, MAX_RATE**2),
+        ):
+            if not worst <= most * length:
+                raise InputError(
+                    f"{mechanism.name}: the {what} in the motion law of {name} is up to {worst:.3g} "
+                    f"{unit}/{ending}; give one of {most * length:.3g} at most"
+                )
+        rates.append(rate / length)
     if 0.0 < max(rates) < MIN_RATE:
         raise InputError(
             f"{mechanism.name}: the fastest driver moves at {max(rates):.3g} rad/s or characteristic "
@@ -442,10 +454,7 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     if state.revolutions > MAX_REVOLUTIONS:
         # probes resolve slower oscillations than the limit, and `_peaks` are on the flanks of pulses
         travels = np.abs(np.diff(values[0])).sum(1)
-        units = [
-            mechanism.characteristic_length if mechanism.unit(name) == "m" else 1.0 for name in state.drivers
-        ]
-        state = replace(state, rate=float((travels / units).max()) / duration, pulses=True)
+        state = replace(state, rate=float((travels / lengths).max()) / duration, pulses=True)
     require_revolutions(mechanism.name, state.revolutions, duration)
     return state
 
@@ -484,22 +493,6 @@ def _peaks(law: State, duration: float) -> Array:
         half *= 0.5
         middle = np.concatenate([middle - half, middle + half])
     return np.array(times)
-
-
-def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:
-    """Return the largest rate of a motion law, in [rad/s] or characteristic lengths per second."""
-    unit = mechanism.unit(name)
-    length = mechanism.characteristic_length if unit == "m" else 1.0
-    for what, ending, values, most in (
-        ("rate", "s", rate, MAX_RATE * length),
-        ("acceleration", "s2", acceleration, MAX_RATE**2 * length),
-    ):
-        if not (worst := float(np.abs(values).max())) <= most:
-            raise InputError(
-                f"{mechanism.name}: the {what} in the motion law of {name} is up to {worst:.3g} "
-                f"{unit}/{ending}; give one of {most:.3g} at most"
-            )
-    return float(np.abs(rate).max()) / length
 
 
 @dataclass(frozen=True)

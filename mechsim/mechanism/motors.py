@@ -86,12 +86,11 @@ class Controller:
 
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError if the mechanism lacks one of the coordinates."""
-        names = [name for joint in mechanism.joints for name in joint.coordinates]
         for name in sorted(self.coordinates):
-            if name not in names:
+            if name not in mechanism.coordinates:
                 raise InputError(
                     f"the controller of {self.coordinate} names {name!r}, which is no coordinate of "
-                    f"{mechanism.name}; it has {', '.join(names)}"
+                    f"{mechanism.name}; it has {', '.join(mechanism.coordinates)}"
                 )
 
 

@@ -164,7 +164,8 @@ _REVERSED_ENDING = re.compile(r"(?P<axes>[xyz]{1,3})(?P<letter>[va])(?P<number>)
 
 def _direct(name: str, text: str, mechanism: Mechanism, rows: Sequence[QuantityKind]) -> Quantity | None:
     """Return the quantity whose columns are its components: of a point, coordinate or joint."""
-    words = text.split(".")
+    words, joints = text.split("."), [joint.name for joint in mechanism.joints]
+    subjects = {"point": moving_points(mechanism), "joint": [FRAME, *joints]}
     for i in range(len(words), 0, -1):
         subject, ending = ".".join(words[:i]), "".join(words[i:])
         match = _REVERSED_ENDING.fullmatch(ending) or _ENDING.fullmatch(ending)
@@ -176,28 +177,17 @@ def _direct(name: str, text: str, mechanism: Mechanism, rows: Sequence[QuantityK
                     columns = _coordinates(subject, match["number"], row, mechanism)
                     if columns:
                         return Quantity(name, row.name, columns[0].subject, columns[0].unit, columns)
-            elif letter == row.letter and not match["number"] and subject in _subjects(row, mechanism):
+            elif letter == row.letter and not match["number"] and subject in subjects[row.subject]:
                 axes = match["axes"] or AXES
                 if len(set(axes)) == len(axes):
-                    source = _source(row, subject)
+                    source: Source = "point" if row.subject == "point" else "force"
+                    source = "formula" if subject == FRAME and source == "force" else source
                     columns = tuple(
                         Column(f"{subject}.{row.letter}{axis}", row.unit, source, subject, row.order)
                         for axis in axes
                     )
                     return Quantity(name, row.name, subject, row.unit, columns, axes)
     return None
-
-
-def _source(row: QuantityKind, subject: str) -> Source:
-    if row.subject == "point":
-        return "point"
-    return "formula" if subject == FRAME else "force"
-
-
-def _subjects(row: QuantityKind, mechanism: Mechanism) -> Iterable[str]:
-    if row.subject == "point":
-        return moving_points(mechanism)
-    return [FRAME, *(joint.name for joint in mechanism.joints)]
 
 
 def _coordinates(subject: str, number: str, row: QuantityKind, mechanism: Mechanism) -> tuple[Column, ...]:
@@ -304,10 +294,10 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
     it lies between 0 and pi.
     """
     names = _pair("angle:LINK,LINK", text)
-    links = [GROUND, *(link.name for link in mechanism.links)]
     for link in names:
-        if link not in links:
-            raise InputError(f"{mechanism.name} has no link {link!r}; choose from {', '.join(links)}")
+        if link not in mechanism.link_names:
+            listed = ", ".join(mechanism.link_names)
+            raise InputError(f"{mechanism.name} has no link {link!r}; choose from {listed}")
     moving = [link for link in names if link != GROUND]
     columns = [
         Column(link_column(link, *element), "1", "link", link) for link in moving for element in ELEMENTS
