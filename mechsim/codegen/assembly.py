@@ -22,7 +22,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics.state_quantities import joined_configurations
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Vector
+from mechsim.mechanism.links import GROUND, Vector, vector
 from mechsim.mechanism.mechanism import Mechanism, require_polynomials
 from mechsim.mechanism.motion_laws import interval_around
 from mechsim.numerics.arrays import REVOLUTION, Array
@@ -117,18 +117,15 @@ def _rounded(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism with rounding errors in components of directions and points replaced by zero."""
     length = ROUNDING * mechanism.characteristic_length
 
+    def rounded(values: Array, tolerance: float) -> Vector:
+        return vector(np.where(np.abs(values) < tolerance, 0.0, values))
+
     def end(side: End) -> End:
-        assert side.reference is not None
-        axis, reference = (_rounded_vector(vector, ROUNDING) for vector in (side.axis, side.reference))
-        return End(side.link, _rounded_vector(side.point, length), axis, reference)
+        axis, reference = (rounded(side.frame[:, column], ROUNDING) for column in (2, 0))
+        return End(side.link, rounded(np.array(side.point), length), axis, reference)
 
     joints = [replace(joint, a=end(joint.a), b=end(joint.b)) for joint in mechanism.joints]
     return replace(mechanism, joints=tuple(joints))
-
-
-def _rounded_vector(vector: Vector, tolerance: float) -> Vector:
-    x, y, z = (0.0 if abs(component) < tolerance else component for component in vector)
-    return x, y, z
 
 
 def _range(solver: KinematicSolver) -> tuple[tuple[float, float] | None, Array]:
@@ -203,7 +200,8 @@ def without_passive_spin(solver: TreeSolver, poses: LinkPoses) -> tuple[Mechanis
         axes = _spin_axes(solver)
         rotation = solver.at_reference.poses.rotation
         spinning |= {name: rotation[index[name], :, :, 0].T @ axis for name, axis in axes.items()}
-        joint = next((joint for joint in mechanism.joints if _holds_spin(joint, axes)), None)
+        balls = (joint for joint in mechanism.joints if KINDS[joint.kind].ball and KINDS[joint.kind].pivot)
+        joint = next((ball for ball in balls if len({*ball.links} & axes.keys()) == 1), None)
         if joint is None:
             raise InputError(
                 f"{mechanism.name}: nothing determines the spin of link {next(iter(axes))!r}, which no "
@@ -236,14 +234,6 @@ def _spin_axes(solver: TreeSolver) -> dict[str, Array]:
     return axes
 
 
-def _holds_spin(joint: Joint, axes: dict[str, Array]) -> bool:
-    return (
-        KINDS[joint.kind].ball
-        and not KINDS[joint.kind].slides
-        and ((joint.a.link in axes) != (joint.b.link in axes))
-    )
-
-
 def _as_universal(
     joint: Joint, axes: dict[str, Array], solver: TreeSolver, poses: LinkPoses, spinning: dict[str, Array]
 ) -> Joint:
@@ -258,12 +248,7 @@ def _as_universal(
     at_start = solver.at_reference.poses.rotation[..., 0]
     in_ground = fixed if other.link == GROUND else at_start[index[other.link]] @ fixed
     across = at_start[index[spinner.link]].T @ np.cross(in_ground, axes[spinner.link])
-    first = replace(other, axis=_vector(fixed), reference=None)
-    second = replace(spinner, axis=_vector(across), reference=None)
+    first = replace(other, axis=vector(fixed / np.linalg.norm(fixed)), reference=None)
+    second = replace(spinner, axis=vector(across / np.linalg.norm(across)), reference=None)
     a, b = (first, second) if spinner is joint.b else (second, first)
     return Joint(joint.name, "universal", a, b)
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(value) for value in values / np.linalg.norm(values))
-    return x, y, z

@@ -20,12 +20,9 @@ from mechsim.kinematics.loops.motion import instants_of_laws
 from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
 from mechsim.kinematics.path_instants import path_instants
 from mechsim.mechanism.motion import LinkMotion, Motion
-from mechsim.numerics import c_library
 from mechsim.numerics.arrays import Array, numbers
+from mechsim.numerics.c_library import shared_library
 from mechsim.numerics.resources import require_memory
-
-# number of values of a link's motion
-LINK_NUMBERS = sum(LINK.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,57 +46,6 @@ class Configurations:
     torques: Array
 
 
-def shared_library(code: SolverCode) -> Path:
-    """Return the shared library of a solver, from the cache or newly compiled.
-
-    Raises:
-        MissingToolError: if there is no C compiler, or it fails.
-    """
-    library_code = template("library.c", {"TORQUES": code.inertias is not None})
-    text = library_code.replace("@", code.prefix + "_").replace("HEADER", c_header(code))
-    return c_library.shared_library(code.prefix, text)
-
-
-@dataclass(frozen=True, slots=True)
-class Library:
-    """A compiled solver.
-
-    Attributes:
-        code: the solver's code.
-        path: path of the shared library.
-    """
-
-    code: SolverCode
-    path: Path
-
-    def solve(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
-        """Return configurations at driver values, rates and accelerations, (n, drivers) each, in sequence."""
-        sizes, n = self.code.sizes, len(drivers)
-        motion = np.empty((n, 3, sizes["COORDINATES"]))
-        links = np.empty((n, sizes["LINKS"], LINK_NUMBERS))
-        by_drivers = np.empty((n, sizes["COORDINATES"], sizes["DRIVERS"]))
-        has_torques = self.code.inertias is not None
-        torques = np.empty((n if has_torques else 0, sizes["DRIVERS"]))
-        status = ctypes.c_int()
-        inputs = [
-            np.ascontiguousarray(values, dtype=np.float64) for values in (drivers, rates, accelerations)
-        ]
-        arrays = [*inputs, motion, links, by_drivers]
-        extra = [self.code.inertias, self.code.gravity, torques] if has_torques else []
-        function = ctypes.CDLL(str(self.path)).solve_all
-        count = function(
-            n,
-            *(_pointer(values) for values in arrays),
-            ctypes.byref(status),
-            *(_pointer(v) for v in extra if v is not None),
-        )
-        return Configurations(count, status.value, motion, links, by_drivers, torques)
-
-
-def _pointer(values: Array) -> ctypes.c_void_p:
-    return values.ctypes.data_as(ctypes.c_void_p)
-
-
 # bytes of a configuration for each coordinate and link: 24 numbers per link, stored twice; remedy in messages
 BYTES, FEWER = 400.0, "give {most} at the most"
 
@@ -110,11 +56,11 @@ class CompiledSolver:
 
     Attributes:
         code: the code.
-        library: the compiled code.
+        library: path of the shared library.
     """
 
     code: SolverCode
-    library: Library
+    library: Path
 
     @property
     def name(self) -> str:
@@ -200,10 +146,26 @@ class CompiledSolver:
         if not (np.isfinite(first).all() and np.isfinite(second).all()):
             raise InputError(f"{self.name}: rates or accelerations of drivers are not finite; give numbers")
         self._require_memory(len(drivers))
-        solved = self.library.solve(drivers, first, second)
+        solved = self._configurations(drivers, first, second)
         if solved.count < len(drivers):
             raise AssemblyError(self._failure(drivers[solved.count], solved.status))
         return solved
+
+    def _configurations(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
+        """Return configurations at driver values, rates and accelerations, (n, drivers) each, in sequence."""
+        sizes, inertias, n = self.code.sizes, self.code.inertias, len(drivers)
+        motion = np.empty((n, 3, sizes["COORDINATES"]))
+        links = np.empty((n, sizes["LINKS"], sum(LINK.values())))
+        by_drivers = np.empty((n, sizes["COORDINATES"], sizes["DRIVERS"]))
+        torques, status = np.empty((0 if inertias is None else n, sizes["DRIVERS"])), ctypes.c_int()
+        inputs = [np.ascontiguousarray(each, dtype=np.float64) for each in (drivers, rates, accelerations)]
+        extra = [] if inertias is None else [inertias, self.code.gravity, torques]
+        before, after = (
+            [values.ctypes.data_as(ctypes.c_void_p) for values in arrays]
+            for arrays in ([*inputs, motion, links, by_drivers], extra)
+        )
+        count = ctypes.CDLL(str(self.library)).solve_all(n, *before, ctypes.byref(status), *after)
+        return Configurations(count, status.value, motion, links, by_drivers, torques)
 
     def _require_memory(self, count: int) -> None:
         each = BYTES * (self.code.sizes["COORDINATES"] + self.code.sizes["LINKS"])
@@ -229,18 +191,12 @@ class CompiledSolver:
         links: dict[str, LinkMotion] = {}
         ends = np.cumsum([*LINK.values()])[:-1]
         for k, name in enumerate(self.code.formulas.links):
-            position, rotation, velocity, spin, acceleration, spin_rate = np.split(
-                solved.links[:, k], ends, axis=1
-            )
-            links[name] = LinkMotion(
-                position, rotation.reshape(-1, 3, 3), velocity, spin, acceleration, spin_rate
-            )
+            position, rotation, *rates = np.split(solved.links[:, k], ends, axis=1)
+            links[name] = LinkMotion(position, rotation.reshape(-1, 3, 3), *rates)
         build = self.code.assembly
         tree, mechanism = build.loops.tree, build.source.mechanism
-        values = (solved.motion[:, i].T for i in range(3))
-        first, rate, acceleration_rows = values
-        joints = tree_joint_motions(tree, tree.original.joints, links, (first, rate, acceleration_rows))
-        names = {name for joint in mechanism.joints for name in joint.coordinates}
+        value, rate, acceleration = np.moveaxis(solved.motion, (1, 2), (0, 1))
+        joints = tree_joint_motions(tree, tree.original.joints, links, (value, rate, acceleration))
         laws = build.source.motion_laws
         return Motion(
             source="loop equations",
@@ -249,7 +205,7 @@ class CompiledSolver:
             acceleration=np.array(second),
             points=tracked_points(mechanism, links),
             links=links,
-            joints={name: joint for name, joint in joints.items() if name in names},
+            joints={name: joint for name, joint in joints.items() if name in mechanism.coordinates},
             time=time,
             spinning=frozenset(build.spinning),
             drivers=() if laws.crank else laws.drivers,
@@ -278,4 +234,6 @@ def compile(
         InputError: if the model is no mechanism, has no driver, or cannot be certified.
     """
     code = solver_code(assembly(load(model, set=set, **options)))
-    return CompiledSolver(code, Library(code, shared_library(code)))
+    text = template("library.c", {"TORQUES": code.inertias is not None})
+    text = text.replace("@", f"{code.prefix}_").replace("HEADER", c_header(code))
+    return CompiledSolver(code, shared_library(code.prefix, text))

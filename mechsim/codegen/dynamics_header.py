@@ -38,12 +38,8 @@ def dynamics_header(model: FmuModel) -> str:
     text = _header(model, LARGEST_MEMORY)
     tried = loaded_library(f"dynamics_{name}", f"#define {name}_IMPLEMENTATION\n{text}")
     calls = {what: getattr(tried, f"{name}_{what}") for what in ("start", "begin", "advance", "memory")}
-    for what, result in (
-        ("begin", ctypes.c_char_p),
-        ("advance", ctypes.c_char_p),
-        ("memory", ctypes.c_size_t),
-    ):
-        calls[what].restype = result
+    calls["begin"].restype = calls["advance"].restype = ctypes.c_char_p
+    calls["memory"].restype = ctypes.c_size_t
     motion = (ctypes.c_double * (KEPT + values))()
     calls["start"](motion)
     error = calls["begin"](motion) or calls["advance"](motion, ctypes.c_double(FIRST_STEP))

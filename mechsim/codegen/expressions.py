@@ -202,14 +202,18 @@ def statements(blocks: Sequence[Block], symbols: Mapping[str, str]) -> list[str]
         blocks: blocks in order.
         symbols: symbol -> the code that reads it, for its definition as `const real`.
     """
-    return [*Emission(blocks, symbols).lines()]
+    emission, code = Emission(blocks, symbols), list[str]()
+    for block in blocks:
+        if lines := [*emission.lines(block)]:
+            code += [f"/* {comment_text(block.comment)} */", *lines]
+    return code
 
 
 class Emission:
     """State of code emission: the names of expressions so far."""
 
     def __init__(self, blocks: Sequence[Block], symbols: Mapping[str, str]):
-        self.blocks, self.symbols = blocks, symbols
+        self.symbols = symbols
         self.uses: dict[int, int] = {}
         self.texts: dict[int, str] = {}
         for block in blocks:
@@ -219,22 +223,13 @@ class Emission:
                         self.uses[operand.index] += 1
                 self.uses[root.index] += 1
 
-    def lines(self) -> Iterator[str]:
-        """Yield the statements."""
-        for block in self.blocks:
-            lines = [*(self._named(block) if block.names else self._assigned(block))]
-            if lines:
-                yield f"/* {comment_text(block.comment)} */"
-                yield from lines
-
-    def _assigned(self, block: Block) -> Iterator[str]:
+    def lines(self, block: Block) -> Iterator[str]:
+        """Yield the statements of a block."""
         for target, root in block.assignments.items():
-            yield from self._defined(root)
-            yield f"{target} = {_bare(self.texts[root.index])};"
-
-    def _named(self, block: Block) -> Iterator[str]:
-        for target, root in block.assignments.items():
-            if root.index in self.uses and root.index not in self.texts and root.op in "+-*":
+            if not block.names:
+                yield from self._defined(root)
+                yield f"{target} = {_bare(self.texts[root.index])};"
+            elif root.index in self.uses and root.index not in self.texts and root.op in "+-*":
                 yield from self._defined(root, target)
 
     def _defined(self, root: SymbolicExpression, name: str = "") -> Iterator[str]:

@@ -68,9 +68,12 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         "DURATION": duration,
     }
     sources = c_sources()
+    # table of the model in C -> type of its entries
+    declared = re.findall(r"const (\w+) (\*\w+(?:, \*\w+)*);", sources)
+    types = {name.strip(" *"): kind for kind, names in declared for name in names.split(",")}
     lines = [
         sources,
-        *_tables(tables, _table_types(sources), compiled, len(inputs)),
+        *_tables(tables, types, compiled, len(inputs)),
         "enum { " + ", ".join(f"{key} = {value}" for key, value in integers.items()) + " };",
         *(f"#define {key} {_number(value)}" for key, value in reals.items()),
         _array("size_t", "PLACES", [f"offsetof(Tables, {where})" for where in members]),
@@ -81,9 +84,7 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         _array("double", "PHASES", run.right.mode.phases),
         _array("double", "RULE", collocation_rule()),
         _array("int", "POINT_LINK", [tree.index[link] for _, link, _ in points]),
-        _array(
-            "double", "POINT_PLACE", np.array([position for _, _, position in points]).reshape(-1, 3), "[3]"
-        ),
+        _array("double", "POINT_PLACE", np.reshape([position for *_, position in points], (-1, 3)), "[3]"),
         template("fmu_dynamics.c", {}),
     ]
     outputs = [
@@ -241,12 +242,6 @@ def _parameters(
             "resistance", i, "stiffness", f"{spring.joint}.stiffness", "N/m" if unit == "m" else "N.m/rad"
         )
         yield row("resistance", i, "rest", f"{spring.joint}.rest", unit)
-
-
-def _table_types(sources: str) -> dict[str, str]:
-    """Return table of a model in C -> type of its entries."""
-    declared = re.findall(r"const (\w+) (\*\w+(?:, \*\w+)*);", sources)
-    return {name.strip(" *"): kind for kind, names in declared for name in names.split(",")}
 
 
 def _number(value: float) -> str:

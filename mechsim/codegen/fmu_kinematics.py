@@ -6,7 +6,6 @@ from mechsim.codegen.fmu import FmuModel, Variable
 from mechsim.codegen.kinematics import INERTIA_NUMBERS
 from mechsim.codegen.printing import c_header
 from mechsim.codegen.solver_code import SolverCode, template
-from mechsim.mechanism.joints import Joint
 
 # quantities of a coordinate -> what they are, and what follows the unit of the coordinate
 MOTION = {"q": ("position", ""), "v": ("rate", "/s"), "a": ("acceleration", "/s2")}
@@ -48,7 +47,7 @@ def kinematic_fmu(code: SolverCode) -> FmuModel:
     chosen = [
         (i, name)
         for i, name in enumerate(code.formulas.coordinates)
-        if i not in balls and name in _units(mechanism.joints) and name not in assembly.drivers
+        if i not in balls and name in mechanism.coordinates and name not in assembly.drivers
     ]
     names = [*(name for _, name in chosen), *code.formulas.joints]
     outputs = [
@@ -82,10 +81,6 @@ def kinematic_fmu(code: SolverCode) -> FmuModel:
         template("fmu_kinematics.c", flags).replace("@", f"{code.prefix}_"),
     ]
     return FmuModel(mechanism.name, inputs, parameters, (), (), outputs, "\n".join(lines), 1.0)
-
-
-def _units(joints: Iterable[Joint]) -> set[str]:
-    return {name for joint in joints for name in joint.coordinates}
 
 
 assert len(INERTIA) == INERTIA_NUMBERS

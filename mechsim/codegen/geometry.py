@@ -163,9 +163,8 @@ def _scaled(mechanism: Mechanism, length: float) -> dict[str, Array]:
 
 def _relative(sides: Mapping[str, Array], points: Mapping[str, Array], length: float) -> dict[str, Array]:
     units = np.array([[length], [1.0], [1.0]])
-    return {key: numbers / units for key, numbers in sides.items()} | {
-        name: point / length for name, point in points.items()
-    }
+    scaled = {key: numbers / units for key, numbers in sides.items()}
+    return scaled | {name: point / length for name, point in points.items()}
 
 
 # --- expressions of a TOML file
@@ -219,16 +218,14 @@ def translated_vectors(file: FileExpressions, names: Sequence[str]) -> Vectors:
 
 def _entries(document: Mapping[str, Any]) -> list[tuple[tuple[str, str], Any, Unit]]:
     """Return the vectors in a file: (owner, quantity), components, unit."""
+    owners = {f"{name}.{side}": joint[side] for name, joint in document["joints"].items() for side in "ab"}
+    owners |= document.get("points", {})
     entries: list[tuple[tuple[str, str], Any, Unit]] = []
-    for joint, entry in document["joints"].items():
-        for side in "ab":
-            for key, value in entry[side].items():
-                quantity = "reference" if key == "mark" else key
-                if quantity in QUANTITIES:
-                    entries.append(((f"{joint}.{side}", quantity), value, "m" if quantity == "at" else "1"))
-    for point, entry in document.get("points", {}).items():
-        if "at" in entry:
-            entries.append(((point, "at"), entry["at"], "m"))
+    for owner, entry in owners.items():
+        for key, value in entry.items():
+            quantity = "reference" if key == "mark" else key
+            if quantity in QUANTITIES:
+                entries.append(((owner, quantity), value, "m" if quantity == "at" else "1"))
     return entries
 
 

@@ -369,11 +369,8 @@ class SolverFormulas:
         for branch in self.tree.branches:
             i = branch.child
             name = next(link for link, index in self.tree.index.items() if index == i)
-            frame = [
-                (f"{row}{column}", self.poses.rotation[i, row, column, 0])
-                for row in range(3)
-                for column in range(3)
-            ]
+            elements = itertools.product(range(3), repeat=2)
+            frame = [(f"{row}{column}", self.poses.rotation[i, row, column, 0]) for row, column in elements]
             origin = [(axis, self.poses.position[i, j, 0]) for j, axis in enumerate("xyz")]
             values = {
                 f"{plain[name]}_{ending}": self._expression(value) for ending, value in (*frame, *origin)

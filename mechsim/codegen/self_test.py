@@ -10,7 +10,6 @@ import numpy as np
 from mechsim.codegen.solver_code import SolverCode, template
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.motion import instants_of_laws
-from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 
 # number of test configurations: steps of 5 degrees over a revolution
@@ -69,35 +68,30 @@ def reference_configurations(code: SolverCode) -> ReferenceConfigurations:
         inset = INSET * (high - low)
         parameter = np.linspace(low + inset, high - inset, CONFIGURATIONS)
         motion = source.solve_along(parameter, SPEED, ACCELERATION)
+    speed, acceleration = (SPEED, ACCELERATION) if laws.crank else (laws.rate, 0.0)
     unit = np.ones_like(parameter)
-    rate, second = (laws.rate * unit, 0.0 * unit) if not laws.crank else (SPEED * unit, ACCELERATION * unit)
-    instants = instants_of_laws(laws, parameter, rate, second)
+    instants = instants_of_laws(laws, parameter, speed * unit, acceleration * unit)
     kind, names = ("point", code.formulas.points) if motion.points else ("link", code.formulas.links)
-    compared = [name for name in names if name in motion.points or (kind == "link" and name in motion.links)]
-    values = np.stack([_motion_of(motion, kind, name) for name in compared], 1)
+    records = motion.points or motion.links
+    compared = [name for name in names if name in records]
+    motions = [records[name] for name in compared]
+    values = np.stack(
+        [np.concatenate([each.position, each.velocity, each.acceleration], 1) for each in motions], 1
+    )
     scales = np.abs(values.reshape(CONFIGURATIONS, -1, 3, 3)).max((0, 1, 3))
     scales[0] = max(scales[0], assembly.mechanism.characteristic_length)
+    tolerance = TOLERANCE
+    if len(assembly.loops.unknown):
+        smallest = float(assembly.solver.linearise(assembly.samples).singular_values[:, -1].min())
+        tolerance *= max(1.0, (WELL_CONDITIONED / smallest) ** 2)
     return ReferenceConfigurations(
         kind,
         tuple(names.index(name) for name in compared),
         np.stack([instants.value.T, instants.rate.T, instants.second.T]),
         values,
         np.where(scales > 0.0, scales, 1.0),
-        _tolerance(code),
+        tolerance,
     )
-
-
-def _motion_of(motion: Motion, kind: str, name: str) -> Array:
-    record = motion.points[name] if kind == "point" else motion.links[name]
-    return np.concatenate([record.position, record.velocity, record.acceleration], 1)
-
-
-def _tolerance(code: SolverCode) -> float:
-    solver, q = code.assembly.solver, code.assembly.samples
-    if not len(code.assembly.loops.unknown):
-        return TOLERANCE
-    smallest = float(solver.linearise(q).singular_values[:, -1].min())
-    return TOLERANCE * max(1.0, (WELL_CONDITIONED / smallest) ** 2)
 
 
 def c_test(code: SolverCode, header: str) -> str:
@@ -142,17 +136,11 @@ def _test(code: SolverCode, file: str, name: str, array: Callable[[str, Array], 
 
 
 def _c_array(name: str, values: Array) -> Iterator[str]:
-    number = (
-        "int"
-        if values.dtype.kind == "i"
-        else "@real"
-        if name in ("drivers", "rates", "accelerations")
-        else "double"
-    )
-    entries = [repr(value) for value in values.ravel().tolist()]
+    of_drivers = name in ("drivers", "rates", "accelerations")
+    number = "@real" if of_drivers else "int" if values.dtype.kind == "i" else "double"
+    entries = [f"{'(@real)' * of_drivers}{value!r}" for value in values.ravel().tolist()]
     yield f"static const {number} {name}[{len(entries)}] = {{"
     width = NUMBERS if name == "reference" else 6
     for i in range(0, len(entries), width):
-        cast = "(@real)" if number == "@real" else ""
-        yield "  " + ", ".join(cast + entry for entry in entries[i : i + width]) + ","
+        yield f"  {', '.join(entries[i : i + width])},"
     yield "};"

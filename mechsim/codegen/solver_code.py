@@ -112,15 +112,50 @@ def solver_code(
     formulas = SolverFormulas(assembly, varying)
     inertias = _inertias(assembly, formulas.links)
     gravity = np.array(forces_of(assembly.source).gravity)
-    integers, reals = _integers(assembly), _reals(assembly)
-    reals["GRAVITY"] = gravity, "of the model, m/s2"
+    loops, tree, driven = assembly.loops, assembly.loops.tree, assembly.driven
+    unknown, units = loops.unknown, loops.units
+    initial = assembly.start.values[:, 0].copy()
+    initial[tree.ball_indices] = 0.0
+    angles = sorted(i for branch in tree.branches for i in branch.angles)
+    balls = [int(np.searchsorted(unknown, ball.first_angle)) for ball in tree.balls]
+    quaternions = np.array([rotation_quaternions(rotation)[0] for rotation in assembly.start.turns])
+    sizes = {
+        "DRIVERS": len(assembly.drivers),
+        "COORDINATES": tree.count,
+        "UNKNOWNS": len(unknown),
+        "UNKNOWNS_OR_1": max(1, len(unknown)),
+        "ANGLES": len(angles),
+        "BALLS": len(balls),
+        "LINKS": len(formulas.links),
+        "POINTS": len(formulas.points),
+        "JOINTS": len(formulas.joints),
+        "SIGN": int(assembly.determinant_sign),
+        "ATTEMPTS": ATTEMPTS,
+        "ITERATIONS": ITERATIONS,
+    }
+    integers = {
+        # C has no empty arrays
+        "UNKNOWN": (unknown.tolist() or [0], "coordinates that the loops determine"),
+        "DRIVEN": (driven, "coordinates that are driven"),
+        "ANGLE": (angles, "those that are angles"),
+        "BALL": (balls, "first of the three rotations of each ball among the unknowns"),
+    }
+    unit = units[unknown] if len(unknown) else np.ones(1)
+    reals = {
+        "START": (initial, "coordinates at the start, rad and m"),
+        "UNIT": (unit, "one unit of each unknown in the equations"),
+        "UNIT_OF_DRIVER": (units[driven], "likewise, of each driver"),
+        "STEP": (STEP * units[driven], "largest step of each driver"),
+        "START_BALLS": (quaternions.ravel(), "quaternions (w, x, y, z) of the balls at the start"),
+        "GRAVITY": (gravity, "of the model, m/s2"),
+    }
     if geometry is not None:
         reals["GEOMETRY"] = geometry, "points and axes of joints that follow from dimensions, m"
     if inertias is not None:
         reals["INERTIAS"] = inertias.ravel(), "of the links, as solve_torques takes them; kg, m"
     flags = {
-        "ANGLES": bool(integers["ANGLE"][0]),
-        "BALLS": bool(integers["BALL"][0]),
+        "ANGLES": bool(angles),
+        "BALLS": bool(balls),
         "POINTS": bool(formulas.points),
         "JOINTS": bool(formulas.joints),
         "ONE_DRIVER": len(assembly.drivers) == 1,
@@ -131,7 +166,7 @@ def solver_code(
         assembly,
         formulas,
         identifiers([assembly.mechanism.name])[assembly.mechanism.name],
-        _sizes(assembly, formulas),
+        sizes,
         {name: entry for name, entry in reals.items() if len(entry[0])},
         {name: entry for name, entry in integers.items() if len(entry[0])},
         _records(flags),
@@ -139,55 +174,6 @@ def solver_code(
         inertias,
         gravity,
     )
-
-
-def _sizes(assembly: SolvedAssembly, formulas: SolverFormulas) -> dict[str, int]:
-    tree, unknowns = assembly.loops.tree, len(assembly.loops.unknown)
-    return {
-        "DRIVERS": len(assembly.drivers),
-        "COORDINATES": tree.count,
-        "UNKNOWNS": unknowns,
-        "UNKNOWNS_OR_1": max(1, unknowns),
-        "ANGLES": sum(len(branch.angles) for branch in tree.branches),
-        "BALLS": len(tree.balls),
-        "LINKS": len(formulas.links),
-        "POINTS": len(formulas.points),
-        "JOINTS": len(formulas.joints),
-        "SIGN": int(assembly.determinant_sign),
-        "ATTEMPTS": ATTEMPTS,
-        "ITERATIONS": ITERATIONS,
-    }
-
-
-def _integers(assembly: SolvedAssembly) -> dict[str, tuple[Sequence[int], str]]:
-    tree, unknown = assembly.loops.tree, assembly.loops.unknown
-    balls = [int(np.searchsorted(unknown, ball.first_angle)) for ball in tree.balls]
-    return {
-        # C has no empty arrays
-        "UNKNOWN": (unknown.tolist() or [0], "coordinates that the loops determine"),
-        "DRIVEN": (assembly.driven, "coordinates that are driven"),
-        "ANGLE": (sorted(i for branch in tree.branches for i in branch.angles), "those that are angles"),
-        "BALL": (balls, "first of the three rotations of each ball among the unknowns"),
-    }
-
-
-def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
-    loops, start, units = assembly.loops, assembly.start, assembly.loops.units
-    driven, initial = assembly.driven, start.values[:, 0].copy()
-    initial[loops.tree.ball_indices] = 0.0
-    return {
-        "START": (initial, "coordinates at the start, rad and m"),
-        "UNIT": (
-            units[loops.unknown] if len(loops.unknown) else np.ones(1),
-            "one unit of each unknown in the equations",
-        ),
-        "UNIT_OF_DRIVER": (units[driven], "likewise, of each driver"),
-        "STEP": (STEP * units[driven], "largest step of each driver"),
-        "START_BALLS": (
-            np.array([rotation_quaternions(rotation)[0] for rotation in start.turns]).ravel(),
-            "quaternions (w, x, y, z) of the balls at the start",
-        ),
-    }
 
 
 def _inertias(assembly: SolvedAssembly, links: Sequence[str]) -> Array | None:
@@ -206,10 +192,8 @@ def _inertias(assembly: SolvedAssembly, links: Sequence[str]) -> Array | None:
             mean = 0.5 * float(np.trace(across @ moments))
             axial = float(axis @ moments @ axis)
             misfit = np.abs(moments - mean * across - axial * np.outer(axis, axis)).max() / largest
-            if (
-                not max(misfit, np.linalg.norm(across @ centre) / assembly.mechanism.characteristic_length)
-                < ROUND
-            ):
+            eccentric = np.linalg.norm(across @ centre) / assembly.mechanism.characteristic_length
+            if not max(misfit, eccentric) < ROUND:
                 return None
             # the spin is zero, so that the axial moment has no effect
             moments = mean * across
@@ -230,11 +214,7 @@ def _records(flags: Mapping[str, bool]) -> dict[str, list[tuple[str, str, str]]]
         *configuration,
         ("rates", "@COORDINATES", "per second; of a ball its angular velocity seen from side a"),
         ("accelerations", "@COORDINATES", "per second squared"),
-        (
-            "map",
-            "@COORDINATES * @DRIVERS",
-            "derivatives of the coordinates by the drivers: the motor-joint map",
-        ),
+        ("map", "@COORDINATES * @DRIVERS", "derivatives of the coordinates by the drivers: motor-joint map"),
         ("cosines", "@COORDINATES", "of the coordinates that are angles"),
         ("sines", "@COORDINATES", ""),
         ("lu", "@UNKNOWNS_OR_1 * @UNKNOWNS_OR_1", "factors of the loop Jacobian"),

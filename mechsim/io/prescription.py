@@ -110,7 +110,7 @@ def _assembled(solver: KinematicSolver, guess: Mapping[str, Pose] | None) -> Kin
     from mechsim.kinematics.loops.rounded_geometry import corrected
 
     mechanism = solver.mechanism
-    if guess is not None and guess.keys() == {*mechanism.link_names[1:]}:
+    if guess is not None and {*guess} == {*mechanism.link_names[1:]}:
         mechanism = replace(mechanism, guess={**guess, **mechanism.guess})
     exact = corrected(mechanism)
     start = closed_start(exact.mechanism)

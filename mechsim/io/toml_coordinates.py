@@ -425,7 +425,7 @@ def _polynomial(written: WrittenCoupling) -> Coupling:
 
     def unit_in_si(side: Side) -> float:
         """Return the value in SI of the number 1 on a side; a sum of lengths and angles is in SI."""
-        units = {coordinates.units[name] for name in ((side,) if isinstance(side, str) else side)}
+        units: set[Unit] = {coordinates.units[name] for name in ((side,) if isinstance(side, str) else side)}
         factors = {coordinates.values.in_si(1.0, unit) for unit in units}
         return factors.pop() if len(factors) == 1 else 1.0
 

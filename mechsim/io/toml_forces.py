@@ -186,7 +186,7 @@ def _bushing(file: FileForces, name: str, entry: Mapping[str, Any], path: KeyPat
             matrices |= {key: written} if written else {}
             continue
         # a diagonal has units of displacements and rotations
-        units = [ALONG["m"][key]] * 3 + [ALONG["rad"][key]] * 3
+        units: list[Unit] = [ALONG[unit][key] for unit in ("m",) * 3 + ("rad",) * 3]
         numbers = enumerate(zip(written, units, strict=True))
         matrices[key] = diagonal(
             *(file.values.quantity(x, unit, (*path, key, i)) for i, (x, unit) in numbers)

@@ -51,9 +51,12 @@ class Spring:
 
     def __post_init__(self) -> None:
         name = f"of the spring between {self.a} and {self.b}"
-        at_least_zero(f"stiffness {name}", self.stiffness)
-        at_least_zero(f"rest length {name}", self.rest)
-        at_least_zero(f"damping {name}", self.damping)
+        for what, value in (
+            ("stiffness", self.stiffness),
+            ("rest length", self.rest),
+            ("damping", self.damping),
+        ):
+            at_least_zero(f"{what} {name}", value)
         if self.a == self.b:
             raise InputError(f"a spring joins {self.a} to itself; name two different points")
 
@@ -187,9 +190,9 @@ class Forces:
             clearance.check(mechanism, {*used, *self.controlled, *self.sprung})
         for controller in (*self.controllers, *self.actuators):
             controller.check(mechanism)
-        acting: list[tuple[str, Location]] = [(f"load on {act.location}", act.location) for act in self.loads]
-        acting += [(f"couple on {couple.link}", (couple.link, ORIGIN)) for couple in self.couples]
-        for what, location in acting:
+        acting: dict[str, Location] = {f"load on {load.location}": load.location for load in self.loads}
+        acting |= {f"couple on {couple.link}": (couple.link, ORIGIN) for couple in self.couples}
+        for what, location in acting.items():
             if located(mechanism, location)[0] == GROUND:
                 raise InputError(f"the {what} acts on the frame, which cannot move; name a moving link")
 

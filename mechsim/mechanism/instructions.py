@@ -98,20 +98,16 @@ class Instructions:
             values += 1 - instruction.operands
             if values > MAX_VALUES:
                 raise NotCompiledError(f"{what} with more than {MAX_VALUES} terms")
-            if instruction.name == "variable":
-                kind, index, value = (
-                    variables if isinstance(variables, tuple) else variables[instruction.value]
-                )
-            elif instruction.name == "table":
-                kind, index, value = "table", 1, float(self.add_table(instruction.value))
-            elif instruction.name == "segments":
-                kind, index, value = "segments", 1, float(self.add_segments(instruction.value))
-            else:
-                kind, index, value = (
-                    instruction.name,
-                    instruction.operands,
-                    0.0 if instruction.operands else float(instruction.value),
-                )
+            kind, index, value = instruction.name, instruction.operands, 0.0
+            if kind == "variable":
+                own = variables if isinstance(variables, tuple) else variables[instruction.value]
+                kind, index, value = own
+            elif kind == "number":
+                value = float(instruction.value)
+            elif kind == "table":
+                value = float(self.add_table(instruction.value))
+            elif kind == "segments":
+                value = float(self.add_segments(instruction.value))
             self.rows.append((CODES.index(kind), index, value))
         return first, len(self.rows) - first
 
@@ -136,9 +132,10 @@ class Instructions:
         row |= {"stiffness": law.stiffness, "damping": law.damping}
         if isinstance(law, SpringLaw):
             if law.table is not None:
-                row["table"], row["over_rate"] = self.add_table(law.continued_table), law.over == "v"
-            values = zip(law.names, law.values, strict=True)
+                table = Table(law.table.spline, "continued")
+                row["table"], row["over_rate"] = self.add_table(table), law.over == "v"
             variables: dict[str, Variable] = {"l": ("coordinate", 0, 0.0), "v": ("rate", 0, 1.0)}
+            values = zip(law.names, law.values, strict=True)
             variables |= {name: ("number", 0, value) for name, value in values}
             row["preload"] = law.preload
             row["expression"] = self.add(law.instructions, variables, f"spring {spring.name}")
@@ -146,8 +143,7 @@ class Instructions:
 
     def add_control(self, actuator: Actuator) -> tuple[int, int]:
         """Add the control of an actuator."""
-        zero = (Instruction("number", 0.0),)
-        control = actuator.control
+        zero, control = (Instruction("number", 0.0),), actuator.control
         instructions = zero if control is no_control else getattr(control, "instructions", None)
         return self.add(instructions, TIME, f"the control of actuator {actuator.name}")
 

@@ -80,16 +80,16 @@ def complete_guess(
         joint = min(attached, key=lambda j: KINDS[j.kind].helical)
         waiting.remove(joint)
         forward = joint.a.link in placed
-        near, far = joint.links if forward else joint.links[::-1]
-        if far not in placed:
+        placed_link, next_link = joint.links if forward else joint.links[::-1]
+        if next_link not in placed:
             near_point, near_frame, far_point, far_frame = sides[joint.name]
             if not forward:
                 near_point, near_frame, far_point, far_frame = far_point, far_frame, near_point, near_frame
-            pose, (shift, relative) = placed[near], _displaced(joint, coordinates, forward)
+            pose, (shift, relative) = placed[placed_link], _displaced(joint, coordinates, forward)
             frame = pose.rotation @ near_frame
             rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
             position = pose.position + rotated(pose.rotation, near_point) + rotated(frame, shift)
-            placed[far] = Pose(position - rotated(rotation, far_point), rotation)
+            placed[next_link] = Pose(position - rotated(rotation, far_point), rotation)
     require_placed(mechanism, placed)
     del placed[GROUND]
     return placed
@@ -216,8 +216,8 @@ def split_joints(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
     links, joints = [*mechanism.links], list[Joint]()
     for i, link in enumerate(links):
         if link.inertia and shares[link.name]:
-            parts, whole = 1 + shares[link.name], link.inertia
-            share = Inertia(whole.mass / parts, whole.centre, rows(whole.matrix / parts))
+            count, whole = 1 + shares[link.name], link.inertia
+            share = Inertia(whole.mass / count, whole.centre, rows(whole.matrix / count))
             links[i] = replace(link, inertia=share)
     inertias = {link.name: link.inertia for link in links}
     for joint in mechanism.joints:

@@ -125,10 +125,20 @@ def table(
 
     x, y = np.asarray(positions_given, dtype=np.float64), np.asarray(values, dtype=np.float64)
     repeats = over == "angle" if periodic is None else periodic
-    _check_table(x, y, over)
+    _require_table(x, y, over)
     if repeats:
-        _check_period(x, y, over)
-        x = x[0] + (x - x[0]) * (REVOLUTION / (x[-1] - x[0])) if over == "angle" else x
+        span, jump = float(x[-1] - x[0]), float(np.abs(y[-1] - y[0]).max())
+        if over == "angle" and abs(span - REVOLUTION) > PERIOD_TOLERANCE:
+            raise InputError(
+                f"load table does not span one revolution: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
+                f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one revolution, both ends included"
+            )
+        if jump > 1e-9 * float(np.abs(y).max()):
+            raise InputError(
+                f"load table is not periodic: its last row differs from its first by {jump:.6g}; "
+                "end it with the values of its first row"
+            )
+        x = x[0] + (x - x[0]) * (REVOLUTION / span) if over == "angle" else x
         y = np.concatenate([y[:-1], y[:1]])
     least = 4 if smooth else 2
     if len(x) < least:
@@ -186,7 +196,7 @@ class Interpolated:
         return tuple(Table(polynomial, beyond).instructions for polynomial in inner)
 
 
-def _check_table(x: Array, y: Array, over: str) -> None:
+def _require_table(x: Array, y: Array, over: str) -> None:
     if x.ndim != 1 or y.shape not in ((len(x),), (len(x), 3)) or len(x) < 2:
         raise InputError(
             f"load table has {over}s of shape {x.shape} and values of shape {y.shape}; "
@@ -202,19 +212,4 @@ def _check_table(x: Array, y: Array, over: str) -> None:
         raise InputError(
             f"load table does not increase: {over} {x[row]:.6g} in row {row + 1} follows {x[row - 1]:.6g}; "
             f"sort the rows and give each {over} once"
-        )
-
-
-def _check_period(x: Array, y: Array, over: str) -> None:
-    span = float(x[-1] - x[0])
-    if over == "angle" and abs(span - REVOLUTION) > PERIOD_TOLERANCE:
-        raise InputError(
-            f"load table does not span one revolution: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
-            f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one revolution, both ends included"
-        )
-    jump = float(np.abs(y[-1] - y[0]).max())
-    if jump > 1e-9 * float(np.abs(y).max()):
-        raise InputError(
-            f"load table is not periodic: its last row differs from its first by {jump:.6g}; "
-            "end it with the values of its first row"
         )

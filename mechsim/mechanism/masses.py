@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.mechanism.links import Inertia, Rods, Vector, combine, rows, vector
+from mechsim.mechanism.links import Inertia, Link, Rods, Vector, combine, rows, vector
 from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.numerics.arrays import HUGE, Array, distinct, number
 
@@ -54,7 +54,14 @@ class LinkMass:
 
 def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:
     """Return the masses of links that have an inertia, without virtual bodies."""
-    return tuple(_mass(link.name, link.inertia) for link in mechanism.links if link.inertia and link.is_body)
+    masses: list[LinkMass] = []
+    for link in mechanism.links:
+        if (inertia := link.inertia) and link.is_body:
+            massless = inertia.negligible or inertia.mass == 0.0
+            source: Source = "rod" if inertia.rods else "zero" if massless else "given"
+            rods = asdict(inertia.rods) if inertia.rods else {}
+            masses.append(LinkMass(link=link.name, mass=inertia.mass, source=source, **rods))
+    return tuple(masses)
 
 
 def summary(masses: Sequence[LinkMass]) -> str:
@@ -62,44 +69,28 @@ def summary(masses: Sequence[LinkMass]) -> str:
     phrases: list[str] = []
     for source in ("given", "rod", "zero"):
         group = [mass for mass in masses if mass.source == source]
-        if group:
-            phrases.append(f"{_names(group, len(masses))} {_source_text(source, group)}")
+        if not group:
+            continue
+        named = ", ".join(mass.link for mass in group)
+        if len(group) > MAX_NAMES:
+            named = f"{len(group)} of {len(masses)} links"
+        if len(group) == len(masses) > MAX_NAMES:
+            named = f"all {len(masses)} links"
+        rod, discs = group[0], [mass.link for mass in group if mass.disc]
+        total = f"{sum(mass.mass for mass in group):.4g} kg"
+        if source == "rod":
+            disc = f", of {', '.join(discs)} a disc" if discs else ""
+            phrases.append(
+                f"{named} computed as round {_material(rod.density)} rods of diameter {rod.diameter:.4g} m"
+                f"{disc}, {total}, because no inertia is given"
+            )
+        else:
+            phrases.append(f"{named} given, {total}" if source == "given" else f"{named} zero in the file")
     return f"masses: {'; '.join(phrases)}" if phrases else ""
-
-
-def _source_text(source: Source, group: Sequence[LinkMass]) -> str:
-    total = f"{sum(mass.mass for mass in group):.4g} kg"
-    if source == "given":
-        return f"given, {total}"
-    if source == "zero":
-        return "zero in the file"
-    rod, discs = group[0], [mass.link for mass in group if mass.disc]
-    disc = f", of {', '.join(discs)} a disc" if discs else ""
-    return (
-        f"computed as round {_material(rod.density)} rods of diameter {rod.diameter:.4g} m{disc}, {total}, "
-        "because no inertia is given"
-    )
-
-
-def _names(group: Sequence[LinkMass], count: int) -> str:
-    if len(group) == count > MAX_NAMES:
-        return f"all {count} links"
-    return (
-        ", ".join(mass.link for mass in group)
-        if len(group) <= MAX_NAMES
-        else f"{len(group)} of {count} links"
-    )
 
 
 def _material(density: float | None) -> str:
     return "steel" if density == STEEL else f"{density:.6g} kg/m3"
-
-
-def _mass(link: str, inertia: Inertia) -> LinkMass:
-    if inertia.rods is not None:
-        return LinkMass(link=link, mass=inertia.mass, source="rod", **asdict(inertia.rods))
-    massless = inertia.negligible or inertia.mass == 0.0
-    return LinkMass(link=link, mass=inertia.mass, source="zero" if massless else "given")
 
 
 # density of steel in [kg/m3]
@@ -158,36 +149,29 @@ def with_inertia(mechanism: Mechanism, density: float = STEEL, diameter: float |
     if any(link.inertia is None for link in mechanism.links):
         _positive("diameter of the rods", rod_diameter, "m")
     links = tuple(
-        link
-        if link.inertia is not None
-        else replace(link, inertia=_link_inertia(mechanism, link.name, link.outline, density, rod_diameter))
+        link if link.inertia else replace(link, inertia=_link_inertia(mechanism, link, density, rod_diameter))
         for link in mechanism.links
     )
     return replace(mechanism, links=links)
 
 
-def _link_inertia(
-    mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float
-) -> Inertia:
-    ends = mechanism.ends(name)
+def _link_inertia(mechanism: Mechanism, link: Link, density: float, diameter: float) -> Inertia:
+    ends = mechanism.ends(link.name)
     length = PIN_LENGTH * diameter
     discs = [
         (mechanism.joint(joint).a, contact.base_radius)
         for joint, contact in mechanism.contacts.items()
-        if contact.carrier == name and contact.base_radius
+        if contact.carrier == link.name and contact.base_radius
     ]
-    points = distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
+    points = distinct([*(end.point for end in ends), *link.outline], 1e-9 * mechanism.characteristic_length)
+    rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
     if len(points) == 1:
         rods = [_pin(points[0], ends[0].axis if ends else (0.0, 0.0, 1.0), length)]
-    else:
-        rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
     solids = [round_rod(a, b, density, diameter) for a, b in rods]
     solids += [round_rod(*_pin(end.point, end.axis, length), density, 2.0 * radius) for end, radius in discs]
     whole = solids[0] if len(solids) == 1 else combine(solids)
-    total = sum(_length(a, b) for a, b in rods)
-    return replace(
-        whole, rods=Rods(total, diameter, density, max((radius for _, radius in discs), default=0.0))
-    )
+    total, disc = sum(_length(a, b) for a, b in rods), max((radius for _, radius in discs), default=0.0)
+    return replace(whole, rods=Rods(total, diameter, density, disc))
 
 
 def _pin(point: ArrayLike, axis: ArrayLike, length: float) -> tuple[Vector, Vector]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.mechanism.coupling_functions import TabledFunction
-from mechsim.mechanism.expressions import Expression, Instruction, Table, compiled
+from mechsim.mechanism.expressions import Expression, Instruction, compiled
 from mechsim.mechanism.joints import End
 from mechsim.mechanism.links import Vector
 from mechsim.numerics.arrays import HUGE, Array, at_least_zero, number, numbers
@@ -149,20 +149,13 @@ class SpringLaw:
         for name in ("rest", "preload"):
             if not abs(number(getattr(self, name))) < HUGE:
                 raise InputError(f"{name} of a spring is {getattr(self, name)}; give a finite number")
-        if self.text:
-            # rejects text that is no expression
-            _ = self._expression
+        # rejects text that is no expression
+        _ = self.instructions
 
     @property
     def instructions(self) -> tuple[Instruction, ...]:
         """The evaluation of its expression of l and v; empty for none."""
         return self._expression.instructions if self.text else ()
-
-    @property
-    def continued_table(self) -> Table:
-        """The table as `_tabled` evaluates it."""
-        assert self.table is not None
-        return Table(self.table.spline, "continued")
 
     @cached_property
     def _expression(self) -> Expression:
@@ -181,8 +174,7 @@ class SpringLaw:
         """Return the distance to the end of the table, (n,); 1 without a table."""
         if self.table is None:
             return np.ones_like(length)
-        low, high = self._ends
-        position = length if self.over == "l" else rate
+        (low, high), position = self.table.interval, length if self.over == "l" else rate
         return np.minimum(position - low, high - position)
 
     def tension(self, length: Array, rate: Array, phase: float | None = None) -> Array:
@@ -211,16 +203,10 @@ class SpringLaw:
         """Return what is beyond the table in words; empty if nothing is."""
         if self.table is None:
             return ""
-        values, (low, high) = np.real(length if self.over == "l" else rate), self._ends
+        values, (low, high) = np.real(length if self.over == "l" else rate), self.table.interval
         if ((values >= low) & (values <= high)).all():
             return ""
         return f"{self.over} leaves its range from {low:.6g} to {high:.6g} in table {self.table.text!r}"
-
-    @property
-    def _ends(self) -> tuple[float, float]:
-        """First and last position of the table."""
-        assert self.table is not None
-        return self.table.positions[0], self.table.positions[-1]
 
     def _tabled(self, position: Array) -> Any:
         """Return the value of the table, (n,); its last polynomial beyond it, where no result is kept."""
@@ -265,12 +251,8 @@ def phases_of(
     springs: Sequence[NonlinearSpring], lengths: Array, rates: Array, before: Phases = ()
 ) -> Phases:
     """Return the phase of each spring at lengths and rates, (springs,), after other phases."""
-    return tuple(
-        spring.law.phase(float(length), float(rate), previous)
-        for spring, length, rate, previous in zip(
-            springs, lengths, rates, before or (OPEN,) * len(springs), strict=True
-        )
-    )
+    rows = zip(springs, lengths, rates, before or (OPEN,) * len(springs), strict=True)
+    return tuple(spring.law.phase(float(q), float(v), phase) for spring, q, v, phase in rows)
 
 
 # relative asymmetry, and relative negative eigenvalue, that are rounding of a file
