@@ -89,21 +89,18 @@ def require_writable(path: str | Path) -> None:
         OutputError: states the reason.
     """
     target = resolved_path(path)
-    if not target.exists():
-        temporary = _temporary_path(target, target.parent)
-        try:
+    temporary = _temporary_path(target, target.parent)
+    try:
+        if not target.exists():
             _make(temporary)
-        except OSError as error:
-            raise _cannot_write(Path(path), error) from error
-        finally:
-            temporary.unlink(missing_ok=True)
-    elif stat.S_ISCHR(target.stat().st_mode):
-        # a device that accepts nothing also rejects an empty write
-        try:
+        elif stat.S_ISCHR(target.stat().st_mode):
+            # a device that accepts nothing also rejects an empty write
             with target.open("wb", buffering=0) as taker:
                 taker.write(b"")
-        except OSError as error:
-            raise _cannot_write(Path(path), error) from error
+    except OSError as error:
+        raise _cannot_write(Path(path), error) from error
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _temporary_path(target: Path, folder: Path) -> Path:

@@ -14,6 +14,7 @@ MAX_TEXT = 60
 Operand = Union["SymbolicExpression", float, int]
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class SymbolicExpression:
     """A number, a symbol, or a sum, difference, product or negative of expressions.
 
@@ -21,16 +22,10 @@ class SymbolicExpression:
     that functions on arrays return formulas.
     """
 
-    __slots__ = ("args", "index", "op", "table")
-
-    def __init__(
-        self,
-        table: "ExpressionTable",
-        op: str,
-        args: tuple["SymbolicExpression | str | float", ...],
-        index: int,
-    ):
-        self.table, self.op, self.args, self.index = table, op, args, index
+    table: "ExpressionTable"
+    op: str
+    args: tuple["SymbolicExpression | str | float", ...]
+    index: int
 
     @property
     def number(self) -> float | None:

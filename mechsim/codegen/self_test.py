@@ -3,13 +3,14 @@
 import json
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from mechsim.codegen.solver_code import SolverCode, template
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.motion import instants_of_laws
+from mechsim.kinematics.loops.path import Instants
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 
 # number of test configurations: steps of 5 degrees over a revolution
@@ -26,72 +27,27 @@ TOLERANCE, WELL_CONDITIONED = 1e-12, 0.1
 NUMBERS = 9
 
 
-@dataclass(frozen=True)
-class ReferenceConfigurations:
-    """Reference values of a test.
-
-    Attributes:
-        kind: "point" or "link": the kind of the moving objects.
-        index: indices of these objects in the solver.
-        drivers: values, rates and accelerations of the drivers, (3, n, drivers).
-        values: positions, velocities and accelerations, (n, points, 9).
-        scales: largest value of each, [m], [m/s], [m/s2].
-        tolerance: allowed error relative to the scales.
-    """
-
-    kind: str
-    index: tuple[int, ...]
-    drivers: Array
-    values: Array
-    scales: Array
-    tolerance: float
-
-
-def reference_configurations(code: SolverCode) -> ReferenceConfigurations:
-    """Return configurations over the range from the analytic solution.
+def _reference_motion(code: SolverCode) -> tuple[Motion, Instants]:
+    """Return the analytic solution at configurations over the range, and the motion of its drivers.
 
     Raises:
         InputError: if there are several drivers without motion laws.
     """
-    assembly = code.assembly
-    source, laws, start = assembly.source, assembly.source.motion_laws, assembly.mechanism.start
-    if not laws.crank:
-        parameter = np.linspace(0.0, laws.length, CONFIGURATIONS)
-        motion = source.solve_along(parameter, laws.rate)
-    else:
+    assembly, start = code.assembly, code.assembly.mechanism.start
+    source, laws = assembly.source, assembly.source.motion_laws
+    low, high, inset, speed, acceleration = 0.0, laws.length, 0.0, laws.rate, 0.0
+    if laws.crank:
         if not assembly.mechanism.has_crank:
             raise InputError(
                 f"{source.name}: a test needs to know how {', '.join(assembly.drivers)} move; give motion "
                 "laws, as --drive NAME=LAW"
             )
         low, high = assembly.interval or (start - np.pi, start + np.pi)
-        inset = INSET * (high - low)
-        parameter = np.linspace(low + inset, high - inset, CONFIGURATIONS)
-        motion = source.solve_along(parameter, SPEED, ACCELERATION)
-    speed, acceleration = (SPEED, ACCELERATION) if laws.crank else (laws.rate, 0.0)
+        inset, speed, acceleration = INSET * (high - low), SPEED, ACCELERATION
+    parameter = np.linspace(low + inset, high - inset, CONFIGURATIONS)
     unit = np.ones_like(parameter)
     instants = instants_of_laws(laws, parameter, speed * unit, acceleration * unit)
-    kind, names = ("point", code.formulas.points) if motion.points else ("link", code.formulas.links)
-    records = motion.points or motion.links
-    compared = [name for name in names if name in records]
-    motions = [records[name] for name in compared]
-    values = np.stack(
-        [np.concatenate([each.position, each.velocity, each.acceleration], 1) for each in motions], 1
-    )
-    scales = np.abs(values.reshape(CONFIGURATIONS, -1, 3, 3)).max((0, 1, 3))
-    scales[0] = max(scales[0], assembly.mechanism.characteristic_length)
-    tolerance = TOLERANCE
-    if len(assembly.loops.unknown):
-        smallest = float(assembly.solver.linearise(assembly.samples).singular_values[:, -1].min())
-        tolerance *= max(1.0, (WELL_CONDITIONED / smallest) ** 2)
-    return ReferenceConfigurations(
-        kind,
-        tuple(names.index(name) for name in compared),
-        np.stack([instants.value.T, instants.rate.T, instants.second.T]),
-        values,
-        np.where(scales > 0.0, scales, 1.0),
-        tolerance,
-    )
+    return source.solve_along(parameter, speed, acceleration), instants
 
 
 def c_test(code: SolverCode, header: str) -> str:
@@ -109,29 +65,43 @@ def javascript_test(code: SolverCode, file: str) -> str:
 
 
 def _test(code: SolverCode, file: str, name: str, array: Callable[[str, Array], Iterator[str]]) -> str:
-    reference = reference_configurations(code)
+    assembly, limits = code.assembly, code.assembly.interval
+    motion, instants = _reference_motion(code)
+    kind, names = ("point", code.formulas.points) if motion.points else ("link", code.formulas.links)
+    records = {name: (motion.points or motion.links).get(name) for name in names}
+    compared = {name: each for name, each in records.items() if each is not None}
+    # position, velocity and acceleration of each point or link, (n, compared, 9)
+    values = np.stack(
+        [np.concatenate([x.position, x.velocity, x.acceleration], 1) for x in compared.values()], 1
+    )
+    # largest of each, in [m], [m/s], [m/s2]
+    scales = np.abs(values.reshape(CONFIGURATIONS, -1, 3, 3)).max((0, 1, 3))
+    scales[0] = max(scales[0], assembly.mechanism.characteristic_length)
+    tolerance = TOLERANCE
+    if len(assembly.loops.unknown):
+        smallest = float(assembly.solver.linearise(assembly.samples).singular_values[:, -1].min())
+        tolerance *= max(1.0, (WELL_CONDITIONED / smallest) ** 2)
     arrays = {
-        "drivers": reference.drivers[0],
-        "rates": reference.drivers[1],
-        "accelerations": reference.drivers[2],
-        "index": np.array(reference.index),
-        "reference": reference.values,
-        "scales": reference.scales,
+        "drivers": instants.value.T,
+        "rates": instants.rate.T,
+        "accelerations": instants.second.T,
+        "index": np.array([names.index(name) for name in compared]),
+        "reference": values,
+        "scales": np.where(scales > 0.0, scales, 1.0),
     }
     data = "\n".join(line for name, values in arrays.items() for line in array(name, values))
-    limits = code.assembly.interval
-    text = template(name, {"LIMITED": limits is not None})
     replaced = {
         "HEADER": file,
         "DATA": data,
-        "KIND": reference.kind,
-        "NAMES": str(code.sizes[f"{reference.kind.upper()}S"]),
-        "COUNT": str(len(reference.values)),
-        "COMPARED": str(len(reference.index)),
-        "TOLERANCE": f"{reference.tolerance:.3g}",
+        "KIND": kind,
+        "NAMES": str(code.sizes[f"{kind.upper()}S"]),
+        "COUNT": str(CONFIGURATIONS),
+        "COMPARED": str(len(compared)),
+        "TOLERANCE": f"{tolerance:.3g}",
         "NAME": code.prefix,
         "@HIGH": f"({limits[1]!r})" if limits else "",
     }
+    text = template(name, {"LIMITED": limits is not None})
     return re.sub("|".join(replaced), lambda match: replaced[match[0]], text) + "\n"
 
 

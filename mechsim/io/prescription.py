@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim import units
 from mechsim.errors import InputError, MechsimError
-from mechsim.io.model_source import ModelSource, Prescription
+from mechsim.io.model_source import ModelDescription, ModelSource, Prescription
 from mechsim.io.toml_coordinates import FileMotionLaw
 from mechsim.io.toml_values import suggestion
 from mechsim.kinematics.loops.start import closed_start, start_poses
@@ -96,7 +96,7 @@ def prescribed_solver(
             )
             laws = make_motion_laws(turning, {turning.drivers[0]: steady(0.0, REVOLUTION)}, DEFAULT_DURATION)
             solver = solver.with_mechanism(turning, motion_laws=laws, facts=(*solver.facts, fact))
-    return _with_prescription(solver, prescription, description.motion_laws, description.duration)
+    return _prescribed(solver, prescription, description)
 
 
 def _assembled(solver: KinematicSolver, guess: Mapping[str, Pose] | None) -> KinematicSolver:
@@ -127,23 +127,15 @@ def written_guess(source: ModelSource) -> Mapping[str, Pose]:
     return {}
 
 
-def _with_prescription(
-    solver: KinematicSolver,
-    prescription: Prescription,
-    file_laws: Mapping[str, FileMotionLaw],
-    file_duration: float | None,
+def _prescribed(
+    solver: KinematicSolver, prescription: Prescription, description: ModelDescription
 ) -> KinematicSolver:
-    """Return a solver with the prescription applied.
-
-    Args:
-        solver: the mechanism.
-        prescription: the requests of the user.
-        file_laws: driver -> motion law in the file, for drivers without a request.
-        file_duration: duration of these laws in [s]; None if the file states none.
+    """Return a solver with the prescription applied; its description has laws of drivers without a request.
 
     Raises:
         InputError: for an unknown coordinate or point, or an invalid motion law.
     """
+    file_laws = description.motion_laws
     # a mechanism that cannot be assembled is reported by what uses it
     if prescription == Prescription() and not file_laws:
         return solver
@@ -157,10 +149,8 @@ def _with_prescription(
 
         mechanism = with_pose_drivers(mechanism, prescription.drive)
     if prescription.track:
-        mechanism = replace(
-            mechanism,
-            points=dict(_tracked_point(mechanism, text, solver.written) for text in prescription.track),
-        )
+        points = dict(_tracked_point(mechanism, text, solver.written) for text in prescription.track)
+        mechanism = replace(mechanism, points=points)
     fixed = _joints_to_fix(mechanism, prescription)
     spins = {name: spin for name, spin in prescription.lock.items() if isinstance(spin, tuple)}
     if spins:
@@ -173,23 +163,18 @@ def _with_prescription(
     locks = {name: law for name, law in prescription.lock.items() if name not in (*fixed, *spins)}
     prescription = replace(prescription, lock=locks)
     mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, solver.written)
-    if (
-        mechanism is solver.mechanism
-        and not (prescription.drive or file_laws)
-        and prescription.duration is None
-    ):
+    unchanged = mechanism is solver.mechanism and not (prescription.drive or file_laws)
+    if unchanged and prescription.duration is None:
         return solver
-    own_laws = solver.motion_laws
+    own_laws, duration = solver.motion_laws, description.duration
     laws: dict[str, DriverLaw] = {**own_laws.by_name, **file_laws}
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
-    if file_duration is None and not own_laws.crank:
-        file_duration = own_laws.duration
-    return solver.with_mechanism(
-        mechanism,
-        # the user's formula is a function of the mechanism's own drivers
-        formula=solver.formula if mechanism.drivers == solver.mechanism.drivers else "",
-        motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, solver.written),
-    )
+    if duration is None and not own_laws.crank:
+        duration = own_laws.duration
+    # the user's formula is a function of the mechanism's own drivers
+    formula = solver.formula if mechanism.drivers == solver.mechanism.drivers else ""
+    solver = solver.with_mechanism(mechanism, formula=formula)
+    return replace(solver, motion_laws=_motion_laws(solver, laws, prescription.duration, duration))
 
 
 def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> KinematicSolver:
@@ -203,7 +188,7 @@ def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> 
     unknown = dict.fromkeys(mechanism.drivers, np.nan)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
         if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:
-            state = _state(mechanism, name, laws[name], lambda: unknown, solver.written)
+            state = _state(solver, name, laws[name], lambda: unknown)
             value = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
             starts |= {name: value} if np.isfinite(value) else {}
     if starts == mechanism.guess_coordinates:
@@ -212,38 +197,30 @@ def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> 
 
 
 def _state(
-    mechanism: Mechanism,
-    name: str,
-    law: DriverLaw,
-    starts: Callable[[], Mapping[str, float]],
-    written: WrittenUnits,
+    solver: KinematicSolver, name: str, law: DriverLaw, starts: Callable[[], Mapping[str, float]]
 ) -> State:
     """Return the parsed motion law of a driver; `starts` returns the coordinates at the start."""
-    unit = mechanism.unit(name)
+    unit = solver.mechanism.unit(name)
     if isinstance(law, str):
         from mechsim.io.law_text import parse_motion_law
 
-        declared = written.declared(unit)
+        declared = solver.written.declared(unit)
         return parse_motion_law(law, name, unit, lambda: starts()[name], declared=declared)
     return law.parse(name, unit, lambda: starts()[name]) if isinstance(law, FileMotionLaw) else law
 
 
 def _motion_laws(
-    mechanism: Mechanism,
-    laws: Mapping[str, DriverLaw],
-    requested: float | None,
-    stated: float | None,
-    written: WrittenUnits,
+    solver: KinematicSolver, laws: Mapping[str, DriverLaw], requested: float | None, stated: float | None
 ) -> MotionLaws:
     """Return the motion laws of all drivers; `CRANK` without any law."""
     if laws:
         # assembled for the laws that need it
-        starts = cache(lambda: start_poses(mechanism)[1])
-        states = {name: _state(mechanism, name, law, starts, written) for name, law in laws.items()}
-        return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
+        starts = cache(lambda: start_poses(solver.mechanism)[1])
+        states = {name: _state(solver, name, law, starts) for name, law in laws.items()}
+        return make_motion_laws(solver.mechanism, states, duration_of(requested, stated, states))
     if requested is not None:
         raise InputError(
-            f"{mechanism.name} has no motion laws for a duration of {requested:g} s; "
+            f"{solver.name} has no motion laws for a duration of {requested:g} s; "
             "give --drive COORDINATE=LAW too; a run from an initial state is mechsim dynamics forward"
         )
     return CRANK
@@ -400,7 +377,7 @@ def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
         if joint.name in names:
             a, b = frames[joint.a.link], frames[joint.b.link]
             frame = a.rotation.T @ b.rotation @ joint.b.frame
-            point = a.rotation.T @ (b.point(joint.b.point) - a.position)
+            point = a.local(b.point(joint.b.point))
             end = End(joint.a.link, vector(point), vector(frame[:, 2]), vector(frame[:, 0]))
             joints[i] = Joint(joint.name, FIXED, end, replace(joint.b, reference=vector(joint.b.frame[:, 0])))
     coordinates = {name for joint in joints for name in joint.coordinates}
@@ -427,15 +404,8 @@ def _turning_balls(mechanism: Mechanism) -> Mechanism | None:
     fixed = _with_fixed_joints(mechanism, [joint.name for joint in moving])
     a, b = (poses[link] for link in (first.a.link, first.b.link))
     axis = a.rotation @ first.a.frame @ OBLIQUE
-    hinge = Joint(
-        first.name,
-        REVOLUTE,
-        End(
-            first.a.link,
-            vector(a.rotation.T @ (b.point(first.b.point) - a.position)),
-            vector(a.rotation.T @ axis),
-        ),
-        End(first.b.link, first.b.point, vector(b.rotation.T @ axis)),
-    )
+    end_a = End(first.a.link, vector(a.local(b.point(first.b.point))), vector(a.rotation.T @ axis))
+    end_b = End(first.b.link, first.b.point, vector(b.rotation.T @ axis))
+    hinge = Joint(first.name, REVOLUTE, end_a, end_b)
     hinges = tuple(hinge if joint.name == first.name else joint for joint in fixed.joints)
     return replace(fixed, joints=hinges, driver=first.name, guess_coordinates={}, guess={})

@@ -74,25 +74,21 @@ def read(where: Path, name: str) -> ReferenceTable:
     package = json.loads(paths["datapackage.json"].read_text(encoding="utf-8"))
     speeds = {resource["path"]: resource["crank_speed"] for resource in package["resources"]}
     speed = speeds[f"data/{name}.csv"]
+    motions = {
+        point: [
+            np.column_stack([columns[f"{point}.{rate}{axis}"] for axis in "xyz"]) for rate in ("", "v", "a")
+        ]
+        for point in (column.removesuffix(".ax") for column in head if column.endswith(".ax"))
+    }
     return ReferenceTable(
         name=name,
         mechanism=paths[f"mechanisms/{name}.toml"],
         speed=None if speed is None else float(speed.split()[0]),
         first=columns[head[0]],
-        points={point: _point(columns, point) for point in _points(head)},
+        points={point: PointMotion(*motion) for point, motion in motions.items()},
         drive_forces={
             resource.partition(":")[2]: column
             for resource, column in columns.items()
             if resource.startswith(DRIVE_FORCE_PREFIXES)
         },
-    )
-
-
-def _points(head: list[str]) -> list[str]:
-    return [name.removesuffix(".ax") for name in head if name.endswith(".ax")]
-
-
-def _point(columns: Mapping[str, Array], name: str) -> PointMotion:
-    return PointMotion(
-        *(np.column_stack([columns[f"{name}.{rate}{axis}"] for axis in "xyz"]) for rate in ("", "v", "a"))
     )

@@ -22,7 +22,7 @@ from mechsim.mechanism.forces import JointSpring
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, IDENTITY, Inertia, Link, Pose, Vector, vector
+from mechsim.mechanism.links import GROUND, IDENTITY, Inertia, Link, Pose, vector
 from mechsim.numerics.arrays import Array
 
 # elements and attribute of mechsim: drivers, positions of joints at the poses of the file, names
@@ -91,7 +91,7 @@ def read_sdf(path: str) -> KinematicSolver:
             _add_mimic(contents, _label(element), mimic, frames)
     for frame in model.findall("frame"):
         link, pose = _placed(frames, frame.get("name", ""))
-        contents.points[_label(frame)] = link, _in_body(bodies.get(link, IDENTITY), pose.position)
+        contents.points[_label(frame)] = link, vector(bodies.get(link, IDENTITY).local(pose.position))
     contents.drivers = tuple((each.text or "").strip() for each in model.findall(DRIVER))
     return contents.solver(_unread(root))
 
@@ -136,9 +136,9 @@ def _add_joint(contents: FileContents, element: Element, frames: Mapping[str, El
     starts = own.position - (0.0 if KINDS[kind].hinge else position) * axes[0], own.position
     bodies, ends = {GROUND: IDENTITY, **contents.poses}, list[End]()
     for link, start, axis, reference in zip(sides, starts, axes, (x, rotated), strict=True):
-        own_axes = bodies[link].rotation.T
+        body, own_axes = bodies[link], bodies[link].rotation.T
         toward = None if crossed else vector(own_axes @ reference)
-        ends.append(End(link, _in_body(bodies[link], start), vector(own_axes @ axis), toward))
+        ends.append(End(link, vector(body.local(start)), vector(own_axes @ axis), toward))
     cross_angle = float(np.arccos(axes[0] @ axes[1])) if crossed else np.pi / 2
     contents.joints.append(Joint(name, kind, *ends, cross_angle=cross_angle))
     axis = element.find("axis")
@@ -206,11 +206,6 @@ def _unread(element: Element, key: str = "") -> Iterator[str]:
 def _label(element: Element) -> str:
     """Return the name of an element, that of its mechanism if mechsim wrote it."""
     return element.get(NAME) or element.get("name", "")
-
-
-def _in_body(body: Pose, position: Array) -> Vector:
-    """Return a position in the world in the frame of a body."""
-    return vector(body.rotation.T @ (position - body.position))
 
 
 def _pose(element: Element) -> Pose:

@@ -45,8 +45,8 @@ def with_backlash(document: Mapping[str, Any]) -> dict[str, Any]:
 
 def _require_single(name: str, joint: Mapping[str, Any], couplings: Mapping[str, Any]) -> None:
     kind = KINDS.get(joint["kind"])
-    if kind is None or not kind.single or kind.helical:
-        kinds = kinds_that(lambda kind: kind.single and not kind.helical)
+    if kind is None or not kind.single:
+        kinds = kinds_that(lambda kind: kind.single)
         raise InputError(
             f"backlash is given in {joint['kind']} joint {name!r}; give it in a {kinds} joint, or a coupling"
         )

@@ -118,30 +118,32 @@ def cam_joints(
             f"b = {{ link, at }}, with a cam of the file ({', '.join(cams) or 'it has none'})"
         )
     guide, lifted = f"{VIRTUAL_PREFIX}{name}.guide", f"{VIRTUAL_PREFIX}{name}"
-    back = {"axis": [0.0, 0.0, -1.0]}
-    law: dict[str, Any]
+    back, flat = {"axis": [0.0, 0.0, -1.0]}, cam.kind == "flat"
     if cam.motion == "translating":
-        x, y = (0.0, cam.start) if cam.kind == "flat" else (cam.offset, cam.start)
-        law = {"kind": "prismatic", "a": {"link": guide, "at": _in_metres(x, y), "axis": [0.0, 1.0, 0.0]}}
-        law["b"] = {"link": lifted, "axis": [0.0, 1.0, 0.0]}
-        contact = _in_metres(0.0, 0.0)
+        kind, along, position = (
+            "prismatic",
+            {"axis": [0.0, 1.0, 0.0]},
+            (0.0 if flat else cam.offset, cam.start),
+        )
+        start, contact = along, (0.0, 0.0)
     else:
-        reference = [-np.cos(cam.start), np.sin(cam.start), 0.0]
-        law = {"kind": "revolute"}
-        law["a"] = {"link": guide, "at": _in_metres(cam.centre_distance, 0.0), "reference": reference, **back}
-        law["b"] = {"link": lifted, **back}
-        contact = _in_metres(0.0, -cam.offset) if cam.kind == "flat" else _in_metres(cam.arm, 0.0)
+        kind, along, position = "revolute", back, (cam.centre_distance, 0.0)
+        start = along | {"reference": [-np.cos(cam.start), np.sin(cam.start), 0.0]}
+        contact = (0.0, -cam.offset) if flat else (cam.arm, 0.0)
+    force_joint, face = (f"{name}.face", {"axis": [1.0, 0.0, 0.0]}) if flat else (f"{name}.point", {})
     joints: dict[str, Any] = {
         name: {"kind": "revolute", "a": side | back, "b": {"link": guide, **back}},
-        lifted: law,
+        lifted: {
+            "kind": kind,
+            "a": {"link": guide, "at": _in_metres(*position), **start},
+            "b": {"link": lifted, **along},
+        },
+        force_joint: {
+            "kind": "prismatic" if flat else "spherical",
+            "a": {"link": lifted, "at": _in_metres(*contact), **face},
+            "b": face | joint["b"],
+        },
     }
-    ends = {"a": {"link": lifted, "at": contact}, "b": joint["b"]}
-    if cam.kind == "flat":
-        force_joint, face = f"{name}.face", {"axis": [1.0, 0.0, 0.0]}
-        joints[force_joint] = {"kind": "prismatic", "a": ends["a"] | face, "b": face | ends["b"]}
-    else:
-        force_joint = f"{name}.point"
-        joints[force_joint] = {"kind": "spherical", **ends}
     coupling = Coupling(f"{name}.law", lifted, name, (), function=cam.law, repeats=True)
     entry = entries[cam.name]
     one_sided, restitution = entry.get("closure", "force") == "force", entry.get("restitution")

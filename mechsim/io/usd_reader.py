@@ -7,6 +7,7 @@ Source: OpenUSD, "Rigid body physics", openusd.org.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -78,41 +79,71 @@ def read_usd(path: str) -> KinematicSolver:
         raise InputError(f"{path} is no USD file ({lines[0]}); correct it") from None
 
 
+@dataclass
+class SceneReader:
+    """A scene as it is read, in [m] and [kg].
+
+    Attributes:
+        contents: what was read.
+        transforms: of all prims, in the units of the scene.
+        metre: its unit of length in [m].
+        kilogram: its unit of mass in [kg].
+        links: path of a body -> link.
+    """
+
+    contents: FileContents
+    transforms: Any
+    metre: float
+    kilogram: float
+    links: dict[Any, str]
+
+    def pose(self, prim: Any) -> Pose:
+        """Return the pose of a prim in the world, its scale left out."""
+        matrix = self.transforms.GetLocalToWorldTransform(prim)
+        rotation = np.array(matrix.RemoveScaleShear().ExtractRotationMatrix(), float).T
+        return Pose(np.array(matrix.ExtractTranslation(), float) * self.metre, rotation)
+
+    def link(self, prim: Any) -> str:
+        """Return the link to which a prim belongs; the ground outside of all bodies."""
+        while prim and prim.GetPath() not in self.links:
+            prim = prim.GetParent()
+        return self.links[prim.GetPath()] if prim else GROUND
+
+    def pose_of(self, link: str) -> Pose:
+        """Return the pose of a link."""
+        return self.contents.poses.get(link, IDENTITY)
+
+
 def _contents(stage: Any) -> FileContents:
-    """Return what a stage contains, in [m] and [kg]."""
+    """Return what a stage contains."""
     from pxr import Usd, UsdGeom, UsdPhysics
 
     metre, kilogram = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
     prims = list(stage.Traverse(Usd.TraverseInstanceProxies()))
-    bodies = {prim.GetPath(): prim for prim in prims if _is_body(prim)}
     root = stage.GetDefaultPrim()
     name = _name(root) if root else Path(stage.GetRootLayer().identifier).stem
     contents = FileContents(name, _gravity(stage, prims, metre))
     contents.drivers = tuple(root.GetAttribute(f"{DOUBLE}drivers").Get() or ()) if root else ()
-    transforms = UsdGeom.XformCache()
-    for path, body in bodies.items():
-        link = _unused(_name(body), path, contents.poses)
-        contents.poses[link] = _pose(transforms, body, metre)
-        contents.links.append(Link(link, inertia=_inertia(body, transforms, metre, kilogram)))
+    scene = SceneReader(contents, UsdGeom.XformCache(), metre, kilogram, {})
+    for body in (prim for prim in prims if _is_body(prim)):
+        link = scene.links[body.GetPath()] = _unused(_name(body), body.GetPath(), contents.poses)
+        start = contents.poses[link] = scene.pose(body)
+        contents.links.append(Link(link, inertia=_inertia(scene, body)))
         if body.GetAttribute(f"{PHYSICS}kinematicEnabled").Get():
-            start = contents.poses[link]
-            side = End(
-                GROUND, vector(start.position), vector(start.rotation[:, 2]), vector(start.rotation[:, 0])
-            )
+            z, x = (vector(start.rotation[:, column]) for column in (2, 0))
+            side = End(GROUND, vector(start.position), z, x)
             contents.joints.append(Joint(f"{link} kinematic", "fixed", side, End(link)))
-    links = dict(zip(bodies, contents.poses, strict=True))
     joints = [prim for prim in prims if prim.IsA(UsdPhysics.Joint) and _enabled(prim)]
     names: dict[Any, str] = {}
     for prim in joints:
         names[prim.GetPath()] = _unused(_name(prim), prim.GetPath(), names.values())
-        _add_joint(contents, prim, names[prim.GetPath()], links, transforms, (metre, kilogram))
+        _add_joint(scene, prim, names[prim.GetPath()])
     for prim in joints:
         _add_mimic(contents, prim, names, metre)
     for prim in prims:
         if prim.GetAttribute(f"{DOUBLE}point").Get():
-            link, body = _holder(prim, links)
-            pose = _pose(transforms, prim, metre)
-            contents.points[_name(prim)] = link, _in_body(contents, link, pose.position)
+            link = scene.link(prim)
+            contents.points[_name(prim)] = link, vector(scene.pose_of(link).local(scene.pose(prim).position))
     return contents
 
 
@@ -186,91 +217,51 @@ def _gravity(stage: Any, prims: Iterable[Any], metre: float) -> Array:
     return np.zeros(3)
 
 
-def _pose(transforms: Any, prim: Any, metre: float) -> Pose:
-    """Return the pose of a prim in the world, its scale left out."""
-    matrix = transforms.GetLocalToWorldTransform(prim)
-    rotation = np.array(matrix.RemoveScaleShear().ExtractRotationMatrix(), float).T
-    return Pose(np.array(matrix.ExtractTranslation(), float) * metre, rotation)
-
-
-def _inertia(body: Any, transforms: Any, metre: float, kilogram: float) -> Inertia | None:
+def _inertia(scene: SceneReader, body: Any) -> Inertia | None:
     """Return the inertia of a body; None without a mass. Only its centre is scaled, as by pxr."""
     from pxr import Gf
 
-    mass = _number(body, "mass", 0.0) * kilogram
+    mass = _number(body, "mass", 0.0) * scene.kilogram
     if not mass > 0.0:
         return None
-    scale = np.array(Gf.Transform(transforms.GetLocalToWorldTransform(body)).GetScale())
-    centre = np.nan_to_num(_numbers(body, "centerOfMass", 3), neginf=0.0) * scale * metre
+    scale = np.array(Gf.Transform(scene.transforms.GetLocalToWorldTransform(body)).GetScale())
+    centre = np.nan_to_num(_numbers(body, "centerOfMass", 3), neginf=0.0) * scale * scene.metre
     axes = _rotation(body, "principalAxes")
     moments = axes @ np.diag(np.nan_to_num(_numbers(body, "diagonalInertia", 3))) @ axes.T
-    tensor: Any = (moments + moments.T) / 2.0 * kilogram * metre**2
+    tensor: Any = (moments + moments.T) / 2.0 * scene.kilogram * scene.metre**2
     return Inertia(mass, vector(centre), tensor)
 
 
-def _holder(prim: Any, links: Mapping[Any, str]) -> tuple[str, Any]:
-    """Return the link to which a prim belongs, and the body; the ground outside of all bodies."""
-    while prim and prim.GetPath() not in links:
-        prim = prim.GetParent()
-    return (links[prim.GetPath()], prim) if prim else (GROUND, None)
-
-
-def _in_body(contents: FileContents, link: str, position: Array) -> Any:
-    """Return a position in the world in the frame of a link."""
-    pose = contents.poses.get(link, IDENTITY)
-    return vector(pose.rotation.T @ (position - pose.position))
-
-
-def _add_joint(
-    contents: FileContents,
-    prim: Any,
-    name: str,
-    links: Mapping[Any, str],
-    transforms: Any,
-    units: tuple[float, float],
-) -> None:
-    """Add a joint, and what limits and drives it.
-
-    Args:
-        contents: to add to.
-        prim: the joint.
-        name: of the joint.
-        links: path of a body -> link.
-        transforms: of all prims.
-        units: of length in [m], and of mass in [kg].
-    """
+def _add_joint(scene: SceneReader, prim: Any, name: str) -> None:
+    """Add a joint, and what limits and drives it."""
     kind, axes, length = _kind(prim, name)
     columns = np.roll(np.arange(3), -axes[0] - 1)  # the axis of the joint becomes z
-    sides = [_side(prim, side, links, transforms, units[0]) for side in ("0", "1")]
+    sides = [_side(scene, prim, side) for side in ("0", "1")]
     (_, start_a, frame_a), (_, start_b, frame_b) = sides
     frames = [frame_a[:, columns], frame_b[:, columns]]
     if KINDS[kind].crossed:
         # side a: z, and x toward the axis of side b; side b: the reverse
         frames = [_from_z_and_x(frame_a, *axes), _from_z_and_x(frame_b, *axes[::-1])]
-    end_a, end_b = (
-        End(
-            *(link, _in_body(contents, link, start)),
-            *(_direction(contents, link, frame[:, column]) for column in (2, 0)),
-        )
-        for (link, start, _), frame in zip(sides, frames, strict=True)
-    )
-    contents.joints.append(Joint(name, kind, end_a, end_b, length=length * units[0]))
+    ends: list[End] = []
+    for (link, start, _), frame in zip(sides, frames, strict=True):
+        pose = scene.pose_of(link)
+        z, x = (vector(pose.rotation.T @ frame[:, column]) for column in (2, 0))
+        ends.append(End(link, vector(pose.local(start)), z, x))
+    scene.contents.joints.append(Joint(name, kind, ends[0], ends[1], length=length * scene.metre))
     if KINDS[kind].single:
         (value,) = coordinates(KINDS[kind], start_b - start_a, frames[0], frames[1], 0.0)
-        _add_axis_data(contents, prim, name, float(value), axes[0], units)
+        _add_axis_data(scene, prim, name, float(value), axes[0])
 
 
-def _add_axis_data(
-    contents: FileContents, prim: Any, name: str, value: float, axis: int, units: tuple[float, float]
-) -> None:
+def _add_axis_data(scene: SceneReader, prim: Any, name: str, value: float, axis: int) -> None:
     """Add the coordinate of a joint with one axis at the poses of the file, its limits, spring and damper."""
-    hinge = name in contents.hinges
+    contents, hinge = scene.contents, name in scene.contents.hinges
     stated = prim.GetAttribute(f"{DOUBLE}position").Get()
     if hinge and stated is not None:  # revolutions, which poses do not show
         value += 2.0 * np.pi * round((stated - value) / (2.0 * np.pi))
     contents.positions[name] = value
     own, which = prim.GetTypeName() in KIND_OF, _instance(prim, hinge, axis)
-    unit = np.deg2rad(1.0) if hinge else units[0]
+    unit = np.deg2rad(1.0) if hinge else scene.metre
     limits = (
         ("lowerLimit", "upperLimit") if own else (f"limit:{which}:physics:{end}" for end in ("low", "high"))
     )
@@ -279,7 +270,7 @@ def _add_axis_data(
         contents.ranges[name] = float(np.nan_to_num(low, nan=-np.inf)), float(np.nan_to_num(high, nan=np.inf))
     prefix = f"drive:{which}:{PHYSICS}"
     # forces in the unit of the file: torques from [kg m2/s2], forces from [kg m/s2]
-    force = units[1] * units[0] ** (2 if hinge else 1)
+    force = scene.kilogram * scene.metre ** (2 if hinge else 1)
     most = _number(prim, f"{prefix}maxForce", np.inf) * force
     acts = most > 0.0 and prim.GetAttribute(f"{prefix}type").Get() != "acceleration"
     factor = force * acts / unit
@@ -341,9 +332,7 @@ def _locked(prim: Any, coordinate: str) -> bool:
     return bool(low >= high)
 
 
-def _side(
-    prim: Any, side: str, links: Mapping[Any, str], transforms: Any, metre: float
-) -> tuple[str, Array, Array]:
+def _side(scene: SceneReader, prim: Any, side: str) -> tuple[str, Array, Array]:
     """Return the link of a side, and the position and the joint frame of the side in the world."""
     from pxr import Gf
 
@@ -355,20 +344,14 @@ def _side(
             f"joint {_name(prim)} connects {targets[0]}, which does not exist; correct its bodies"
         )
     if target is None:
-        return GROUND, local * metre, frame
-    position = transforms.GetLocalToWorldTransform(target).Transform(Gf.Vec3d(*local))
-    link, _ = _holder(target, links)
-    return link, np.array(position) * metre, _pose(transforms, target, metre).rotation @ frame
+        return GROUND, local * scene.metre, frame
+    position = scene.transforms.GetLocalToWorldTransform(target).Transform(Gf.Vec3d(*local))
+    return scene.link(target), np.array(position) * scene.metre, scene.pose(target).rotation @ frame
 
 
 def _from_z_and_x(frame: Array, z: int, x: int) -> Array:
     """Return a joint frame whose z and x are two columns of another, (3, 3)."""
     return np.column_stack([frame[:, x], np.cross(frame[:, z], frame[:, x]), frame[:, z]])
-
-
-def _direction(contents: FileContents, link: str, direction: Array) -> Any:
-    """Return a direction in the world in the frame of a link."""
-    return vector(contents.poses.get(link, IDENTITY).rotation.T @ direction)
 
 
 def _add_mimic(contents: FileContents, prim: Any, names: Mapping[Any, str], metre: float) -> None:

@@ -247,25 +247,27 @@ class Friction:
             return [(0, np.zeros((len(axis), TERMS, 3, 6)))] if self.static else []
         if self.coupling:
             # the load has the force of the coupling in place of the first component of a wrench
-            return [(0, _terms(mu * np.broadcast_to(np.diag([1.0, 0.0, 0.0]), (len(axis), 3, 3))))]
+            return [(0, _terms(force=mu * np.broadcast_to(np.diag([1.0, 0.0, 0.0]), (len(axis), 3, 3))))]
         along = axis[:, :, None] * axis[:, None, :]
         across = np.eye(3) - along
         arm = 1.0 / self.bearing_length if self.bearing_length else 0.0
         if kind.ball:
-            return [(0, _terms(mu * r * np.broadcast_to(np.eye(3), across.shape)))]
+            return [(0, _terms(force=mu * r * np.broadcast_to(np.eye(3), across.shape)))]
         if kind.helical:
             tangent = joint.lead / (2.0 * np.pi * r)
             cosine = 1.0 / np.sqrt(1.0 + tangent**2)
             normal = np.concatenate([along * cosine, along * (-tangent * cosine / r)], 2)
             thread = np.zeros((len(axis), TERMS, 3, 6))
             thread[:, 0] = mu * r / cosine * normal
-            return [(1, thread), (1, _terms(mu * self.collar_radius * along))]
+            return [(1, thread), (1, _terms(force=mu * self.collar_radius * along))]
         if kind.mixed:
-            sliding = _terms(mu * across, moment=mu * arm * across)
+            sliding = _terms(force=mu * across, moment=mu * arm * across)
             return [(0, sliding), (1, r * sliding)]
         if kind.hinge:
-            return [(0, _terms(mu * r * across, mu * self.collar_radius * along, mu * r * arm * across))]
-        return [(0, _terms(mu * across, moment=mu * arm * across, torsion=along * (mu / r if r else 0.0)))]
+            axial = mu * self.collar_radius * along
+            return [(0, _terms(force=mu * r * across, axial=axial, moment=mu * r * arm * across))]
+        torsion = along * (mu / r if r else 0.0)
+        return [(0, _terms(force=mu * across, moment=mu * arm * across, torsion=torsion))]
 
 
 RADII = ("pin_radius", "collar_radius", "bearing_length")
@@ -277,16 +279,19 @@ def _loaded(kind: Kind) -> bool:
     return kind.drivable or (kind.ball and kind.pivot)
 
 
-def _terms(
-    force: Array, second: Array | None = None, moment: Array | None = None, torsion: Array | None = None
-) -> Array:
+def _terms(**maps: Array) -> Array:
     """Return terms of a load, (n, TERMS, 3, 6), from maps (n, 3, 3) of the force and the moment."""
-    result = np.zeros((len(force), TERMS, 3, 6))
-    result[:, 0, :, :3] = force
-    if second is not None:
-        result[:, 1, :, :3] = second
-    if moment is not None:
-        result[:, 2, :, 3:] = moment
-    if torsion is not None:
-        result[:, 1, :, 3:] = torsion
+    result = np.zeros((len(maps["force"]), TERMS, 3, 6))
+    for name, values in maps.items():
+        row, columns = _PARTS_OF_LOAD[name]
+        result[:, row, :, columns] = values
     return result
+
+
+# map of the force or the moment -> its term, and its columns
+_PARTS_OF_LOAD = {
+    "force": (0, slice(3)),
+    "axial": (1, slice(3)),
+    "moment": (2, slice(3, 6)),
+    "torsion": (1, slice(3, 6)),
+}

@@ -168,6 +168,10 @@ class Pose:
         """Return the position of a point given in the link's frame, (..., 3) in [m]."""
         return self.position + self.rotation @ np.asarray(local)
 
+    def local(self, position: Array) -> Array:
+        """Return a point of the world in the link's frame, (3,) in [m]."""
+        return self.rotation.T @ (position - self.position)
+
     def select(self, index: int | slice | NDArray[np.intp]) -> Pose:
         """Return the pose or poses at an index of the first axis; a single pose is that at every index."""
         return self if self.position.ndim == 1 else Pose(self.position[index], self.rotation[index])

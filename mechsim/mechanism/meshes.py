@@ -134,19 +134,13 @@ def _toothed(mechanism: Mechanism, law: Coupling) -> tuple[ToothedLink, ToothedL
     joints: Mapping[str, Joint] = {joint.name: joint for joint in mechanism.joints}
     pair = [joints.get(side[0]) for side in sides]
     driven, driver = pair
-    if driven is None or driver is None or not all(_carries(joint) for joint in (driven, driver)):
+    if driven is None or driver is None or not all(KINDS[joint.kind].single for joint in (driven, driver)):
         return None
     shared = {driven.a.link, driven.b.link} & {driver.a.link, driver.b.link}
     if len(shared) != 1 or driven is driver:
         return None
     carrier = shared.pop()
     return _wheel(driven, carrier), _wheel(driver, carrier)
-
-
-def _carries(joint: Joint) -> bool:
-    """Whether a joint can guide a wheel or a rack: a hinge or a slide."""
-    kind = KINDS[joint.kind]
-    return kind.hinge or (kind.single and bool(kind.slides))
 
 
 def _wheel(joint: Joint, carrier: str) -> ToothedLink:

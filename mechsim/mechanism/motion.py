@@ -233,14 +233,11 @@ class Motion:
 
     def _columns(self) -> Iterator[tuple[str, Array, str]]:
         """Yield name, values and unit of each column."""
-        if self.drivers:
-            assert self.time is not None
+        if self.time is not None:
             yield "t", self.time, "s"
-            for name in self.drivers:
-                yield name, self.joints[name].value, self.joints[name].unit
-        else:
-            if self.time is not None:
-                yield "t", self.time, "s"
+        for name in self.drivers:
+            yield name, self.joints[name].value, self.joints[name].unit
+        if not self.drivers:
             yield "angle", self.angle, "rad"
         for name, point in self.points.items():
             rates = ("", "m", point.position), ("v", "m/s", point.velocity), ("a", "m/s2", point.acceleration)
