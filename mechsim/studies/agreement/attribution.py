@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -26,17 +26,8 @@ from mechsim.studies.scene.scene import UserScene
 STEPS, STEP_RATIO = 1000, 4
 
 
-@dataclass(frozen=True)
-class RunAtInstants:
-    """A run, and the exact motion at its driver positions.
-
-    Attributes:
-        exact: the exact motion at the run's own driver positions.
-        values: quantities of the run, (n, k) each.
-    """
-
-    exact: EvaluationPoints
-    values: tuple[Array, ...]
+# the exact motion at a run's own driver positions, and quantities of the run, (n, k) each
+RunAtInstants = tuple[EvaluationPoints, Sequence[Array]]
 
 
 def _own_runs(
@@ -45,11 +36,7 @@ def _own_runs(
     """Return runs of the generated model of a mechanism, with a virtual drive inertia."""
     solver, samples = evaluation.solver, len(evaluation) - 1
     fastest = float(np.abs(evaluation.speed).max()) * float(np.sign(evaluation.speed[0] or 1.0))
-    profile = (
-        profile_of(solver, fastest, solver.period / REVOLUTION)
-        if solver.motion_laws.crank
-        else profile_of(solver, 1.0, 1.0)
-    )
+    profile = profile_of(solver, fastest, solver.period / REVOLUTION)
     runs: list[RunAtInstants] = []
     for steps in (STEPS, STEP_RATIO * STEPS):
         run = simulated(solver, profile, settings=Settings(steps_per_turn=steps), samples=samples)
@@ -61,7 +48,7 @@ def _own_runs(
         )
         if motion.drivers:
             exact = replace(exact, solved=solver.solve_as(motion))
-        runs.append(RunAtInstants(exact, tuple(replace(exact, solved=motion).all(quantities))))
+        runs.append((exact, replace(exact, solved=motion).all(quantities)))
     return runs, f"the model of {solver.name}, {STEPS} steps a turn"
 
 
@@ -111,8 +98,7 @@ def _at_instants(
         # in the revolution of the motion law
         value = moved[name].value + (wrapped(off) if moved[name].unit == "rad" else off)
         moved[name] = replace(moved[name], value=value)
-    record = replace(evaluation.motion, joints=moved)
-    exact = replace(evaluation, solved=solver.solve_as(record))
+    exact = replace(evaluation, solved=solver.solve_as(replace(evaluation.motion, joints=moved)))
     positions = dict(zip(scene.tracked, np.moveaxis(recorded.points, 1, 0), strict=True))
     values: list[Array] = []
     for compared in quantities:
@@ -122,7 +108,7 @@ def _at_instants(
             values.append(joints[compared.subject][:, None])
         else:
             raise InputError(f"a run of {solver.name} does not contain {compared.subject}")
-    return RunAtInstants(exact, tuple(values))
+    return exact, values
 
 
 COMPONENTS = ("formula", "compliance", "time step", "drive", "rest")
@@ -155,7 +141,7 @@ def attribution_data(
         runs_of = _own_runs if evaluation.solver.source is None else _scene_runs
         # a run, and another one with a finer step and the same compliance
         runs, how = runs_of(evaluation, [candidate.quantity for candidate in positions])
-        claims = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0].exact)}
+        claims = {} if ask is None else {claim.quantity.name: claim for claim in ask(runs[0][0])}
         results: list[dict[str, Any]] = [
             _attribution(evaluation, runs, i, candidate, claims.get(candidate.quantity.name)) | {"run": how}
             for i, candidate in enumerate(positions)
@@ -183,8 +169,8 @@ def _attribution(
     """
     quantity = candidate.quantity
     law = requested.exact(quantity)
-    plain, fine = (run.exact.exact(quantity) for run in runs)
-    run, finer = (run.values[i] for run in runs)
+    plain, fine = (exact.exact(quantity) for exact, _ in runs)
+    run, finer = (values[i] for _, values in runs)
     gap = partial(candidate_errors, quantity)
     whole, soft = gap(run, candidate.values), gap(finer, fine)
     components = {

@@ -22,44 +22,30 @@ class FormulaTolerances:
     For poorly conditioned loops a tolerance widens by that power.
 
     Attributes:
-        positions: of points and joint coordinates.
-        velocities: of both.
-        accelerations: of both.
+        motion: of positions, velocities and accelerations of points and joints.
         forces: of torques, reactions and energies.
         reason: template with {part}, {scale} and {unit} of the tolerance.
     """
 
-    positions: tuple[float, int]
-    velocities: tuple[float, int]
-    accelerations: tuple[float, int]
+    motion: tuple[tuple[float, int], ...]
     forces: tuple[float, int]
     reason: str
-
-    def tolerance(self, quantity: Quantity) -> tuple[float, int]:
-        """Return the tolerance and its power for a quantity."""
-        by_order = (self.positions, self.velocities, self.accelerations)
-        return self.forces if quantity.loaded else by_order[quantity.order]
 
 
 # for any function or table: between the error of a solver inside a function, the square of the 1.5e-8 at
 # which scipy's fsolve stops, and the effect of a link that is 0.1 % too long, 1e-3
 USER_TOLERANCES = FormulaTolerances(
-    positions=(1e-8, 1),
-    velocities=(1e-6, 3),
-    accelerations=(1e-5, 5),
+    motion=((1e-8, 1), (1e-6, 3), (1e-5, 5)),
     forces=(1e-6, 5),
     reason="{part:.0e} of the motion's {scale:.3g} {unit} (a link 0.1 % too long would change 1e-3)",
 )
 # for the formula of a model's file: rounding times the condition of the loops. Positions of the 24
 # gallery mechanisms differ by 10 eps at most; the powers are those of solved poses (`verdict.quantities`)
 EXACT_TOLERANCES = FormulaTolerances(
-    positions=(1024 * EPS, 1),
-    velocities=(8192 * EPS, 3),
-    accelerations=(65536 * EPS, 5),
+    motion=((1024 * EPS, 1), (8192 * EPS, 3), (65536 * EPS, 5)),
     forces=(1e-10, 5),
     reason="{part:.0e} of the motion's {scale:.3g} {unit} (rounding; formulas have 2e-15)",
 )
-REQUESTED = "requested"
 
 
 @dataclass(frozen=True)
@@ -120,16 +106,12 @@ def formula_tolerance(
     """
     quantity, scale = candidate.quantity, scales.scale(candidate.quantity)
     usual = EXACT_TOLERANCES if exact and requested is None else USER_TOLERANCES
-    fraction, power = usual.tolerance(quantity)
+    fraction, power = usual.forces if quantity.loaded else usual.motion[quantity.order]
     if requested is not None:
-        more = fraction / USER_TOLERANCES.positions[0]
-        return Tolerance(requested / scales.length * scale * more, quantity.unit, REQUESTED)
-    return Tolerance(
-        fraction * scale,
-        quantity.unit,
-        usual.reason.format(part=fraction, scale=scale, unit=quantity.unit),
-        power,
-    )
+        more = fraction / USER_TOLERANCES.motion[0][0]
+        return Tolerance(requested / scales.length * scale * more, quantity.unit, "requested")
+    reason = usual.reason.format(part=fraction, scale=scale, unit=quantity.unit)
+    return Tolerance(fraction * scale, quantity.unit, reason, power)
 
 
 def candidate_check(

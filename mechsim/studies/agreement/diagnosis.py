@@ -1,15 +1,14 @@
 """The cause of a difference: all hypotheses are fitted; the simplest sufficient one is reported."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.mechanism.finding import Finding
 from mechsim.studies.agreement import dimension_hypotheses, driver_hypotheses, value_hypotheses
-from mechsim.studies.agreement.evaluation_points import Hypothesis
-from mechsim.studies.agreement.fitting import ODDS, Fitted, fitted
-from mechsim.studies.agreement.misfit import Misfit
+from mechsim.studies.agreement.misfit import Fitted, Hypothesis, Misfit, fitted
 
 HypothesisFamily = Callable[[Misfit], Iterator[Hypothesis]]
 
@@ -18,7 +17,6 @@ HypothesisFamily = Callable[[Misfit], Iterator[Hypothesis]]
 STAGES: tuple[tuple[HypothesisFamily, ...], ...] = (
     (
         value_hypotheses.units,
-        value_hypotheses.degrees,
         value_hypotheses.swapped,
         value_hypotheses.mirrored,
         value_hypotheses.directions,
@@ -48,6 +46,8 @@ ROUNDING, RELATIVE_ROUNDING = 3e-3, 1e-7
 # smallest explained fraction of a reported cause, and of a certain one, which also meets every tolerance
 MIN_EXPLAINED, CERTAIN = 0.3, 0.9
 MAX_FINDINGS = 4
+# twice the log-likelihood ratio above which a worse-fitting cause is dropped
+ODDS = 12.0
 # ratio of difference to tolerance below which no cause can be determined
 TOLERANCE_LEVEL = 1.5
 
@@ -56,10 +56,20 @@ def diagnosis(misfit: Misfit) -> tuple[Finding, ...]:
     """Return the causes of a difference, most likely first; if none fits, one finding that reports so."""
     if misfit.worst(misfit.exact) <= TOLERANCE_LEVEL:
         return (_none("the difference is too close to its tolerance to determine a cause"),)
-    tried = [cause for cause in _all(misfit) if cause.explains >= MIN_EXPLAINED]
+    floor = max(ROUNDING, RELATIVE_ROUNDING * misfit.magnitude)
+    tried = [cause for cause in _all(misfit, floor) if cause.explains >= MIN_EXPLAINED]
     if not tried:
         return (_none("none of the tested causes explains the difference"),)
-    causes = _equal_causes(misfit, _without_edges(misfit, tried))
+    # a cause that compares only some instants is dropped if one that compares all explains as much
+    whole = min((cause.remaining for cause in tried if cause.hypothesis.rows is None), default=np.inf)
+    causes = _equal_causes(
+        [
+            cause
+            for cause in tried
+            if cause.hypothesis.rows is None or not whole <= max(floor, 1.5 * cause.remaining)
+        ],
+        floor,
+    )
     certain = causes[0].worst <= 1.0 and causes[0].explains >= CERTAIN
     findings = tuple(
         _finding(cause, len(causes), certain and len(causes) <= MAX_FINDINGS)
@@ -70,75 +80,49 @@ def diagnosis(misfit: Misfit) -> tuple[Finding, ...]:
     return findings
 
 
-def _all(misfit: Misfit) -> Iterator[Fitted]:
-    """Yield fitted hypotheses stage by stage until one explains everything."""
+def _all(misfit: Misfit, floor: float) -> Iterator[Fitted]:
+    """Yield fitted hypotheses stage by stage until one leaves no more errors than a floor."""
     explained = False
     for stage in STAGES:
-        for designs in stage:
-            for result in _fitted_family(misfit, designs):
-                explained = explained or result.remaining <= _floor(misfit)
-                yield result
+        for hypotheses in stage:
+            # a hypothesis that does not apply to this mechanism explains nothing
+            with suppress(MechsimError):
+                for result in filter(None, (fitted(misfit, each) for each in hypotheses(misfit))):
+                    explained = explained or result.remaining <= floor
+                    yield result
         if explained:
             return
 
 
-def _fitted_family(misfit: Misfit, designs: HypothesisFamily) -> Iterator[Fitted]:
-    try:
-        for hypothesis in designs(misfit):
-            result = fitted(misfit, hypothesis)
-            if result is not None:
-                yield result
-    except MechsimError:
-        # a hypothesis that does not apply to this mechanism explains nothing
-        return
-
-
-def _floor(misfit: Misfit) -> float:
-    return max(ROUNDING, RELATIVE_ROUNDING * misfit.magnitude)
-
-
-def _without_edges(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
-    """Drop causes that compare only some instants, if a cause that compares all explains as much."""
-    whole = [fitted_cause for fitted_cause in tried if fitted_cause.hypothesis.rows is None]
-    best = min((fitted_cause.remaining for fitted_cause in whole), default=np.inf)
-    return [
-        fitted_cause
-        for fitted_cause in tried
-        if fitted_cause.hypothesis.rows is None
-        or not best <= max(_floor(misfit), 1.5 * fitted_cause.remaining)
-    ]
-
-
-def _equal_causes(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
+def _equal_causes(tried: list[Fitted], floor: float) -> list[Fitted]:
     """Return the causes that explain as much as the best one, reduced to the simplest of them."""
-    best = min(tried, key=lambda cause: cause.remaining)
-    floor = _floor(misfit)
+    best = min(cause.remaining for cause in tried)
 
     def equally_good(cause: Fitted) -> bool:
-        if cause.remaining <= max(floor, best.remaining):
+        if cause.remaining <= max(floor, best):
             return True
-        return best.remaining > floor and 2.0 * cause.count * np.log(cause.remaining / best.remaining) <= ODDS
+        return best > floor and 2.0 * len(cause.errors) * np.log(cause.remaining / best) <= ODDS
 
     among = [cause for cause in tried if equally_good(cause)]
     least = min(cause.hypothesis.tier for cause in among)
-    simplest = [cause for cause in among if cause.hypothesis.tier == least]
     # of equal explanations the smaller change comes first
     return sorted(
-        simplest, key=lambda cause: (cause.worst > 1.0, float(np.abs(cause.sizes).max(initial=0.0)))
+        (cause for cause in among if cause.hypothesis.tier == least),
+        key=lambda cause: (cause.worst > 1.0, float(np.abs(cause.sizes).max(initial=0.0))),
     )
 
 
 def _finding(cause: Fitted, alike: int, confirmed: bool) -> Finding:
-    hypothesis = cause.hypothesis
+    hypothesis, sizes = cause.hypothesis, cause.sizes.tolist()
     also = f", as {'does another' if alike == 2 else f'do {alike - 1} others'}" if alike > 1 else ""
     share = f"{100.0 * cause.explains:.3g} %" if cause.explains < 0.9995 else "all"
-    text = f"{hypothesis.text(cause.sizes)}: explains {share} of the difference{also}"
+    text = hypothesis.text(*sizes) if callable(hypothesis.text) else hypothesis.text
     return Finding(
         kind=hypothesis.kind,
         object=hypothesis.what,
-        value=hypothesis.by(cause.sizes),
-        explains=float(cause.explains),
-        message=text,
+        value=hypothesis.value(*sizes) if callable(hypothesis.value) else hypothesis.value,
+        explains=cause.explains,
+        message=f"{text}: explains {share} of the difference{also}",
         remedy="correct the one of the two that is wrong",
         certain=confirmed,
     )

@@ -17,17 +17,8 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import AXES
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import wrapped
-from mechsim.studies.agreement.evaluation_points import (
-    NAMED,
-    PLACED,
-    EvaluationPoints,
-    Hypothesis,
-    Values,
-    discrete,
-    sized,
-)
-from mechsim.studies.agreement.fitting import linearly_explains
-from mechsim.studies.agreement.misfit import Misfit
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Values
+from mechsim.studies.agreement.misfit import Hypothesis, Misfit, linearly_explains
 
 # number of joint positions that are solved again: those that explain most to first order
 MAX_SOLVED = 6
@@ -37,6 +28,8 @@ MIN_EXPLAINED = 0.25
 MAX_CHANGE = 3.0
 # fraction of its nominal value below which a changed dimension is reported as 0
 ROUNDED_TO_ZERO = 1e-4
+# rank of a position, which no parameter names, among explanations by one size
+PLACED = 0.5
 # step of central differences, relative to the mechanism's size
 STEP = 1e-5
 
@@ -44,7 +37,7 @@ STEP = 1e-5
 def parameters(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of one wrong parameter, coupling ratio or coupling phase: the most likely ones."""
     designs = misfit.designs
-    hypotheses = [_other_dimension(misfit, designs, name, NAMED) for name in designs.dimensions]
+    hypotheses = [_other_dimension(misfit, designs, name) for name in designs.dimensions]
     if not misfit.evaluation.solver.gear:
         numbers = _coupling_numbers(misfit.evaluation.solver)
         hypotheses += [_other_coupling(misfit, number) for number in numbers]
@@ -75,22 +68,24 @@ def _coupling_numbers(solver: KinematicSolver) -> Iterator[CouplingNumber]:
     """Yield the ratios and phases of gears, then those of other couplings."""
     mechanism = solver.mechanism
 
-    def gear(k: int, field: str, by: float) -> KinematicSolver:
-        gears = list(mechanism.gears)
-        gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
-        return solver.with_mechanism(replace(mechanism, gears=tuple(gears)))
+    def with_law(field: str, k: int, law: object) -> KinematicSolver:
+        laws = list(getattr(mechanism, field))
+        laws[k] = law
+        return solver.with_mechanism(replace(mechanism, **{field: tuple(laws)}))
+
+    def gear(k: int, number: str, by: float) -> KinematicSolver:
+        own = mechanism.gears[k]
+        return with_law("gears", k, replace(own, **{number: getattr(own, number) + by}))
 
     def coefficient(k: int, i: int, by: float) -> KinematicSolver:
-        laws = list(mechanism.couplings)
-        terms = list(laws[k].coefficients)
+        terms = list(mechanism.couplings[k].coefficients)
         terms[i] += by
-        laws[k] = replace(laws[k], coefficients=tuple(terms))
-        return solver.with_mechanism(replace(mechanism, couplings=tuple(laws)))
+        return with_law("couplings", k, replace(mechanism.couplings[k], coefficients=tuple(terms)))
 
     for k, own in enumerate(mechanism.gears):
-        for field, kind in (("ratio", "gear"), ("phase", "phase")):
+        for number, kind in (("ratio", "gear"), ("phase", "phase")):
             label = f"the ratio of {own.name}"
-            yield CouplingNumber(own.name, kind, label, own.ratio, partial(gear, k, field))
+            yield CouplingNumber(own.name, kind, label, own.ratio, partial(gear, k, number))
     for k, law in enumerate(mechanism.couplings):
         for i, kind in ((1, "gear"), (0, "phase")):
             if i < len(law.coefficients):
@@ -108,13 +103,12 @@ def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
         numbers = [CouplingNumber(own, "gear", own, ratio, lambda by: designs.make({own: ratio + by}))]
     for number in numbers:
         for other in {-number.ratio, 1.0 / number.ratio} - {number.ratio}:
-            text = f"{number.label} is {other:.6g} instead of {number.ratio:.6g}"
-            predict = partial(_with_number, misfit, number, other - number.ratio)
-            yield discrete("gear", number.name, predict, text, (other - number.ratio) / abs(number.ratio))
+            text, by = f"{number.label} is {other:.6g} instead of {number.ratio:.6g}", other - number.ratio
 
+            def predict(number: CouplingNumber = number, by: float = by) -> Values:
+                return misfit.predicted(misfit.evaluation.with_dimensions(number.changed(by), similar=False))
 
-def _with_number(misfit: Misfit, number: CouplingNumber, by: float) -> Values:
-    return misfit.predicted(_solved_from_start(misfit.evaluation, number.changed(by)))
+            yield Hypothesis("gear", number.name, predict, text, by / abs(number.ratio))
 
 
 def positions(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -135,9 +129,7 @@ def _likely(misfit: Misfit, hypotheses: list[Hypothesis], count: int) -> list[Hy
     ranked: list[tuple[float, Hypothesis]] = []
     for hypothesis in hypotheses:
         values = _first_order(hypothesis)
-        if values is None:
-            continue
-        derivative = misfit.scaled(values)
+        derivative = np.zeros(1) if values is None else misfit.scaled(values)
         if derivative.any() and np.isfinite(derivative).all():
             ranked.append((linearly_explains(misfit, derivative[:, None]), hypothesis))
     ranked.sort(key=lambda pair: -pair[0])
@@ -149,15 +141,15 @@ def _first_order(hypothesis: Hypothesis) -> Values | None:
     with suppress(MechsimError, KeyError):
         if hypothesis.derivative is not None:
             return hypothesis.derivative()
-    if hypothesis.tier == NAMED:
+    if hypothesis.rank != PLACED:
         with suppress(MechsimError, ValueError):
             # the central differences of predicted values by one size at zero
-            ahead, behind = (hypothesis.predict(np.array([direction * STEP])) for direction in (1.0, -1.0))
+            ahead, behind = (hypothesis.predict(step) for step in (STEP, -STEP))
             return [(a - b) / (2.0 * STEP) for a, b in zip(ahead, behind, strict=True)]
     return None
 
 
-def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: float) -> Hypothesis:
+def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, rank: float = 0.0) -> Hypothesis:
     evaluation, dimension = misfit.evaluation, designs.dimensions[name]
     scale = _scale(dimension, misfit.length)
 
@@ -180,7 +172,7 @@ def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: flo
         return f"{name} is {now}{unit} instead of {dimension.value:.6g}{unit}{fraction}"
 
     kind = _kind(designs, dimension, evaluation.solver)
-    return sized(kind, name, predict, text, STEP, tier=tier, derivative=derivative)
+    return Hypothesis(kind, name, predict, text, steps=(STEP,), derivative=derivative, rank=rank)
 
 
 def with_changed(
@@ -196,7 +188,7 @@ def with_changed(
     solver = designs.make({name: dimension.value + scale * change}).with_change_point(before.change_point)
     if not before.motion_laws.crank:
         solver = solver.with_mechanism(solver.mechanism, motion_laws=before.motion_laws)
-    return _resolved(evaluation, solver)
+    return evaluation.with_dimensions(solver)
 
 
 def _scale(dimension: Dimension, length: float) -> float:
@@ -215,22 +207,9 @@ def _require_small(change: float) -> None:
         raise AssemblyError(f"changes of a dimension are limited to {MAX_CHANGE:g} times its value")
 
 
-def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
-    """Return evaluation points of a mechanism with other dimensions."""
-    if solver.closed_form is not None:
-        return _solved_from_start(evaluation, solver)
-    return evaluation.with_dimensions(solver)
-
-
-def _solved_from_start(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
-    """Return evaluation points of a mechanism too different to start from the nominal motion."""
-    return replace(evaluation, solver=solver, dynamic_model=evaluation.dynamic_model_of(solver), solved=None)
-
-
 def _kind(designs: DesignFamily, dimension: Dimension, solver: KinematicSolver) -> str:
     """Return the kind of a dimension: gear ratio, gear phase, or parameter."""
-    own = getattr(solver, "gear", "")
-    if own:
+    if own := solver.gear:
         return {own: "gear", "phase": "phase"}.get(dimension.name, "dimension")
     if not solver.mechanism.laws or dimension.unit == "m":
         return "dimension"
@@ -259,7 +238,7 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
         x, y, z = moved
         points = {**solver.mechanism.points, point: (link, (x, y, z))}
         other = solver.with_mechanism(replace(solver.mechanism, points=points))
-        return misfit.predicted(_resolved(misfit.evaluation, other))
+        return misfit.predicted(misfit.evaluation.with_dimensions(other))
 
     def derivative() -> Values:
         links = misfit.evaluation.motion.links
@@ -281,7 +260,7 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
         return f"point {point} lies {extent * change:.6g} m farther along {AXES[i]} on link {link}"
 
     name = f"{point}.at.{AXES[i]}"
-    return sized("dimension", name, predict, text, STEP, tier=PLACED, derivative=derivative)
+    return Hypothesis("dimension", name, predict, text, steps=(STEP,), derivative=derivative, rank=PLACED)
 
 
 def _other_coupling(misfit: Misfit, number: CouplingNumber) -> Hypothesis:
@@ -289,14 +268,14 @@ def _other_coupling(misfit: Misfit, number: CouplingNumber) -> Hypothesis:
     scale = (abs(ratio) or 1.0) if geared else 1.0
 
     def predict(change: float) -> Values:
-        return misfit.predicted(_resolved(misfit.evaluation, number.changed(scale * change)))
+        return misfit.predicted(misfit.evaluation.with_dimensions(number.changed(scale * change)))
 
     def text(change: float) -> str:
         if geared:
             return f"{number.label} is {ratio + scale * change:.6g} instead of {ratio:.6g}"
         return f"the phase of {number.name} is larger by {change:.6g}"
 
-    return sized(number.kind, number.name, predict, text, STEP)
+    return Hypothesis(number.kind, number.name, predict, text, steps=(STEP,))
 
 
 def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -309,10 +288,8 @@ def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
         if (chosen := assembly.selectors) != own:
             others.append((", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), assembly))
     for what, other in others:
-        elsewhere = _solved_from_start(misfit.evaluation, other)
-        yield discrete(
-            "assembly", what, partial(misfit.predicted, elsewhere), f"another assembly mode: {what}"
-        )
+        predict = partial(misfit.predicted, evaluation.with_dimensions(other, similar=False))
+        yield Hypothesis("assembly", what, predict, f"another assembly mode: {what}")
 
 
 def _searched_assemblies(solver: KinematicSolver) -> list[tuple[str, KinematicSolver]]:

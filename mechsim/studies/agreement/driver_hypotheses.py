@@ -1,6 +1,7 @@
 """Hypotheses on drivers and loads: direction, offset, degrees, delay, phase, swaps, gravity, masses."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -10,15 +11,8 @@ import numpy as np
 from mechsim.errors import AssemblyError
 from mechsim.mechanism.motion_laws import MotionLaws, State
 from mechsim.numerics.arrays import REVOLUTION, Array, rms, wrapped
-from mechsim.studies.agreement.evaluation_points import (
-    NAMED,
-    EvaluationPoints,
-    Hypothesis,
-    Values,
-    discrete,
-    sized,
-)
-from mechsim.studies.agreement.misfit import Misfit
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Values
+from mechsim.studies.agreement.misfit import Hypothesis, Misfit
 
 DEG = 180.0 / np.pi
 # largest delay that is tried, in samples
@@ -31,8 +25,13 @@ STANDARD_GRAVITY = 9.81
 LawChange = Callable[[State], State]
 
 
-def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> EvaluationPoints:
-    """Return evaluation points with other motion laws: driver -> change of its law."""
+def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Values:
+    """Return predicted values under other motion laws: driver -> change of its law.
+
+    Raises:
+        AssemblyError: for a motion that cannot be assembled.
+    """
+    evaluation = misfit.evaluation
     solver, motion_laws = evaluation.solver, evaluation.solver.motion_laws
     if motion_laws.crank:
         crank = solver.mechanism.crank.name
@@ -41,17 +40,18 @@ def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> E
             steady = changes[crank](lambda _: steady)(evaluation.angle)
         angle, speed, acceleration = steady
         angle = _within_a_period(evaluation, angle)
-        return replace(evaluation, angle=angle, speed=speed, acceleration=acceleration)
+        return misfit.predicted(replace(evaluation, angle=angle, speed=speed, acceleration=acceleration))
     joints = dict(evaluation.motion.joints)
     time = motion_laws.instants(evaluation.angle)
     for name, change in changes.items():
         state = change(motion_laws.by_name[name])(time)
         value, rate, second = (np.broadcast_to(values, time.shape) for values in state)
-        unit = solver.mechanism.characteristic_length if solver.mechanism.unit(name) == "m" else 1.0
+        unit = misfit.length if solver.mechanism.unit(name) == "m" else 1.0
         if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
             raise AssemblyError(f"{name} would leave the range in which motion laws are followed")
         joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
-    return replace(evaluation, solved=solver.solve_as(replace(evaluation.motion, joints=joints)))
+    solved = solver.solve_as(replace(evaluation.motion, joints=joints))
+    return misfit.predicted(replace(evaluation, solved=solved))
 
 
 def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
@@ -61,15 +61,6 @@ def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
     if not solver.crank_range().full or np.abs(displacement).max() < 2.5 * solver.period:
         return angle
     return solver.mechanism.start + displacement % solver.period
-
-
-def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Values:
-    """Return predicted values under other motion laws.
-
-    Raises:
-        AssemblyError: for a motion that cannot be assembled.
-    """
-    return misfit.predicted(_driven(misfit.evaluation, changes))
 
 
 def _scaled_driver(misfit: Misfit, driver: str, scale: float, offset: float) -> Values:
@@ -83,18 +74,17 @@ def _scaled_driver(misfit: Misfit, driver: str, scale: float, offset: float) -> 
     return _under_other_laws(misfit, {driver: change})
 
 
-def _unit(misfit: Misfit, driver: str) -> str:
-    return "m" if misfit.evaluation.solver.mechanism.unit(driver) == "m" else "rad"
-
-
 def driver_directions(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a driver with the opposite direction, about zero or about its start."""
+    unit = misfit.evaluation.solver.mechanism.unit
     for driver, state in misfit.evaluation.drivers().items():
         first = float(state[0][0])
         for about in dict.fromkeys((0.0, 2.0 * first)):
-            suffix = "" if about == 0.0 else f" about its start, {first:.6g} {_unit(misfit, driver)}"
+            suffix = "" if about == 0.0 else f" about its start, {first:.6g} {unit(driver)}"
             text = f"{driver} moves in the opposite direction{suffix}"
-            yield discrete("sense", driver, partial(_scaled_driver, misfit, driver, -1.0, about), text, -1.0)
+            yield Hypothesis(
+                "sense", driver, partial(_scaled_driver, misfit, driver, -1.0, about), text, -1.0
+            )
 
 
 def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -102,17 +92,17 @@ def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
     for driver in misfit.evaluation.drivers():
         kind = "degrees"
         factors = {1.0 / DEG: "taken for degrees", DEG: "converted to degrees instead of radians"}
-        if _unit(misfit, driver) == "m":
+        if misfit.evaluation.solver.mechanism.unit(driver) == "m":
             kind, factors = "units", {1e3: "taken in mm for m", 1e-3: "taken in m for mm"}
         for factor, description in factors.items():
             predict = partial(_scaled_driver, misfit, driver, factor, 0.0)
-            yield discrete(kind, driver, predict, f"the coordinate of {driver} is {description}", factor)
+            yield Hypothesis(kind, driver, predict, f"the coordinate of {driver} is {description}", factor)
 
 
 def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of a constant offset of a driver."""
     for driver in misfit.evaluation.drivers():
-        angle = _unit(misfit, driver) == "rad"
+        angle = misfit.evaluation.solver.mechanism.unit(driver) == "rad"
 
         def text(offset: float, driver: str = driver, angle: bool = angle) -> str:
             amount = f"{offset:.6g} rad ({np.rad2deg(offset):.4g} deg)" if angle else f"{offset:.6g} m"
@@ -120,7 +110,7 @@ def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
 
         predict = partial(_scaled_driver, misfit, driver, 1.0)
         step, starts = (1e-5, (0.0, *_best_roll(misfit))) if angle else (1e-5 * misfit.length, (0.0,))
-        yield sized("offset", driver, predict, text, step, starts=starts)
+        yield Hypothesis("offset", driver, predict, text, steps=(step,), starts=starts)
 
 
 def _best_roll(misfit: Misfit) -> tuple[float, ...]:
@@ -132,16 +122,10 @@ def _best_roll(misfit: Misfit) -> tuple[float, ...]:
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - REVOLUTION) > 1e-9:
         return ()
 
-    def rolled(values: Array, k: int) -> Array:
-        once = np.roll(values[:-1], -k, axis=0)
-        return np.concatenate([once, once[:1]])
-
-    sizes = [rms(misfit.errors([rolled(values, k) for values in misfit.exact])) for k in range(n)]
+    rows = [(np.arange(n + 1) + k) % n for k in range(n)]
+    sizes = [rms(misfit.errors([values[rolled] for values in misfit.exact])) for rolled in rows]
     best = int(np.argmin(sizes))
-    if best in (0, 1, n - 1):
-        return ()
-    offset = (angle[1] - angle[0]) * best
-    return (float(wrapped(offset)),)
+    return () if best in (0, 1, n - 1) else (float(wrapped((angle[1] - angle[0]) * best)),)
 
 
 def delays(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -157,12 +141,12 @@ def delays(misfit: Misfit) -> Iterator[Hypothesis]:
         return misfit.predicted(replace(evaluation, angle=evaluation.angle - rate * lag, time=time - lag))
 
     if _starts_earlier(motion_laws):
-        yield sized(
+        yield Hypothesis(
             "delay",
             "",
             late,
             lambda lag: f"all is late by {lag:.6g} s, {lag / step:.4g} samples",
-            1e-3 * step,
+            steps=(1e-3 * step,),
             starts=(0.0, 3.0 * step, -3.0 * step),
         )
     if len(motion_laws.drivers) > 1:
@@ -172,12 +156,10 @@ def delays(misfit: Misfit) -> Iterator[Hypothesis]:
 
 def _starts_earlier(motion_laws: MotionLaws) -> bool:
     """Whether motion laws are defined before time zero."""
-    with np.errstate(all="ignore"):
-        try:
-            states = motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
-            return all(np.isfinite(values).all() for values in states)
-        except Exception:
-            return False
+    with np.errstate(all="ignore"), suppress(Exception):
+        states = motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
+        return all(np.isfinite(values).all() for values in states)
+    return False
 
 
 def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -189,32 +171,32 @@ def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
         shifted = {k: [np.roll(values, k, axis=0) for values in misfit.exact] for k in data}
         best = min(data, key=lambda k: rms(misfit.errors(shifted[k], data[k])))
         text = f"all is {abs(best)} samples {'late' if best > 0 else 'early'}"
-        yield discrete(
-            "delay", "samples", lambda: shifted[best], text, float(best), tier=NAMED, rows=data[best]
+        yield Hypothesis(
+            "delay", "samples", lambda: shifted[best], text, float(best), rows=data[best], rank=1.0
         )
 
 
 def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
-    return sized(
+    return Hypothesis(
         "phase",
         driver,
         lambda lag: _under_other_laws(misfit, {driver: lambda state: lambda time: state(time - lag)}),
         lambda lag: f"the motion law of {driver} is out of phase, late by {lag:.6g} s",
-        1e-4 * duration,
-        starts=[fraction * duration for fraction in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)],
+        steps=(1e-4 * duration,),
+        starts=tuple(fraction * duration for fraction in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)),
     )
 
 
 def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of two swapped drivers."""
-    motion_laws = misfit.evaluation.solver.motion_laws
-    for first, second in combinations(motion_laws.drivers, 2):
-        if _unit(misfit, first) == _unit(misfit, second):
-            by_name = motion_laws.by_name
-            laws = {first: lambda _, s=by_name[second]: s, second: lambda _, s=by_name[first]: s}
-            predict = partial(_under_other_laws, misfit, laws)
+    laws = misfit.evaluation.solver.motion_laws
+    for first, second in combinations(laws.drivers, 2):
+        units = {misfit.evaluation.solver.mechanism.unit(driver) for driver in (first, second)}
+        if len(units) == 1:
+            swapped = {first: lambda _, s=laws.by_name[second]: s, second: lambda _, s=laws.by_name[first]: s}
+            predict = partial(_under_other_laws, misfit, swapped)
             what = f"{first}, {second}"
-            yield discrete("swapped", what, predict, f"the drivers {what} are swapped")
+            yield Hypothesis("swapped", what, predict, f"the drivers {what} are swapped")
 
 
 def _under_gravity(misfit: Misfit, vector: Array) -> Values:
@@ -223,37 +205,32 @@ def _under_gravity(misfit: Misfit, vector: Array) -> Values:
     return misfit.predicted(replace(misfit.evaluation, dynamic_model=model.with_forces(forces)))
 
 
-def _gravity(misfit: Misfit) -> tuple[Array, float]:
-    """Return the gravity of the model, (3,), and its magnitude in [m/s2]."""
-    own = np.asarray(misfit.evaluation.loaded_model.forces.gravity)
-    return own, float(np.linalg.norm(own))
-
-
 def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield hypotheses of gravity left out, reversed or along another axis."""
     if not misfit.needs_forces:
         return
-    own, magnitude = _gravity(misfit)
-    others = [sign * (magnitude or STANDARD_GRAVITY) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
+    own = np.asarray(misfit.evaluation.loaded_model.forces.gravity)
+    magnitude = float(np.linalg.norm(own)) or STANDARD_GRAVITY
+    axes = [sign * magnitude * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
     was = ", ".join(f"{component:g}" for component in own)
-    for vector in [np.zeros(3), *others]:
+    for vector in [np.zeros(3), *axes]:
         if not np.allclose(vector, own):
             components = ", ".join(f"{component:g}" for component in vector)
             text = f"gravity is ({components}) m/s2 instead of ({was})"
             predict = partial(_under_gravity, misfit, vector)
-            yield discrete("gravity", components, predict, text, float(np.linalg.norm(vector)))
+            yield Hypothesis("gravity", components, predict, text, float(np.linalg.norm(vector)))
 
 
 def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
     """Yield the hypothesis of another magnitude of gravity."""
-    own, magnitude = _gravity(misfit) if misfit.needs_forces else (np.zeros(3), 0.0)
-    if magnitude:
-        yield sized(
+    own = np.asarray(misfit.evaluation.loaded_model.forces.gravity) if misfit.needs_forces else np.zeros(3)
+    if magnitude := float(np.linalg.norm(own)):
+        yield Hypothesis(
             "gravity",
             "",
             lambda change: _under_gravity(misfit, (1.0 + change) * own),
             lambda change: f"gravity is {(1 + change) * magnitude:.6g} m/s2 instead of {magnitude:.6g}",
-            1e-3,
+            steps=(1e-3,),
         )
 
 
@@ -287,4 +264,4 @@ def _other_mass(misfit: Misfit, what: str, names: set[str], moments: bool) -> Hy
         also = " and its moments" if moments else ", not its moments,"
         return f"the mass of {of_links}{also} is {100 * change:+.4g} % different"
 
-    return sized("mass", what, predict, text, 1e-3, tier=NAMED + (0.0 if moments else 0.1))
+    return Hypothesis("mass", what, predict, text, steps=(1e-3,), rank=0.0 if moments else 0.1)

@@ -1,13 +1,12 @@
-"""Evaluation points of a comparison, and hypotheses about a difference with the values that each predicts."""
+"""Evaluation points of a comparison: a mechanism, the instants, and the exact values there."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.compare.tolerances import RecordInstants
 from mechsim.errors import AssemblyError, InputError
@@ -25,80 +24,6 @@ if TYPE_CHECKING:
     from mechsim.kinetics.model import DynamicModel
 
 Values = Sequence[Array]
-Rows = NDArray[np.bool_]
-
-# tiers: the number of fitted sizes of a hypothesis, with 1.5 for positions without a name. If several causes
-# explain a difference equally well, the lowest tier is reported
-DISCRETE, NAMED, PLACED, TWO, THREE, SIX = 0.0, 1.0, 1.5, 2.0, 3.0, 6.0
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """One possible mistake.
-
-    Attributes:
-        kind: one word, the `kind` of the `Finding`.
-        what: the parameter, joint, point or driver.
-        tier: rank among equal explanations, such as `DISCRETE`.
-        predict: sizes (p,) -> values that the candidate data would have.
-        text: sizes (p,) -> message without the explained fraction.
-        by: sizes (p,) -> one number that represents the size.
-        starts: initial sizes of the fit; empty if there is nothing to fit.
-        steps: finite-difference steps of the sizes.
-        derivative: of the predicted values by the single size at zero; None takes finite differences.
-        rows: instants that are compared; None for all.
-    """
-
-    kind: str
-    what: str
-    tier: float
-    predict: Callable[[Array], Values]
-    text: Callable[[Array], str]
-    by: Callable[[Array], float] = lambda p: float(p[0])
-    starts: tuple[tuple[float, ...], ...] = ((),)
-    steps: tuple[float, ...] = ()
-    derivative: Callable[[], Values] | None = None
-    rows: Rows | None = None
-
-
-def discrete(
-    kind: str,
-    what: str,
-    predict: Callable[[], Values],
-    text: str,
-    by: float = 0.0,
-    *,
-    tier: float = DISCRETE,
-    rows: Rows | None = None,
-) -> Hypothesis:
-    """Return a hypothesis without a fitted size; arguments as for `Hypothesis`."""
-    return Hypothesis(kind, what, tier, lambda _: predict(), lambda _: text, lambda _: by, rows=rows)
-
-
-def sized(
-    kind: str,
-    what: str,
-    predict: Callable[[float], Values],
-    text: Callable[[float], str],
-    step: float,
-    *,
-    starts: Sequence[float] = (0.0,),
-    tier: float = NAMED,
-    derivative: Callable[[], Values] | None = None,
-) -> Hypothesis:
-    """Return a hypothesis with one fitted size; arguments as for `Hypothesis`."""
-    return Hypothesis(
-        kind,
-        what,
-        tier,
-        lambda p: predict(float(p[0])),
-        lambda p: text(float(p[0])),
-        starts=tuple((start,) for start in starts),
-        steps=(step,),
-        derivative=derivative,
-    )
-
-
 # default number of instants of a comparison: every five degrees of a revolution, both ends included
 INSTANTS = 73
 
@@ -164,25 +89,19 @@ class EvaluationPoints:
             return RecordInstants(self.time, "s")
         return RecordInstants(np.arange(1.0, len(self) + 1.0), "row")
 
-    def with_dimensions(self, solver: KinematicSolver) -> "EvaluationPoints":
-        """Return the points of a mechanism with other dimensions, solved from this motion where possible."""
-        if self._perturbed is None:
-            return replace(self, solver=solver, dynamic_model=self.dynamic_model_of(solver), solved=None)
-        motion = self._perturbed.with_dimensions(solver.mechanism).motion()
-        return replace(
-            self,
-            solver=solver,
-            dynamic_model=self.dynamic_model_of(solver),
-            solved=replace(motion, origin=None),
-        )
+    def with_dimensions(self, solver: KinematicSolver, *, similar: bool = True) -> "EvaluationPoints":
+        """Return the points of a mechanism with other dimensions, under the same forces.
 
-    def dynamic_model_of(self, solver: KinematicSolver) -> "DynamicModel | None":
-        """Return another solver with the forces of this one; None if there are none but its own."""
-        if self.dynamic_model is None:
-            return None
-        from mechsim.kinetics.model import dynamic_model
+        A similar one without formulas is solved from this motion where possible.
+        """
+        model = solved = None
+        if self.dynamic_model is not None:
+            from mechsim.kinetics.model import dynamic_model
 
-        return dynamic_model(solver, self.dynamic_model.forces)
+            model = dynamic_model(solver, self.dynamic_model.forces)
+        if similar and solver.closed_form is None and self._perturbed is not None:
+            solved = replace(self._perturbed.with_dimensions(solver.mechanism).motion(), origin=None)
+        return replace(self, solver=solver, dynamic_model=model, solved=solved)
 
     @cached_property
     def conditioning(self) -> Array:

@@ -1,9 +1,12 @@
-"""The difference between candidate data and the exact motion, relative to its tolerance."""
+"""Differences of candidate data from the exact motion, and hypotheses about them, fitted by least squares."""
 
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.compare.tolerances import Tolerance
 from mechsim.errors import MechsimError
@@ -15,7 +18,44 @@ from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.comparison import candidate_errors
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Rows, Values
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Values
+
+Rows = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One possible mistake, with sizes that are fitted to the difference.
+
+    Attributes:
+        kind: one word, the `kind` of the `Finding`.
+        what: the parameter, joint, point or driver.
+        predict: sizes -> values that the candidate data would have.
+        text: message without the explained fraction, or a function of the sizes that returns it.
+        value: number that represents the change, or a function of the sizes that returns it.
+        steps: finite-difference steps of the sizes; empty if there is nothing to fit.
+        starts: initial values of the fit, each for all sizes.
+        derivative: of the predicted values by the single size at zero; None takes finite differences.
+        rows: instants that are compared; None for all.
+        rank: added to the number of sizes; of causes that explain a difference equally well, those with the
+            smallest sum are reported.
+    """
+
+    kind: str
+    what: str
+    predict: Callable[..., Values]
+    text: str | Callable[..., str]
+    value: float | Callable[..., float] = float
+    steps: tuple[float, ...] = ()
+    starts: tuple[float, ...] = (0.0,)
+    derivative: Callable[[], Values] | None = None
+    rows: Rows | None = None
+    rank: float = 0.0
+
+    @property
+    def tier(self) -> float:
+        """Rank among equal explanations."""
+        return len(self.steps) + self.rank
 
 
 @dataclass(frozen=True)
@@ -37,8 +77,8 @@ class Misfit:
     allowed: tuple[Tolerance, ...]
     designs: DesignFamily
     function: bool = True
-    _by_dimension: dict[tuple[bool, str], Motion] = field(
-        default_factory=dict[tuple[bool, str], Motion], init=False, compare=False, repr=False
+    _by_dimension: dict[bool, Mapping[str, Motion]] = field(
+        default_factory=dict[bool, Mapping[str, Motion]], init=False, compare=False, repr=False
     )
 
     @cached_property
@@ -79,25 +119,24 @@ class Misfit:
             predicted: values in the order of the candidates, (n, k) each.
             rows: instants that are compared; None takes all.
         """
+        return self.scaled(self._differences(predicted), rows)
+
+    def _differences(self, predicted: Values) -> Values:
         pairs = zip(self.candidates, predicted, strict=True)
-        differences = [candidate_errors(own.quantity, own.values, values) for own, values in pairs]
-        return self.scaled(differences, rows)
+        return [candidate_errors(own.quantity, own.values, values) for own, values in pairs]
+
+    def _relative(self, values: Values, rows: Rows | None) -> Values:
+        compared = slice(None) if rows is None else rows
+        return [(own / scale)[compared] for own, scale in zip(values, self.bounds, strict=True)]
 
     def scaled(self, values: Values, rows: Rows | None = None) -> Array:
         """Return values in the order of the candidates, (n, k) each, relative to their scales as one row."""
-        kept = slice(None) if rows is None else rows
-        pairs = zip(values, self.bounds, strict=True)
-        return np.concatenate([(own / scale)[kept].ravel() for own, scale in pairs])
+        return np.concatenate([own.ravel() for own in self._relative(values, rows)])
 
     def worst(self, predicted: Values, rows: Rows | None = None) -> float:
         """Return the largest error relative to its tolerance; of vectors their length."""
-        kept = slice(None) if rows is None else rows
-        largest = [0.0]
-        for candidate, values, limit in zip(self.candidates, predicted, self.bounds, strict=True):
-            error = candidate_errors(candidate.quantity, candidate.values, values)
-            scaled = (error / limit)[kept]
-            largest.append(float(np.sqrt((scaled**2).sum(1)).max(initial=0.0)))
-        return max(largest)
+        relative = self._relative(self._differences(predicted), rows)
+        return max((float(np.sqrt((own**2).sum(1)).max(initial=0.0)) for own in relative), default=0.0)
 
     def predicted(self, evaluation: EvaluationPoints) -> Values:
         """Return the true values of other evaluation points.
@@ -114,14 +153,14 @@ class Misfit:
             KeyError: for a dimension that opens the loops, or if no nearby design can be assembled.
         """
         placed = designs is not self.designs
-        if (placed, "") not in self._by_dimension:
-            self._by_dimension[placed, ""] = self.evaluation.motion
-            for dimension, motion in derivatives_by_dimension(self.evaluation, designs).items():
-                self._by_dimension[placed, dimension] = motion
-        return self._by_dimension[placed, name]
+        if placed not in self._by_dimension:
+            # if the derivatives fail, they are not tried again
+            self._by_dimension[placed] = {}
+            self._by_dimension[placed] = derivatives_by_dimension(self.evaluation, designs)
+        return self._by_dimension[placed][name]
 
 
-def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> dict[str, Motion]:
+def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> Mapping[str, Motion]:
     """Return the derivatives of a motion by all dimensions that can change on their own."""
     change: dict[str, Array] = {}
     for name in designs.dimensions:
@@ -130,7 +169,145 @@ def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily
         except (MechsimError, ValueError):
             continue
     change = {name: derivative for name, derivative in change.items() if derivative.any()}
-    derivatives = motion_derivatives(
+    return motion_derivatives(
         evaluation.solver, change, evaluation.angle, evaluation.speed, evaluation.acceleration, torn=True
-    )
-    return dict(derivatives.by)
+    ).by
+
+
+# largest number of steps, and of halvings of one step
+MAX_STEPS, MAX_HALVINGS = 14, 8
+# relative decrease of the errors that justifies another step; errors that count as zero, relative to the
+# tolerances and to the difference
+MIN_DECREASE, ZERO_ERROR, RELATIVE_ROUNDING = 1e-3, 1e-4, 1e-9
+# a hypothesis that leaves more than this fraction of the difference after so many steps is given up
+TRIAL_STEPS, MAX_TRIAL_REMAINING = 4, 0.7
+# ratio of errors after and before a step above which the Jacobian is recomputed
+STALE_JACOBIAN = 0.7
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A hypothesis with its fitted sizes.
+
+    Attributes:
+        misfit: the difference.
+        hypothesis: the hypothesis.
+        sizes: fitted, (p,).
+        predicted: values that it predicts, in the order of the candidates.
+        errors: remaining errors, relative to their tolerances, (m,).
+    """
+
+    misfit: Misfit
+    hypothesis: Hypothesis
+    sizes: Array
+    predicted: Values
+    errors: Array
+
+    @cached_property
+    def remaining(self) -> float:
+        """Root mean square of the remaining errors."""
+        return rms(self.errors)
+
+    @cached_property
+    def before(self) -> float:
+        """Root mean square of the errors without the hypothesis."""
+        return rms(self.misfit.errors(self.misfit.exact, self.hypothesis.rows))
+
+    @cached_property
+    def worst(self) -> float:
+        """The largest remaining error; of vectors their length."""
+        return self.misfit.worst(self.predicted, self.hypothesis.rows)
+
+    @property
+    def explains(self) -> float:
+        """Explained fraction of the difference, 0 to 1."""
+        return max(0.0, 1.0 - self.remaining / self.before)
+
+    def moved(self, step: Array) -> "Fitted | None":
+        """Return the hypothesis with sizes moved by a step (p,); None if it cannot be assembled there."""
+        return _with_sizes(self.misfit, self.hypothesis, self.sizes + step)
+
+
+def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
+    """Return a hypothesis with the best-fitting sizes; None if it cannot be assembled at any start."""
+    count = len(hypothesis.steps)
+    starts = [_with_sizes(misfit, hypothesis, np.full(count, start)) for start in hypothesis.starts]
+    nearest = min(filter(None, starts), key=lambda trial: trial.remaining, default=None)
+    if nearest is None or not nearest.before > 0.0:
+        return None
+    return _minimised(nearest) if count else nearest
+
+
+def _with_sizes(misfit: Misfit, hypothesis: Hypothesis, sizes: Array) -> Fitted | None:
+    """Return a hypothesis with sizes; None if the mechanism cannot be assembled there."""
+    try:
+        with np.errstate(all="ignore"):
+            predicted = hypothesis.predict(*sizes.tolist())
+            errors = misfit.errors(predicted, hypothesis.rows)
+    except (MechsimError, ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    return Fitted(misfit, hypothesis, sizes, predicted, errors) if np.isfinite(errors).all() else None
+
+
+def _minimised(current: Fitted) -> Fitted:
+    """Return the trial with the smallest errors, from a trial to start with."""
+    before = current.before
+    jacobian, is_exact = _jacobian(current), True
+    for number in range(MAX_STEPS):
+        if number == TRIAL_STEPS and current.remaining > MAX_TRIAL_REMAINING * before:
+            break
+        if jacobian is None or current.remaining <= max(ZERO_ERROR, RELATIVE_ROUNDING * before):
+            break
+        step: Array = -np.linalg.lstsq(jacobian, current.errors, rcond=1e-10)[0].astype(np.float64)
+        moved = _shortened(current, step)
+        if moved is None:
+            if is_exact:
+                break
+            jacobian, is_exact = _jacobian(current), True
+            continue
+        displacement, change = moved.sizes - current.sizes, moved.errors - current.errors
+        ratio = moved.remaining / current.remaining
+        current = moved
+        if ratio > STALE_JACOBIAN and not is_exact:
+            jacobian, is_exact = _jacobian(current), True
+        elif ratio > 1.0 - MIN_DECREASE:
+            break
+        else:
+            # Broyden's update: the derivative along the step just taken
+            square = max(float(displacement @ displacement), 1e-300)
+            jacobian = jacobian + np.outer(change - jacobian @ displacement, displacement) / square
+            is_exact = False
+    return current
+
+
+def _shortened(current: Fitted, step: Array) -> Fitted | None:
+    """Return the trial of a shortened step with smaller errors; None if there is none."""
+    for halving in range(MAX_HALVINGS):
+        moved = current.moved(step * 0.5**halving)
+        if moved is not None and moved.remaining < current.remaining:
+            return moved
+        if moved is not None and rms(step) < 1e-12:
+            return None
+    return None
+
+
+def _jacobian(current: Fitted) -> Array | None:
+    """Return the derivatives of the errors by the sizes, (m, p)."""
+    hypothesis = current.hypothesis
+    if hypothesis.derivative is not None and not current.sizes.any():
+        # forces, and dimensions that open the loops, have no exact derivatives
+        with suppress(MechsimError, KeyError):
+            return -current.misfit.scaled(hypothesis.derivative())[:, None]
+    columns: list[Array] = []
+    for row in np.diag(hypothesis.steps):
+        step = row if (ahead := current.moved(row)) is not None else -row
+        if ahead is None and (ahead := current.moved(step)) is None:
+            return None
+        columns.append((ahead.errors - current.errors) / step.sum())
+    return np.stack(columns, 1)
+
+
+def linearly_explains(misfit: Misfit, jacobian: Array) -> float:
+    """Return the fraction of a misfit that derivatives (m, p) explain to first order."""
+    solution = np.linalg.lstsq(jacobian, misfit.before, rcond=1e-10)[0]
+    return 1.0 - rms(misfit.before - jacobian @ solution) / misfit.magnitude

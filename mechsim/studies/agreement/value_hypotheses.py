@@ -1,4 +1,4 @@
-"""Hypotheses on candidate values: units, degrees, swaps, mirror images, frames, directions, zeros."""
+"""Hypotheses on candidate values: units, swaps, mirror images, frames, directions, zeros."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -9,18 +9,8 @@ import numpy as np
 from mechsim.kinematics.vector_method.rotations import turned_by
 from mechsim.mechanism.quantity import AXES, Quantity
 from mechsim.numerics.arrays import REVOLUTION, Array, wrapped
-from mechsim.studies.agreement.evaluation_points import (
-    DISCRETE,
-    NAMED,
-    SIX,
-    THREE,
-    TWO,
-    Hypothesis,
-    Values,
-    discrete,
-    sized,
-)
-from mechsim.studies.agreement.misfit import Misfit
+from mechsim.studies.agreement.evaluation_points import Values
+from mechsim.studies.agreement.misfit import Hypothesis, Misfit
 
 LENGTHS = {
     1e3: "mm for m",
@@ -33,9 +23,9 @@ LENGTHS = {
     0.0254: "m for inches",
 }
 FORCE_UNITS = {1e3: "N mm for N m, or mN", 1e-3: "kN for N", 1.0 / 9.80665: "kgf for N"}
-DEG = 180.0 / np.pi
+DEGREES = {180.0 / np.pi: "in degrees for radians", np.pi / 180.0: "converted from degrees twice"}
 VECTORS = ("position", "velocity", "acceleration")
-LINEAR = ("m", "m/s", "m/s2")
+LINEAR, ANGULAR = ("m", "m/s", "m/s2"), ("rad", "rad/s", "rad/s2")
 # initial angles in [rad] of the fit of a rotated frame, and its finite-difference step
 ROTATIONS, ROTATION_STEP = (0.0, 2.0, -2.0), 1e-4
 # finite-difference step of a shifted frame, relative to the mechanism's size
@@ -56,7 +46,7 @@ def _scaled(
     misfit: Misfit, kind: str, what: str, indices: Sequence[int], factor: float, text: str
 ) -> Hypothesis:
     predict = partial(_changed, misfit, indices, lambda values, _: factor * values)
-    return discrete(kind, what, predict, text, factor)
+    return Hypothesis(kind, what, predict, text, factor)
 
 
 def _groups(misfit: Misfit, indices: Sequence[int]) -> Iterator[tuple[str, list[int]]]:
@@ -69,29 +59,21 @@ def _groups(misfit: Misfit, indices: Sequence[int]) -> Iterator[tuple[str, list[
 
 
 def units(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Yield hypotheses of lengths, rates and forces in other units."""
+    """Yield hypotheses of lengths, rates and forces in other units, and of confused degrees and radians."""
     speed = float(np.abs(misfit.evaluation.speed).max())
     rates = {1.0 / speed: "of a driver at 1 rad/s", 30.0 / np.pi: "in rpm", REVOLUTION: "per turn"}
-    for called, units_of, factors in (
-        ("lengths", LINEAR, LENGTHS),
-        ("rates", ("m/s", "rad/s"), rates),
-        ("forces", ("N m", "N"), FORCE_UNITS),
+    for kind, called, units_of, factors in (
+        ("units", "lengths", LINEAR, LENGTHS),
+        ("units", "rates", ("m/s", "rad/s"), rates),
+        ("units", "forces", ("N m", "N"), FORCE_UNITS),
+        ("degrees", "angles", ANGULAR, DEGREES),
     ):
         indices = [i for i, quantity in enumerate(misfit.quantities) if quantity.unit in units_of]
         for what, group in _groups(misfit, indices):
             whose = f"{called} of {what}" if what else called
             for factor, unit_text in factors.items():
-                text = f"{whose} are {unit_text}: {factor:.6g} times as large"
-                yield _scaled(misfit, "units", what, group, factor, text)
-
-
-def degrees(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Yield hypotheses of confused degrees and radians."""
-    indices = [i for i, quantity in enumerate(misfit.quantities) if quantity.unit.startswith("rad")]
-    for what, group in _groups(misfit, indices):
-        suffix = f" of {what}" if what else ""
-        for factor, text in ((DEG, "in degrees for radians"), (1 / DEG, "converted from degrees twice")):
-            yield _scaled(misfit, "degrees", what, group, factor, f"angles{suffix} are {text}")
+                times = f": {factor:.6g} times as large" if kind == "units" else ""
+                yield _scaled(misfit, kind, what, group, factor, f"{whose} are {unit_text}{times}")
 
 
 def swapped(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -114,7 +96,7 @@ def swapped(misfit: Misfit) -> Iterator[Hypothesis]:
             what, predicted = f"{first.subject}, {second.subject}", list(misfit.exact)
             for a, b in pairs:
                 predicted[a], predicted[b] = predicted[b], predicted[a]
-            yield discrete("swapped", what, lambda exchanged=predicted: exchanged, f"{what} are swapped")
+            yield Hypothesis("swapped", what, lambda exchanged=predicted: exchanged, f"{what} are swapped")
 
 
 def _vectors(misfit: Misfit) -> tuple[list[int], str]:
@@ -153,9 +135,9 @@ def mirrored(misfit: Misfit) -> Iterator[Hypothesis]:
                 kind, word = "mirror", "mirrored"
             what = ", ".join(f"{'-' if signs[i] < 0 else ''}{axes[order[i]]}" for i in range(count))
             # the simplest are reported first
-            tier = DISCRETE + 0.1 * (order != tuple(range(count))) + 0.1 * (sum(s < 0 for s in signs) > 1)
+            rank = 0.1 * (order != tuple(range(count))) + 0.1 * (sum(s < 0 for s in signs) > 1)
             predict = partial(_in_frame, misfit, rotation)
-            yield discrete(kind, what, predict, f"positions are {word}: ({what}) for ({axes})", tier=tier)
+            yield Hypothesis(kind, what, predict, f"positions are {word}: ({what}) for ({axes})", rank=rank)
 
 
 def frame(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -165,13 +147,13 @@ def frame(misfit: Misfit) -> Iterator[Hypothesis]:
     if any(misfit.quantities[i].kind == "position" for i in indices):
         for axis, direction in zip(axes, along, strict=True):
             text = f"shifted by {{0:.6g}} m along {axis}"
-            yield _moved_frame(misfit, axis, NAMED, NONE, direction[None], text)
+            yield _moved_frame(misfit, axis, NONE, direction[None], text)
     normals = {f"about {axis}": normal for axis, normal in zip(axes, along, strict=True)}
     if len(axes) < 3:
         normals = {f"in {axes}": np.cross(*along)} if len(axes) == 2 else {}
     for where, normal in normals.items():
         text = f"rotated by {{0:.6g}} rad ({{degrees:.4g}} deg) {where}"
-        yield _moved_frame(misfit, f"turn {where}", NAMED, normal[None], NONE, text)
+        yield _moved_frame(misfit, f"turn {where}", normal[None], NONE, text)
 
 
 def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -180,14 +162,14 @@ def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
     along, count = _directions(axes), len(axes)
     placed = any(misfit.quantities[i].kind == "position" for i in indices)
     if placed and count > 1:
-        tier, numbers = (THREE, "{0:.6g}, {1:.6g}, {2:.6g}") if count == 3 else (TWO, "{0:.6g}, {1:.6g}")
-        yield _moved_frame(misfit, "shift", tier, NONE, along, f"shifted by ({numbers}) m")
+        numbers = ", ".join(f"{{{i}:.6g}}" for i in range(count))
+        yield _moved_frame(misfit, "shift", NONE, along, f"shifted by ({numbers}) m")
     if count == 3:
         rotated = "rotated by ({0:.6g}, {1:.6g}, {2:.6g}) rad"
-        yield _moved_frame(misfit, "turn", THREE, along, NONE, rotated)
+        yield _moved_frame(misfit, "turn", along, NONE, rotated)
         if placed:
             text = f"{rotated} and shifted by ({{3:.6g}}, {{4:.6g}}, {{5:.6g}}) m"
-            yield _moved_frame(misfit, "shift and turn", SIX, along, along, text)
+            yield _moved_frame(misfit, "shift and turn", along, along, text)
 
 
 def _directions(axes: str) -> Array:
@@ -195,15 +177,12 @@ def _directions(axes: str) -> Array:
     return np.eye(3)[[AXES.index(axis) for axis in axes]]
 
 
-def _moved_frame(
-    misfit: Misfit, what: str, tier: float, turns: Array, shifts: Array, text: str
-) -> Hypothesis:
+def _moved_frame(misfit: Misfit, what: str, turns: Array, shifts: Array, text: str) -> Hypothesis:
     """Return the hypothesis of a frame that is rotated, then shifted.
 
     Args:
         misfit: the difference.
         what: name of the hypothesis.
-        tier: its rank.
         turns: rotation vectors, one for each of the first sizes in [rad], (a, 3).
         shifts: directions, one for each of the other sizes in [m], (b, 3).
         text: template of the message with the sizes, and with the first one in degrees.
@@ -211,25 +190,23 @@ def _moved_frame(
     own = [AXES.index(axis) for axis in _vectors(misfit)[1]]
     split, count = len(turns), len(turns) + len(shifts)
 
-    def predict(p: Array) -> Values:
-        rotation = turned_by(np.eye(3)[None], (p[:split] @ turns)[None])[0]
-        return _in_frame(misfit, rotation[np.ix_(own, own)], (p[split:] @ shifts)[own])
+    def predict(*p: float) -> Values:
+        rotation = turned_by(np.eye(3)[None], (np.array(p[:split]) @ turns)[None])[0]
+        return _in_frame(misfit, rotation[np.ix_(own, own)], (np.array(p[split:]) @ shifts)[own])
 
-    def largest(p: Array) -> float:
+    def largest(*p: float) -> float:
         if count > 1:
             return float(np.linalg.norm(p[:3]))
-        return float(wrapped(p[0]) if split else p[0])
+        return float(wrapped(np.array(p[0]))) if split else p[0]
 
-    starts = ROTATIONS if (split, count) == (1, 1) else (0.0,)
     return Hypothesis(
         "frame",
         what,
-        tier,
         predict,
-        lambda p: "the frame is " + text.format(*p, degrees=np.rad2deg(p[0])),
-        by=largest,
-        starts=tuple((start,) * count for start in starts),
+        lambda *p: "the frame is " + text.format(*p, degrees=np.rad2deg(p[0])),
+        largest,
         steps=(ROTATION_STEP,) * split + (SHIFT_STEP * misfit.length,) * len(shifts),
+        starts=ROTATIONS if (split, count) == (1, 1) else (0.0,),
     )
 
 
@@ -251,11 +228,11 @@ def zeros(misfit: Misfit) -> Iterator[Hypothesis]:
     for i, quantity in enumerate(misfit.quantities):
         if quantity.kind != "joint":
             continue
-        yield sized(
+        yield Hypothesis(
             "offset",
             quantity.subject,
             lambda offset, i=i: _changed(misfit, [i], lambda values, _: values + offset),
             lambda offset, own=quantity: f"joint {own.subject} has its zero {offset:.6g} {own.unit} away",
-            ROTATION_STEP,
+            steps=(ROTATION_STEP,),
             starts=(float(np.median(misfit.candidates[i].values - misfit.exact[i])),),
         )

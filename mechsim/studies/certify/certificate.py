@@ -125,29 +125,31 @@ def certified_motion(
     if between is not None and not between[0] < between[1]:
         raise InputError(f"the range {between[0]:g} to {between[1]:g} rad is empty; give from < to")
     laws = solver.motion_laws
+
+    def uncertified(between: tuple[float, float], reason: str, equations: int = 0) -> Certificate:
+        proof = Certificate(solver.name, False, reason, between, 0, 0.0, (), 0.0, np.inf, equations)
+        return _in_instants(proof, laws)
+
     requested = between or (0.0, 0.0 if laws.crank else laws.length)
     if not_enclosed := laws_not_enclosed(laws):
         reason = (
             f"the motion law of {not_enclosed[0]} cannot be enclosed; give a table, or an expression of "
             "+ - * / **, sin, cos, tan, sqrt and exp"
         )
-        return _in_instants(_uncertified(solver.name, requested, reason, 0), laws)
+        return uncertified(requested, reason)
     progress("the motion", 0.0)
     try:
         motion = computed_motion(solver, between, radii or {})
     except AssemblyError as error:
-        return _in_instants(_uncertified(solver.name, requested, str(error), 0), laws)
+        return uncertified(requested, str(error))
     equations = motion.equations
     solved, unknown = len(equations.kept), len(equations.unknown)
     whole = (motion.low, motion.high)
     if solved < unknown:
-        reason = f"{unknown - solved} coordinates are free at fixed drivers"
-        return _in_instants(_uncertified(solver.name, whole, reason, solved), laws)
+        return uncertified(whole, f"{unknown - solved} coordinates are free at fixed drivers", solved)
     if solved > unknown:
         motion = motion.with_independent_rows()
-    proven, rest, spent = proven_segments(motion, progress)
-    progress(f"{len(proven):,} segments that join", TESTED)
-    proof = _in_instants(_certificate(solver.name, motion, between or whole, proven, rest, spent), laws)
+    proof = _in_instants(_certificate(solver.name, motion, between or whole, progress), laws)
     if solved == unknown or not proof.certified:
         return proof
     reason = (
@@ -168,10 +170,6 @@ def _in_instants(proof: Certificate, laws: MotionLaws) -> Certificate:
             for point in proof.singular
         ),
     )
-
-
-def _uncertified(name: str, between: tuple[float, float], reason: str, equations: int) -> Certificate:
-    return Certificate(name, False, reason, between, 0, 0.0, (), 0.0, np.inf, equations)
 
 
 def proven_segments(
@@ -217,13 +215,10 @@ def proven_segments(
 
 
 def _certificate(
-    name: str,
-    motion: ComputedMotion,
-    between: tuple[float, float],
-    segments: Segments,
-    rest: list[tuple[float, float]],
-    spent: bool,
+    name: str, motion: ComputedMotion, between: tuple[float, float], progress: Progress
 ) -> Certificate:
+    segments, rest, spent = proven_segments(motion, progress)
+    progress(f"{len(segments):,} segments that join", TESTED)
     joins = segments_that_join(motion, segments) if len(segments) else np.ones(0, dtype=np.bool_)
     ends = [end for end, target in zip((motion.low, motion.high), between, strict=True) if end != target]
     singular = _singular_points(motion, rest, ends if motion.end_message else [])
@@ -250,12 +245,9 @@ def _singular_points(
     """Return the singular points in the intervals without a proof and at the ends of the motion."""
     if len(rest) > MAX_SINGULAR:
         return ()
-    approximate = [
-        *ends,
-        *(0.5 * (low + high) for low, high in rest if not any(low <= end <= high for end in ends)),
-    ]
+    middles = [0.5 * (low + high) for low, high in rest if not any(low <= end <= high for end in ends)]
     points: list[SingularPoint] = []
-    for parameter in sorted(approximate):
+    for parameter in sorted([*ends, *middles]):
         point = enclosed_singular_point(motion, parameter)
         same = points and abs(point.parameter - points[-1].parameter) <= point.width + points[-1].width
         if not same or not np.isfinite(point.width):

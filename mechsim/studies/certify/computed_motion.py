@@ -66,12 +66,8 @@ class ComputedMotion:
         """Return prescribed coordinates and two derivatives by the path parameter, (n, driven) each."""
         locked = locked_values(self.path.loops.tree.mechanism)
         value, first, second = self.motion_laws.along_path(s)
-        rows = (
-            with_locked(value, locked),
-            with_locked(first, 0.0 * locked),
-            with_locked(second, 0.0 * locked),
-        )
-        return rows[0].T, rows[1].T, rows[2].T
+        rest = 0.0 * locked
+        return with_locked(value, locked).T, with_locked(first, rest).T, with_locked(second, rest).T
 
     def driver_spread(self, centre: Array, half: Array) -> Array:
         """Return bounds of the drivers' deviation from the tangents of `driven` on segments, (n, driven)."""

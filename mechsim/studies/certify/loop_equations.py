@@ -5,7 +5,7 @@ Vectors are columns (..., 3, 1), frames (..., 3, 3). A rod between two ball join
 replaced by the distance between its ends.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -117,19 +117,13 @@ class ClosureEquations:
         """Indices of the equations that are solved."""
         if self.selected is not None:
             return np.array(self.selected, dtype=np.intp)
-        values = self._exact_residual
-        return np.array([i for i, value in enumerate(values) if value != 0], dtype=np.intp)
-
-    @cached_property
-    def _exact_residual(self) -> list[Any]:
         constants = Constants.from_equations(self, exactly=True)
         turns = [unknown_numbers(3, 3) for _ in self.tree.balls]
-        placed = placed_links(
-            self.tree, constants, unknown_numbers(self.tree.count, 1), turns, with_twists=False
-        )
-        rows = [cut_residual(cut, constants, placed) for cut in self.cuts]
-        values = [value for row in rows for value in row.ravel()]
-        return values + [1] * (len(self.rods) + len(self.couplings))
+        q = unknown_numbers(self.tree.count, 1)
+        placed = placed_links(self.tree, constants, q, turns, with_twists=False)
+        values = [value for cut in self.cuts for value in cut_residual(cut, constants, placed).ravel()]
+        values += [1] * (len(self.rods) + len(self.couplings))
+        return np.array([i for i, value in enumerate(values) if value != 0], dtype=np.intp)
 
     def evaluate(self, q: Number, turns: list[Number]) -> tuple[Number, Number]:
         """Return residuals (..., kept, 1) and Jacobians by the coordinates in their units (..., kept, count).
@@ -172,12 +166,10 @@ class Constants:
     Attributes:
         sides: joint -> points (3, 1) and frames (3, 3) of its sides a and b.
         angles: joint -> cosine and sine of the angle between crossed axes, (1, 1) each.
-        equations: the equations with these constants.
     """
 
     sides: dict[str, tuple[Number, Number, Number, Number]]
     angles: dict[str, tuple[Number, Number]]
-    equations: ClosureEquations
 
     @classmethod
     def from_equations(cls, equations: ClosureEquations, exactly: bool) -> "Constants":
@@ -197,13 +189,13 @@ class Constants:
                 numbers += [point, joint_frame(axis, reference, unit)]
             sides[joint.name] = (numbers[0], numbers[1], numbers[2], numbers[3])
             if KINDS[joint.kind].crossed:
-                angle = np.array([[joint.cross_angle]])
-                right = joint.cross_angle == RIGHT_ANGLE
-                sine_cosine = (number(np.eye(1)), number(np.zeros((1, 1)))) if right else None
-                angles[joint.name] = sine_cosine or (
-                    (unknown_numbers(1, 1), unknown_numbers(1, 1)) if exactly else ball(angle).sin_cos()
-                )
-        return cls(sides, angles, equations)
+                if joint.cross_angle == RIGHT_ANGLE:
+                    angles[joint.name] = number(np.eye(1)), number(np.zeros((1, 1)))
+                elif exactly:
+                    angles[joint.name] = unknown_numbers(1, 1), unknown_numbers(1, 1)
+                else:
+                    angles[joint.name] = ball(np.array([[joint.cross_angle]])).sin_cos()
+        return cls(sides, angles)
 
     def point(self, end: str) -> Ball:
         """Return the point of JOINT.a or JOINT.b, (3, 1)."""
@@ -268,13 +260,8 @@ def _relative_rotation(
     if branch.kind.crossed:
         sine, cosine = constants.angles[name]
         zero, unit = cosine * 0, cosine * 0 + 1
-        middle = concatenated(
-            [
-                concatenated(row, -1)
-                for row in ([-cosine, zero, sine], [zero, -unit, zero], [sine, zero, cosine])
-            ],
-            -2,
-        )
+        rows = [-cosine, zero, sine], [zero, -unit, zero], [sine, zero, cosine]
+        middle = concatenated([concatenated(row, -1) for row in rows], -2)
         return _about_z(angles[0]) @ middle @ _about_z(angles[1]), None
     return _about_z(angles[0]) if angles else np.eye(3, dtype=np.int64), None
 
@@ -284,66 +271,54 @@ def placed_links(
 ) -> Placed:
     """Return link poses and unit twists at coordinates; see `ClosureEquations.evaluate`."""
     count = len(tree.branches)
-    start = np.eye(3, dtype=np.int64)
-    rotation: list[Number] = [start] * (count + 1)
+    rotation: list[Number] = [np.eye(3, dtype=np.int64)] * (count + 1)
     position: list[Number] = [np.zeros((3, 1), dtype=np.int64)] * (count + 1)
-    linear: list[Number] = [None] * tree.count
-    angular: list[Number] = [None] * tree.count
+    twists: list[tuple[Number, Number]] = []
     ball_turns = iter(turns)
     for branch in tree.branches:
-        point_a, frame_a, point_b, frame_b = constants.sides[branch.joint.name]
         initial = next(ball_turns) if branch.kind.ball else None
         relative, components = _relative_rotation(branch, constants, q, initial)
         parent, child = branch.parent, branch.child
-        slides = range(branch.first, branch.first_angle)
-        columns = [COLUMN[axis] for axis in branch.kind.slides]
-        parent_point, parent_frame = (point_a, frame_a) if branch.forward else (point_b, frame_b)
-        child_point, child_frame = (point_b, frame_b) if branch.forward else (point_a, frame_a)
+        sides = constants.sides[branch.joint.name]
+        parent_point, parent_frame, child_point, child_frame = (
+            sides if branch.forward else (*sides[2:], *sides[:2])
+        )
         joint_at_parent = rotation[parent] @ parent_frame
         joint_at_child = joint_at_parent @ (relative if branch.forward else relative.T)
         side_a, side_b = (
             (joint_at_parent, joint_at_child) if branch.forward else (joint_at_child, joint_at_parent)
         )
         centre = position[parent] + rotation[parent] @ parent_point
-        for k, column in zip(slides, columns, strict=True):
-            moved = side_a[..., column : column + 1] * q[..., k : k + 1, :]
+        for k, axis in enumerate(branch.kind.slides, branch.first):
+            moved = side_a[..., [COLUMN[axis]]] * q[..., k : k + 1, :]
             centre = centre + moved if branch.forward else centre - moved
         rotation[child] = joint_at_child @ child_frame.T
         position[child] = centre - rotation[child] @ child_point
         if with_twists:
             # the axes pass through the point of side b
             through = centre if branch.forward else position[parent] + rotation[parent] @ parent_point
-            _add_twists(branch, side_a, side_b, through, components, linear, angular)
-    if not with_twists or not linear:
+            twists += _twists(branch, side_a, side_b, through, components)
+    if not twists:
         return Placed(rotation, position, None, None)
-    return Placed(rotation, position, concatenated(linear, -1), concatenated(angular, -1))
+    linear, angular = (concatenated([twist[i] for twist in twists], -1) for i in (0, 1))
+    return Placed(rotation, position, linear, angular)
 
 
-def _add_twists(
-    branch: TreeJoint,
-    side_a: Number,
-    side_b: Number,
-    centre: Number,
-    components: Number | None,
-    linear: list[Number],
-    angular: list[Number],
-) -> None:
-    """Fill in the unit twists of a joint's coordinates, for the motion of its outer link."""
-    k = branch.first
+def _twists(
+    branch: TreeJoint, side_a: Number, side_b: Number, centre: Number, components: Number | None
+) -> Iterator[tuple[Number, Number]]:
+    """Yield the unit twist of each coordinate of a joint, for the motion of its outer link."""
     for axis in branch.kind.slides:
-        column = COLUMN[axis]
-        linear[k] = side_a[..., column : column + 1] * branch.direction
-        angular[k] = linear[k] * 0.0
-        k += 1
+        along = side_a[..., [COLUMN[axis]]] * branch.direction
+        yield along, along * 0.0
     if branch.kind.ball:
         axes = side_a @ components
-        directions = [axes[..., i : i + 1] for i in range(3)]
+        directions = [axes[..., [i]] for i in range(3)]
     else:
         directions = [(side_b if axis == "b" else side_a)[..., 2:] for axis in branch.kind.turns]
     for direction in directions:
-        angular[k] = direction * branch.direction
-        linear[k] = cross(centre, angular[k])
-        k += 1
+        angular = direction * branch.direction
+        yield cross(centre, angular), angular
 
 
 def _cut_frames(cut: Cut, constants: Constants, placed: Placed) -> tuple[Number, Number, Number, Number]:
@@ -418,15 +393,12 @@ def loop_equations(
     mechanism = with_rods(mechanism, {})[0]
     # the second joints of the rods of distance joints have the same ends
     radii = {**radii, **{f"{VIRTUAL_PREFIX}{end}": radius for end, radius in radii.items()}}
-    rods = {
-        link.name: [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
+    joints_on = {
+        link.name: [joint for joint in mechanism.joints if link.name in joint.links]
         for link in mechanism.links
     }
-    rods = {
-        name: joints
-        for name, joints in rods.items()
-        if [joint.kind for joint in joints] == ["spherical", "spherical"]
-    }
+    kinds = ["spherical", "spherical"]
+    rods = {name: on for name, on in joints_on.items() if [joint.kind for joint in on] == kinds}
     rod_joints = tuple(joint for joints in rods.values() for joint in joints)
     if rods:
         mechanism = replace(
@@ -509,16 +481,12 @@ def rational(values: ArrayLike, radius: ArrayLike = 0.0) -> ExactArray:
         UNKNOWN if rad > 0.0 else Fraction(float(number))
         for number, rad in zip(numbers.ravel(), radii.ravel(), strict=True)
     ]
-    out = np.empty(len(entries), dtype=object)
-    out[:] = entries
-    return out.reshape(numbers.shape)
+    return np.array(entries, dtype=object).reshape(numbers.shape)
 
 
 def unknown_numbers(*shape: int) -> ExactArray:
     """Return an array of unknown numbers."""
-    out = np.empty(shape, dtype=object)
-    out.fill(UNKNOWN)
-    return out
+    return np.full(shape, UNKNOWN, dtype=object)
 
 
 def exact_unit_vector(vector: ExactArray) -> ExactArray:
@@ -528,6 +496,4 @@ def exact_unit_vector(vector: ExactArray) -> ExactArray:
     entries = [
         0 if value == 0 else (1 if value > 0 else -1) if alone else UNKNOWN for value in vector.ravel()
     ]
-    out = np.empty(3, dtype=object)
-    out[:] = entries
-    return out.reshape(3, 1)
+    return np.array(entries, dtype=object).reshape(3, 1)

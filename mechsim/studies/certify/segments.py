@@ -76,31 +76,6 @@ class Segments:
 
 
 @dataclass(frozen=True)
-class Tubes:
-    """Tubes to be tested about n configurations; coordinates in their units.
-
-    Attributes:
-        half: largest distance of the parameter from the centre, (n,).
-        start: configurations at the centres.
-        driven_rate: rates of the prescribed coordinates, (n, driven, 1), as balls.
-        spread: bounds of their deviation from the tangents in [m] and [rad], (n, driven).
-        inverse: approximate inverse of the Jacobian at the centre, (n, u, u).
-        correction: the inverse times the residual at the centre, (n, u, 1), as balls.
-        rate: rates of the unknown coordinates, (n, u, 1).
-        width: half-width, (n, u, 1).
-    """
-
-    half: Array
-    start: CentreConfigurations
-    driven_rate: Ball
-    spread: Array
-    inverse: Array
-    correction: Ball
-    rate: Array
-    width: Array
-
-
-@dataclass(frozen=True)
 class Centres:
     """Corrected centres of tubes, with the linearised equations.
 
@@ -165,40 +140,6 @@ def _moved(equations: ClosureEquations, start: CentreConfigurations, step: Array
     return CentreConfigurations(values, quaternions)
 
 
-def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: CentreConfigurations) -> Tubes:
-    equations, units = motion.equations, motion.equations.tree.units[motion.equations.driven]
-    driven, driven_rate, _ = motion.driven(centre)
-    rate_of_driven = (ball(driven_rate) * ball(units).reciprocal())[..., None]
-    centres = _centres(equations, driven, rate_of_driven.mid, half, guess)
-    correction = ball(centres.inverse) @ centres.residual
-    spread = motion.driver_spread(centre, half)
-    effect = correction.magnitude + np.abs(centres.by_driven) @ (spread / units)[..., None]
-    effect = WIDTH_BY_RESIDUAL * (effect + OF_LARGEST * effect.max(1, initial=0.0, keepdims=True))
-    by_rate = np.abs(centres.rate).max(1, initial=0.0, keepdims=True) * half[:, None, None]
-    width = WIDTH_BY_RATE * by_rate + effect + MIN_WIDTH
-    return Tubes(
-        half, centres.start, rate_of_driven, spread, centres.inverse, correction, centres.rate, width
-    )
-
-
-def _krawczyk(equations: ClosureEquations, tubes: Tubes) -> tuple[Array, Array]:
-    """Return bounds of the Krawczyk operator's offset (n, u, 1) and of |I - C A| (n, u, u) in the tubes."""
-    unknown, driven, units = equations.unknown, equations.driven, equations.tree.units
-    half, inverse = tubes.half[:, None, None], ball(tubes.inverse)
-    radius = np.zeros((*tubes.start.values.shape, 1))
-    radius[:, unknown] = (np.abs(tubes.rate) * half + tubes.width) * units[unknown, None]
-    by_rate = tubes.driven_rate.magnitude * units[driven, None] * half
-    radius[:, driven] = by_rate + tubes.spread[..., None]
-    box = Ball(tubes.start.values[..., None], radius * OUTWARD)
-    _, jacobian = equations.evaluate(box, rotations(equations, tubes.start))
-    by_unknown, by_driven = jacobian[..., unknown], jacobian[..., driven]
-    derivative = by_unknown @ tubes.rate + by_driven @ tubes.driven_rate
-    spread = tubes.spread[..., None] / units[driven, None] * OUTWARD
-    offset = tubes.correction + inverse @ derivative * Ball(np.zeros(half.shape), half)
-    offset = offset + inverse @ (by_driven @ Ball(np.zeros(spread.shape), spread))
-    return offset.magnitude, (np.eye(len(unknown)) - inverse @ by_unknown).magnitude
-
-
 def batches(count: int) -> list[NDArray[np.intp]]:
     """Return the indices of segments that are tested at once."""
     return np.array_split(np.arange(count), max(1, -(-count // BATCH)))
@@ -217,24 +158,48 @@ def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Cent
         return join([tested_segments(motion, low[i], high[i], guess.select(i)) for i in pieces])
     centre = 0.5 * (low + high)
     half = np.maximum(high - centre, centre - low) * OUTWARD
+    equations, units = motion.equations, motion.equations.tree.units
+    unknown, driven = equations.unknown, equations.driven
     with np.errstate(all="ignore"):
-        tubes = _tubes(motion, centre, half, guess)
-        offset, contraction = _krawczyk(motion.equations, tubes)
-        enclosure = (offset + contraction @ tubes.width * OUTWARD) * OUTWARD
-        proven = (enclosure < tubes.width).all((1, 2)) & (low <= high)
+        values, rates, _ = motion.driven(centre)
+        driven_rate = (ball(rates) * ball(units[driven]).reciprocal())[..., None]
+        centres = _centres(equations, values, driven_rate.mid, half, guess)
+        inverse, reach = ball(centres.inverse), half[:, None, None]
+        correction = inverse @ centres.residual
+        # the tube to be tested
+        spread = motion.driver_spread(centre, half)
+        effect = correction.magnitude + np.abs(centres.by_driven) @ (spread / units[driven])[..., None]
+        effect = WIDTH_BY_RESIDUAL * (effect + OF_LARGEST * effect.max(1, initial=0.0, keepdims=True))
+        by_rate = np.abs(centres.rate).max(1, initial=0.0, keepdims=True) * reach
+        width = WIDTH_BY_RATE * by_rate + effect + MIN_WIDTH
+        # bounds of the Krawczyk operator's offset (n, u, 1) and of |I - C A| (n, u, u) in the tube
+        radius = np.zeros((*centres.start.values.shape, 1))
+        radius[:, unknown] = (np.abs(centres.rate) * reach + width) * units[unknown, None]
+        radius[:, driven] = driven_rate.magnitude * units[driven, None] * reach + spread[..., None]
+        box = Ball(centres.start.values[..., None], radius * OUTWARD)
+        _, jacobian = equations.evaluate(box, rotations(equations, centres.start))
+        by_unknown, by_driven = jacobian[..., unknown], jacobian[..., driven]
+        derivative = by_unknown @ centres.rate + by_driven @ driven_rate
+        deviation = spread[..., None] / units[driven, None] * OUTWARD
+        moved = correction + inverse @ derivative * Ball(np.zeros(reach.shape), reach)
+        moved = moved + inverse @ (by_driven @ Ball(np.zeros(deviation.shape), deviation))
+        offset = moved.magnitude
+        contraction = (np.eye(len(unknown)) - inverse @ by_unknown).magnitude
+        enclosure = (offset + contraction @ width * OUTWARD) * OUTWARD
+        proven = (enclosure < width).all((1, 2)) & (low <= high)
         for _ in range(CONTRACTIONS):
             # the solution lies in the enclosure, which the test maps into a smaller enclosure
             enclosure = np.minimum(enclosure, (offset + contraction @ enclosure * OUTWARD) * OUTWARD)
-        singular_value = _singular_value_bound(tubes.inverse, contraction)
+        singular_value = _singular_value_bound(centres.inverse, contraction)
     return Segments(
         low,
         high,
         centre,
         half,
-        tubes.start.values,
-        tubes.start.quaternions,
-        tubes.rate[..., 0],
-        tubes.width[..., 0],
+        centres.start.values,
+        centres.start.quaternions,
+        centres.rate[..., 0],
+        width[..., 0],
         enclosure[..., 0],
         singular_value,
         proven,
@@ -259,23 +224,12 @@ def rotations(equations: ClosureEquations, configurations: CentreConfigurations)
 def _rotation(quaternion: Ball) -> Ball:
     q = quaternion[..., None]
     outer = q @ q.T
-    w, x, y, z = (outer[..., i : i + 1, :] for i in range(4))
+    products = [[outer[..., i : i + 1, j : j + 1] for j in range(4)] for i in range(4)]
+    (ww, wx, wy, wz), (_, xx, xy, xz), (_, _, yy, yz), (_, _, _, zz) = products
     rows = [
-        [
-            w[..., 0:1] + x[..., 1:2] - y[..., 2:3] - z[..., 3:4],
-            (x[..., 2:3] - w[..., 3:4]) * 2.0,
-            (x[..., 3:4] + w[..., 2:3]) * 2.0,
-        ],
-        [
-            (x[..., 2:3] + w[..., 3:4]) * 2.0,
-            w[..., 0:1] - x[..., 1:2] + y[..., 2:3] - z[..., 3:4],
-            (y[..., 3:4] - w[..., 1:2]) * 2.0,
-        ],
-        [
-            (x[..., 3:4] - w[..., 2:3]) * 2.0,
-            (y[..., 3:4] + w[..., 1:2]) * 2.0,
-            w[..., 0:1] - x[..., 1:2] - y[..., 2:3] + z[..., 3:4],
-        ],
+        [ww + xx - yy - zz, (xy - wz) * 2.0, (xz + wy) * 2.0],
+        [(xy + wz) * 2.0, ww - xx + yy - zz, (yz - wx) * 2.0],
+        [(xz - wy) * 2.0, (yz + wx) * 2.0, ww - xx - yy + zz],
     ]
     matrix = concatenated([concatenated(row, -1) for row in rows], -2)
     return matrix * (q.T @ q).reciprocal()
@@ -288,34 +242,25 @@ def ball_columns(equations: ClosureEquations) -> list[int]:
 
 def quaternion_product(a: Number, b: Number) -> Number:
     """Return products of quaternions (n, 4), real part first."""
-    a_matrix = [a[..., i : i + 1] for i in range(4)]
     products = [
         b @ np.eye(4),
         b[..., [1, 0, 3, 2]] * np.array([-1.0, 1.0, -1.0, 1.0]),
         b[..., [2, 3, 0, 1]] * np.array([-1.0, 1.0, 1.0, -1.0]),
         b[..., [3, 2, 1, 0]] * np.array([-1.0, -1.0, 1.0, 1.0]),
     ]
-    total = a_matrix[0] * products[0]
-    for factor, product in zip(a_matrix[1:], products[1:], strict=True):
-        total = total + factor * product
-    return total
+    w, x, y, z = (a[..., i : i + 1] * product for i, product in enumerate(products))
+    return w + x + y + z
 
 
 def _inverse(matrix: Array) -> Array:
     """Return inverses (n, u, u); NaN for singular matrices."""
     finite = np.isfinite(matrix).all((1, 2), keepdims=True)
-    safe = np.where(finite, matrix, np.nan)
     try:
-        return np.asarray(np.linalg.inv(safe), dtype=np.float64)
+        return np.asarray(np.linalg.inv(np.where(finite, matrix, np.nan)), dtype=np.float64)
     except np.linalg.LinAlgError:
-        return np.array([_single_inverse(entry) for entry in safe]).reshape(safe.shape)
-
-
-def _single_inverse(matrix: Array) -> Array:
-    try:
-        return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.full(matrix.shape, np.nan)
+        if len(matrix) == 1:
+            return np.full(matrix.shape, np.nan)
+        return np.concatenate([_inverse(single[None]) for single in matrix])
 
 
 def _singular_value_bound(inverse: Array, contraction: Array) -> Array:

@@ -21,7 +21,7 @@ from mechsim.mechanism.design_arrays import side_numbers, structure
 from mechsim.mechanism.expressions import Evaluator, Term, parse_expression
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.links import EX, EY, EZ, Vector
+from mechsim.mechanism.links import EX, EY, EZ, ORIGIN, Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, ROUNDOFF, Ball, ball
@@ -66,27 +66,8 @@ def file_radii(file: FileExpressions, nominal: Mechanism, bounds: Mapping[str, f
     return radii
 
 
-@dataclass(frozen=True)
-class FileNumber:
-    """A component of a vector in a file.
-
-    Attributes:
-        jet: values of the component, (1,).
-        moves: whether the component is an expression of parameters that change.
-    """
-
-    jet: Jet
-    moves: bool
-
-    @classmethod
-    def fixed(cls, value: float) -> "FileNumber":
-        """Return a component that does not change."""
-        return cls(_still(value), False)
-
-    @property
-    def zero(self) -> bool:
-        """Whether the component is zero and constant."""
-        return not self.moves and not self.jet.value.mid.any()
+# values of a component of a vector in a file, (1,), and whether it is an expression of parameters that change
+FileNumber = tuple[Jet, bool]
 
 
 @dataclass(frozen=True)
@@ -151,7 +132,7 @@ class ParameterIntervals:
 
     def _component(self, written: Any, unit: Unit) -> FileNumber:
         if not self.depends(written):
-            return FileNumber.fixed(self.values.quantity(written, unit, ("joints",)))
+            return _still(self.values.quantity(written, unit, ("joints",))), False
         jet = self.evaluated(written)
         if jet is None:
             raise InputError(
@@ -159,24 +140,27 @@ class ParameterIntervals:
                 "exp of parameters, or leave its dimensions out of --within"
             )
         factor: Any = self.factor(unit)
-        return FileNumber(jet * factor, True)
+        return jet * factor, True
 
     def side(self, joint: Joint, entry: Mapping[str, Any]) -> list[Jet | None]:
         """Return the nine numbers of point, axis and reference of a joint side; None for constant numbers."""
-        point = self.vector(entry, ("at",), "m") or [FileNumber.fixed(0.0)] * 3
-        numbers: list[Jet | None] = [x.jet if x.moves else None for x in point]
-        axis = self.vector(entry, ("axis",), "1") or [*map(FileNumber.fixed, EZ)]
+        point = self.vector(entry, ("at",), "m") or _fixed(ORIGIN)
+        numbers: list[Jet | None] = [jet if moves else None for jet, moves in point]
+        axis = self.vector(entry, ("axis",), "1") or _fixed(EZ)
         reference = self.vector(entry, ("reference", "mark"), "1")
-        if not any(component.moves for component in (*axis, *(reference or ()))):
+        if not any(moves for _, moves in (*axis, *(reference or ()))):
             return [*numbers, *[None] * 6]
-        z = _unit([component.jet for component in axis])
+        z = _unit([jet for jet, _ in axis])
         if reference is None:
-            reference = [*map(FileNumber.fixed, _own_reference(joint, z))]
-        references = [component.jet for component in reference]
+            reference = _fixed(_own_reference(joint, z))
+        references = [jet for jet, _ in reference]
         along = _dot(z, references)
         x = _unit([value - along * direction for value, direction in zip(references, z, strict=True)])
-        zero = [component.zero for component in axis]
-        both = [a and component.zero for a, component in zip(zero, reference, strict=True)]
+        # components that are zero and constant, of the axis and of both directions
+        zero, zero_reference = (
+            [not moves and not jet.value.mid.any() for jet, moves in vector] for vector in (axis, reference)
+        )
+        both = [a and b for a, b in zip(zero, zero_reference, strict=True)]
         numbers += [None if stays else jet for stays, jet in zip([*zero, *both], [*z, *x], strict=True)]
         return numbers
 
@@ -184,6 +168,10 @@ class ParameterIntervals:
 def _still(value: float) -> Jet:
     zero = ball(np.zeros(1))
     return Jet(ball(np.array([value])), zero, zero)
+
+
+def _fixed(vector: Vector) -> list[FileNumber]:
+    return [(_still(value), False) for value in vector]
 
 
 def _dot(a: Sequence[Jet], b: Sequence[Jet]) -> Jet:
