@@ -4,7 +4,8 @@ from typing import Any
 
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.motion_laws import CrankProfile, within_range
+from mechsim.mechanism.motion_laws import CrankProfile, State, within_range
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.run import Run, simulate
 
 
@@ -23,6 +24,16 @@ def profile_of(
     return within_range(
         solver.mechanism, solver.crank_range(), speed if turns > 0 else -speed, abs(turns), through
     )
+
+
+def scaled_law(law: State, factor: float, offset: float = 0.0) -> State:
+    """Return a motion law times a factor, plus an offset."""
+
+    def scaled(time: Array) -> tuple[Array, Array, Array]:
+        value, rate, acceleration = law(time)
+        return factor * value + offset, factor * rate, factor * acceleration
+
+    return scaled
 
 
 def simulated(solver: KinematicSolver, profile: CrankProfile, **options: Any) -> Run:

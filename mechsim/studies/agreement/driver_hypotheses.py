@@ -13,6 +13,7 @@ from mechsim.mechanism.motion_laws import MotionLaws, State
 from mechsim.numerics.arrays import REVOLUTION, Array, rms, wrapped
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Values
 from mechsim.studies.agreement.misfit import Hypothesis, Misfit
+from mechsim.studies.motions import scaled_law
 
 DEG = 180.0 / np.pi
 # largest delay that is tried, in samples
@@ -64,14 +65,7 @@ def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
 
 
 def _scaled_driver(misfit: Misfit, driver: str, scale: float, offset: float) -> Values:
-    def change(state: State) -> State:
-        def moved(time: Array) -> tuple[Array, Array, Array]:
-            value, rate, second = state(time)
-            return scale * value + offset, scale * rate, scale * second
-
-        return moved
-
-    return _under_other_laws(misfit, {driver: change})
+    return _under_other_laws(misfit, {driver: lambda law: scaled_law(law, scale, offset)})
 
 
 def driver_directions(misfit: Misfit) -> Iterator[Hypothesis]:

@@ -15,7 +15,7 @@ from mechsim.numerics.convergence import plausible_order, refine
 from mechsim.numerics.resources import Budget, Progress, no_progress
 from mechsim.simulation.driven_run import stiffness_cause
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP, PlainSettings
-from mechsim.studies.scene.errors import By, cubic_interpolation, deviation
+from mechsim.studies.scene.errors import By, SceneEvaluator, cubic_interpolation, deviation
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 
@@ -50,14 +50,18 @@ class ConvergedReference:
     broken: str = ""
 
     @property
+    def converged_run(self) -> SceneRun | None:
+        """The finest run; None if there is no converged motion."""
+        return None if self.broken else self.run
+
+    @property
     def estimate(self) -> float:
         """The error of its points, in [m]."""
         return self.errors[0]
 
-    @property
-    def converged_run(self) -> SceneRun | None:
-        """The finest run; None if there is no converged motion."""
-        return None if self.broken else self.run
+    def evaluator(self, measure: By) -> SceneEvaluator:
+        """Return the evaluator of the errors of other runs of the scene."""
+        return SceneEvaluator(self.converged_run, forces=measure == "torque")
 
     def error(self, measure: By) -> float:
         """Return its own error by a measure, in the unit of the measure."""
@@ -143,14 +147,14 @@ def _refined(
 def _extrapolated(runs: Sequence[SceneRun], integrator: str) -> ConvergedReference:
     """Return the finest of three runs with its error; each run has twice the steps of the one before."""
     coarse, middle, fine = runs
-    changes = [_differences(coarse, middle), _differences(middle, fine)]
+    changes = [
+        (
+            worst(np.linalg.norm(deviation(run, finer), axis=2)),
+            worst(run.forces - cubic_interpolation(finer.time, finer.forces, run.time)),
+        )
+        for run, finer in ((coarse, middle), (middle, fine))
+    ]
     orders = [plausible_order(before, last, 2.0) for before, last in zip(*changes, strict=True)]
     points, forces = (last / (2.0**order - 1.0) for last, order in zip(changes[1], orders, strict=True))
     what = f"{fine.steps:,} steps of {integrator}, loops with time constants of {TIME_CONSTANT_STEPS:g} steps"
     return ConvergedReference(fine, (points, forces), orders[0], what)
-
-
-def _differences(run: SceneRun, finer: SceneRun) -> tuple[float, float]:
-    """Return the largest differences of points, in [m], and of forces between two runs."""
-    forces = run.forces - cubic_interpolation(finer.time, finer.forces, run.time)
-    return worst(np.linalg.norm(deviation(run, finer), axis=2)), worst(forces)

@@ -73,12 +73,8 @@ def drive_error(run: SceneRun) -> float:
     """Return the largest distance of a prescribed joint from its motion law, in [rad] or [m]."""
     scene = run.scene
     addresses = scene.model.jnt_qposadr[[*scene.driven_joints.values()]]
-    return worst(
-        [
-            worst(run.qpos[:, address] - law(run.time)[0])
-            for address, law in zip(addresses, scene.joint_laws.values(), strict=True)
-        ]
-    )
+    laws = zip(addresses, scene.joint_laws.values(), strict=True)
+    return worst([worst(run.qpos[:, address] - law(run.time)[0]) for address, law in laws])
 
 
 def cubic_interpolation(nodes: Array, values: Array, time: Array) -> Array:
@@ -102,10 +98,8 @@ def sampled_run(run: SceneRun, samples: int) -> SceneRun:
     """
     if run.broken:
         return run
-    every, instants = (
-        run_scene(run.scene, run.model, records=None),
-        np.linspace(0.0, run.scene.duration, samples),
-    )
+    every = run_scene(run.scene, run.model, records=None)
+    instants = np.linspace(0.0, run.scene.duration, samples)
     qpos, qvel = (cubic_interpolation(every.time, values, instants) for values in (every.qpos, every.qvel))
     return replace(run, time=instants, qpos=qpos, qvel=qvel)
 
@@ -135,13 +129,14 @@ def divergence_reason(run: SceneRun) -> str:
 
 def _force_error(run: SceneRun, reference: SceneRun) -> float:
     """Return the largest difference of the forces that exist in both runs, in [N m] or [N]."""
-    references, error = reference.forces_by_name, 0.0
-    for name, values in run.forces_by_name.items():
-        if name in references:
-            error = max(
-                error, worst(values - cubic_interpolation(reference.time, references[name], run.time))
-            )
-    return error
+    references = reference.forces_by_name
+    return worst(
+        [
+            worst(values - cubic_interpolation(reference.time, references[name], run.time))
+            for name, values in run.forces_by_name.items()
+            if name in references
+        ]
+    )
 
 
 def _singularity_distance(run: SceneRun) -> Array:

@@ -3,7 +3,7 @@
 Errors of a run are distances from the assembled state at the run's own driver positions.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -73,9 +73,8 @@ class ExactClosure:
     def points(self, qpos: Array) -> Array:
         """Return the positions of the tracked points at states, (n, k, 3) in [m]."""
         position, rotation, _ = self.equations.closure.posed.poses(qpos)
-        placed = [(self.bodies[link], np.array(local)) for link, local in self.mechanism.points.values()]
-        points = [position[:, body] + rotation[:, body] @ local for body, local in placed]
-        return np.stack(points, 1) if points else np.empty((len(qpos), 0, 3))
+        located = [(self.bodies[link], np.array(local)) for link, local in self.mechanism.points.values()]
+        return points_on(position, rotation, located)
 
     def errors(self, qpos: Array, points: Array) -> Array:
         """Return the distances of tracked points from the closure at the run's own drivers, (n, k) in [m].
@@ -132,6 +131,12 @@ class ExactClosure:
         rates[dofs] = np.array([*speeds.values()]) / units[dofs]
         rates[self.free] = -least_norm(jacobian[:, self.free], jacobian @ rates)
         return rates * units
+
+
+def points_on(position: Array, rotation: Array, located: Iterable[tuple[int, Array]]) -> Array:
+    """Return points, each given by its body and its position there in [m], at body poses, (n, k, 3)."""
+    points = [position[:, body] + rotation[:, body] @ local for body, local in located]
+    return np.stack(points, 1) if points else np.empty((len(position), 0, 3))
 
 
 def exact_closure(mechanism: Mechanism, model: mujoco.MjModel, bodies: Mapping[str, int]) -> ExactClosure:

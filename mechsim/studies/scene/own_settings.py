@@ -1,6 +1,7 @@
 """Runs an MJCF file in plain MuJoCo with its own settings."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -38,21 +39,21 @@ def published_run(source: KinematicSolver, profile: CrankProfile) -> PublishedRu
     """
     model = plainly_compiled(source.source.spec.copy())
     own = settings_of(model).as_dict()
-    path, settings = source.source.path, {name: own[name] for name in ("timestep", *SHOWN) if name in own}
+    settings = {name: own[name] for name in ("timestep", *SHOWN) if name in own}
+    result = PublishedRun(path=source.source.path, settings=settings)
     steps = _duration(source, profile) / float(settings["timestep"])
     if not steps <= MAX_STEPS:
         note = f"they take {steps:.3g} steps, more than {MAX_STEPS:,}; give a shorter --duration"
-        return PublishedRun(path=path, settings=settings, note=note, run=False)
+        return replace(result, note=note, run=False)
     try:
         scene, driven = published_scene(source, profile)
     except MechsimError as error:
-        return PublishedRun(path=path, settings=settings, note=str(error), run=False)
+        return replace(result, note=str(error), run=False)
     run = run_scene(scene, records=RECORDS)
     if run.broken:
-        return PublishedRun(path=path, settings=settings, driven=driven, note=run.broken)
-    return PublishedRun(
-        path=path,
-        settings=settings,
+        return replace(result, driven=driven, note=run.broken)
+    return replace(
+        result,
         driven=driven,
         instants=profile.state(run.time)[0] if source.motion_laws.crank else run.time,
         instants_unit=source.motion_laws.unit,
@@ -181,11 +182,9 @@ def _servo_laws(
     model = plainly_compiled(source.source.spec.copy())
     joint_laws, ctrl = dict(laws), dict[str, State]()
     for actuator, joints in source.source.actuators.items():
-        if len(joints) != 1 or joints[0] not in joint_laws:
-            continue
         gain = _servo_gain(model, actuator)
-        if gain is not None:
-            ctrl[actuator] = _scaled(joint_laws.pop(joints[0]), gain)
+        if gain is not None and len(joints) == 1 and joints[0] in joint_laws:
+            ctrl[actuator] = scaled_law(joint_laws.pop(joints[0]), gain)
     return joint_laws, ctrl
 
 
@@ -200,11 +199,3 @@ def _servo_gain(model: mujoco.MjModel, actuator: str) -> float | None:
     if not (affine and gain and bias[1] < 0.0 and bias[0] == 0.0):
         return None
     return float(-bias[1] / gain * model.actuator_gear[i, 0])
-
-
-def _scaled(law: State, factor: float) -> State:
-    def scaled(time: Array) -> tuple[Array, Array, Array]:
-        value, rate, acceleration = law(time)
-        return factor * value, factor * rate, factor * acceleration
-
-    return scaled

@@ -14,6 +14,7 @@ from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.state import PointJacobians, PosedBodies
 from mechsim.simulation.stepping import rollout
+from mechsim.studies.scene.exact_closure import points_on
 from mechsim.studies.scene.scene import UserScene
 
 # default number of records after the first
@@ -70,9 +71,7 @@ class SceneRun:
     def points(self) -> Array:
         """Positions of the tracked points, (n, k, 3) in [m]."""
         position, rotation, _ = self._kinematics
-        tracked = self.scene.tracked.values()
-        points = [position[:, body] + rotation[:, body] @ local for body, local in tracked]
-        return np.stack(points, 1) if points else np.empty((len(self.qpos), 0, 3))
+        return points_on(position, rotation, self.scene.tracked.values())
 
     @property
     def displacement_range(self) -> float:

@@ -23,6 +23,11 @@ SINGLE_STAGE = ("Euler", "implicitfast", "discrete")
 # off
 TIME_CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
 SAFE_TIME_CONSTANT = 2.0
+# integrators and time constants that determine whether a step can satisfy a tolerance, of a single stage and
+# of RK4, and all that are tried with a step of RK4
+PROBES = tuple((integrator, SAFE_TIME_CONSTANT) for integrator in SINGLE_STAGE)
+FOURTH_ORDER_PROBES = (("RK4", 3.0), ("RK4", 10.0))
+FOURTH_ORDER = tuple(("RK4", constant) for constant in (SAFE_TIME_CONSTANT, 3.0, 5.0, 10.0, None))
 
 
 def steps_of(scene: UserScene) -> list[float]:
@@ -67,12 +72,6 @@ def shortest_time_constant(model: mujoco.MjModel, allowed: Collection[str] = ())
     return float(constants[constants > 0.0].min(initial=np.inf))
 
 
-def probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield a few settings that determine whether a step can satisfy a tolerance."""
-    for integrator in SINGLE_STAGE:
-        yield loop_settings(scene, step, integrator, SAFE_TIME_CONSTANT)
-
-
 def single_stage(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield the settings of a step with integrators of a single stage."""
     for integrator in SINGLE_STAGE:
@@ -81,18 +80,6 @@ def single_stage(scene: UserScene, step: float) -> Iterator[PlainSettings]:
         yield PlainSettings(timestep=step, integrator=integrator, solver="Newton")
     yield PlainSettings(timestep=step)
     yield PlainSettings(timestep=step, solimp=LOWEST_COMPLIANCE_SOLIMP)
-
-
-def fourth_order_probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield a few settings of RK4 that determine whether a step can satisfy a tolerance."""
-    for constant in (3.0, 10.0):
-        yield loop_settings(scene, step, "RK4", constant)
-
-
-def fourth_order(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield the settings of a step with RK4."""
-    for constant in (SAFE_TIME_CONSTANT, 3.0, 5.0, 10.0, None):
-        yield loop_settings(scene, step, "RK4", constant)
 
 
 def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:

@@ -1,6 +1,6 @@
 """Search for the cheapest settings with which plain MuJoCo satisfies a tolerance on a scene."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,9 +15,10 @@ from mechsim.studies.scene.run import step_times
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.step_sizes import (
     COSTS,
-    fourth_order,
-    fourth_order_probes,
-    probes,
+    FOURTH_ORDER,
+    FOURTH_ORDER_PROBES,
+    PROBES,
+    loop_settings,
     single_stage,
     steps_of,
     variants,
@@ -44,7 +45,6 @@ TIMING_ROUNDS, LATE_ROUNDS = 5, 2
 TIME_TOLERANCE = 0.05
 # ratio to the published trajectory error above which the report states it
 WORSE_TRAJECTORY = 1.1
-Proposal = Callable[[UserScene, float], Iterable[PlainSettings]]
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Tuned:
     @property
     def evaluator(self) -> SceneEvaluator:
         """Evaluator of the errors of other runs of the scene."""
-        return _evaluator(self.reference, self.by)
+        return self.reference.evaluator(self.by)
 
 
 @dataclass
@@ -181,7 +181,7 @@ class _SettingSearch:
 
     @property
     def evaluator(self) -> SceneEvaluator:
-        return _evaluator(self.reference, self.by)
+        return self.reference.evaluator(self.by)
 
     @property
     def ended(self) -> bool:
@@ -206,20 +206,12 @@ class _SettingSearch:
 
     def satisfying(self, proposals: Iterable[PlainSettings]) -> list[SceneTrial]:
         """Return the trials that satisfy the tolerance; the end of the budget stops them."""
-        trials: list[SceneTrial] = []
-        for settings in proposals:
-            if self.ended:
-                break
-            trials.append(self.trial(settings))
+        trials = [self.trial(settings) for settings in proposals if not self.ended]
         return [trial for trial in trials if self.satisfies(trial)]
 
     def cheapest(self) -> list[SceneTrial]:
         """Return the trials that satisfy the tolerance; the cheapest is first."""
         return sorted(filter(self.satisfies, self.tried.values()), key=lambda trial: trial.seconds)
-
-
-def _evaluator(reference: ConvergedReference, by: By) -> SceneEvaluator:
-    return SceneEvaluator(reference.converged_run, forces=by == "torque")
 
 
 @quiet()
@@ -247,11 +239,17 @@ def tuned(
     search.trial(UNCHANGED)
     published = search.evaluator.evaluate(scene, records=None)
     satisfied = search.error(published) <= tolerance
-    search.max_trajectory_error = _max_trajectory_error(reference, published.errors, tolerance)
+    # up to this error the motion counts as the scene's own
+    extent = 0.0 if reference.broken else half_extent(np.moveaxis(reference.run.points, 1, 0))
+    own = published.errors.trajectory if np.isfinite(published.errors.trajectory) else 0.0
+    search.max_trajectory_error = max(TRAJECTORY_TOLERANCE * extent, tolerance, own)
     _climb(search)
     _vary_best(search)
     published, *compared = _timed(search, [published, *_verified(search)])
-    chosen = _simplest_of_fastest(search, compared)
+    # the fewest changes among those about as fast as the fastest
+    least = min((trial.seconds for trial in compared), default=np.inf)
+    equal = [trial for trial in compared if trial.seconds <= (1.0 + TIME_TOLERANCE) * least]
+    chosen = min(equal, key=lambda trial: (len(trial.settings.as_dict()), search.error(trial)), default=None)
     closest = min(search.tried.values(), key=search.error)
     if chosen is None:
         published, closest = _timed(search, [published, closest])
@@ -272,31 +270,26 @@ def tuned(
     )
 
 
-def _max_trajectory_error(reference: ConvergedReference, published: SceneErrors, tolerance: float) -> float:
-    """Return the largest trajectory error at which the motion still counts as the scene's own, in [m]."""
-    extent = 0.0 if reference.broken else half_extent(np.moveaxis(reference.run.points, 1, 0))
-    own = published.trajectory if np.isfinite(published.trajectory) else 0.0
-    return max(TRAJECTORY_TOLERANCE * extent, tolerance, own)
-
-
 def _climb(search: _SettingSearch) -> None:
     """Try the settings of the longest sufficient steps, and of some longer steps."""
     steps = steps_of(search.scene)
     best: float | None = None
-    for step in _longest(search, steps, probes):
+    for step in _longest(search, steps, PROBES):
         if search.satisfying(single_stage(search.scene, step)) and best is None:
             best = step
         if best is not None and step < CLEARLY_SHORTER * best:
             break
     # a step of RK4 is worthwhile only if it is longer by the ratio of the costs
     longer = [step for step in steps if best is None or step >= CLEARLY_SHORTER * COSTS["RK4"] * best]
-    for step in _longest(search, longer, fourth_order_probes):
-        if search.satisfying(fourth_order(search.scene, step)):
+    for step in _longest(search, longer, FOURTH_ORDER_PROBES):
+        if search.satisfying(loop_settings(search.scene, step, *pair) for pair in FOURTH_ORDER):
             break
 
 
-def _longest(search: _SettingSearch, steps: Sequence[float], proposal: Proposal) -> list[float]:
-    """Return steps around the longest sufficient one with some proposal; the longest is first.
+def _longest(
+    search: _SettingSearch, steps: Sequence[float], probes: Iterable[tuple[str, float]]
+) -> list[float]:
+    """Return steps around the longest one that satisfies the tolerance with a probe; the longest is first.
 
     The bisection assumes that errors decrease with the step. If no step is short enough, the last are
     returned.
@@ -304,7 +297,7 @@ def _longest(search: _SettingSearch, steps: Sequence[float], proposal: Proposal)
     low, high = 0, len(steps)
     while low < high and not search.ended:
         middle = (low + high) // 2
-        proposals = proposal(search.scene, steps[middle])
+        proposals = (loop_settings(search.scene, steps[middle], *probe) for probe in probes)
         satisfied = any(
             not search.ended and search.satisfies(search.trial(settings)) for settings in proposals
         )
@@ -320,13 +313,6 @@ def _vary_best(search: _SettingSearch) -> None:
         for settings in best:
             search.satisfying(variants(search.scene, settings))
         varied |= {*best}
-
-
-def _simplest_of_fastest(search: _SettingSearch, trials: Sequence[SceneTrial]) -> SceneTrial | None:
-    """Return the trial of fewest changes among those about as fast as the fastest; None without trials."""
-    least = min((trial.seconds for trial in trials), default=np.inf)
-    equal = [trial for trial in trials if trial.seconds <= (1.0 + TIME_TOLERANCE) * least]
-    return min(equal, key=lambda trial: (len(trial.settings.as_dict()), search.error(trial)), default=None)
 
 
 def _verified(search: _SettingSearch) -> list[SceneTrial]:

@@ -183,33 +183,27 @@ def tune(
             notes += note
         seconds = si(budget, "s", "the budget")
         result = tuned(scene, limit, cast(By, by), budget=seconds, progress=progress)
-        _require_runnable(result)
+        if not np.isfinite(result.closest.errors.by(result.by)):
+            cause = divergence_reason(run_scene(scene)) or "no closed pose is near its states"
+            raise InputError(
+                f"{scene.path}: the scene diverges with all of {len(result.tried)} settings: {cause}; "
+                "change the motion or the scene"
+            )
         return _written(result, target, None if python is None else Path(python), notes)
 
 
 def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, tuple[str, ...]]:
     """Return a scene whose initial pose satisfies a tolerance, and a note if the file's pose does not."""
     error = start_error(scene)
-    if error <= AIMED_FRACTION * tolerance:
-        return scene, ()
-    if error <= tolerance and SceneEvaluator().errors(run_scene(scene, records=None)).closure <= tolerance:
+    if error <= AIMED_FRACTION * tolerance or (
+        error <= tolerance and SceneEvaluator().errors(run_scene(scene, records=None)).closure <= tolerance
+    ):
         return scene, ()
     note = (
         f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file starts "
         f"assembled, in keyframe {KEY}"
     )
     return with_assembled_start(scene), (note,)
-
-
-def _require_runnable(result: Tuned) -> None:
-    """Raise InputError with the cause if the scene diverges with all tried settings."""
-    if np.isfinite(result.closest.errors.by(result.by)):
-        return
-    cause = divergence_reason(run_scene(result.scene)) or "no closed pose is near its states"
-    raise InputError(
-        f"{result.scene.path}: the scene diverges with all of {len(result.tried)} settings: {cause}; change "
-        "the motion or the scene"
-    )
 
 
 def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, ...]) -> TunedModel:
