@@ -206,22 +206,17 @@ def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -
         range_ratio: range relative to that of the motion.
         speed_variation: largest relative change of the speed.
     """
-    count = len(scene.joint_laws)
-    motion_laws = [
+    joint_laws, ctrl = (
         {
             name: _warped_law(state, scene.duration, number, range_ratio, speed_variation)
             for number, (name, state) in enumerate(states.items(), first)
         }
-        for states, first in ((scene.joint_laws, 0), (scene.ctrl, count))
-    ]
+        for states, first in ((scene.joint_laws, 0), (scene.ctrl, len(scene.joint_laws)))
+    )
     qpos, qvel = scene.start
     # rates that keep loops closed are proportional to the driver speeds
-    return replace(
-        scene,
-        joint_laws=motion_laws[0],
-        ctrl=motion_laws[1],
-        start=(qpos, range_ratio * qvel if scene.joint_laws else qvel),
-    )
+    start = qpos, range_ratio * qvel if scene.joint_laws else qvel
+    return replace(scene, joint_laws=joint_laws, ctrl=ctrl, start=start)
 
 
 def _warped_law(
@@ -315,7 +310,8 @@ def observe(spec: mujoco.MjSpec, scene: UserScene, tracked: frozenset[str], tole
         data.ctrl[:], data.qfrc_applied[:] = control[: model.nu], control[model.nu :]
         mujoco.mj_forward(model, data)
         touched |= set(data.contact.geom.ravel().tolist())
-        limited |= _at_limits(model, data)
+        for kind, element in ((LIMIT_JOINT, model.joint), (LIMIT_TENDON, model.tendon)):
+            limited |= {element(int(index)).name for index in data.efc_id[data.efc_type == kind]}
         forces = np.maximum(forces, np.abs(data.actuator_force))
         if i % 20 == 0:
             needed |= _independent_equalities(model, data)
@@ -330,17 +326,6 @@ def observe(spec: mujoco.MjSpec, scene: UserScene, tracked: frozenset[str], tole
         {model.actuator(a).name: float(forces[a]) for a in range(model.nu)},
         tuple(model.equality(e).name for e in range(model.neq) if e not in needed),
     )
-
-
-def _at_limits(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
-    """Return the joints and tendons at a limit."""
-    names: set[str] = set()
-    for kind, index in zip(data.efc_type, data.efc_id, strict=True):
-        if int(kind) == LIMIT_JOINT:
-            names.add(model.joint(int(index)).name)
-        elif int(kind) == LIMIT_TENDON:
-            names.add(model.tendon(int(index)).name)
-    return names
 
 
 def _independent_equalities(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:

@@ -17,6 +17,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.model_loops import loops_with_crank
 from mechsim.simulation.plain_settings import settings_of
 from mechsim.simulation.state import SCALAR, SLIDE, PosedBodies
+from mechsim.studies.motions import scaled_law
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of

@@ -85,21 +85,6 @@ class TurnMeasure:
     subject: str = ""
     angle: float | None = None
 
-    @property
-    def rated(self) -> bool:
-        """Whether velocities or accelerations are needed."""
-        return self.kind == "function" or (self.quantity is not None and self.quantity.order > 0)
-
-    @property
-    def loaded(self) -> bool:
-        """Whether forces are needed."""
-        return self.quantity is not None and self.quantity.loaded
-
-    @property
-    def jointed(self) -> bool:
-        """Whether motions of joints are needed."""
-        return self.kind == "function" or (self.quantity is not None and self.quantity.uses("joint"))
-
     def value(self, turns: Turns, index: int | None = None) -> Array:
         """Return the measure of designs, (designs,).
 
@@ -145,25 +130,20 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
     if ".py:" in text:
         run_object(text)
         return TurnMeasure(text, "function", "", subject=text)
-    if colon and word == "range":
-        joints = coordinate_units(mechanism)
-        if rest not in joints and "." not in rest and ":" not in rest:
-            raise InputError(f"{mechanism.name} has no joint {rest!r}{suggestion(rest, joints)}")
-        quantity = numeric_quantity(rest, mechanism)
-        return TurnMeasure(text, "range", quantity.unit, quantity)
-    if colon and word == "stroke":
+    if not colon or word not in ("range", "stroke", "at", *STATISTICS):
+        description = f"{word}:" if colon else text
+        raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
+    if word == "stroke":
         if rest not in moving_points(mechanism):
             raise unknown(rest, mechanism)
         return TurnMeasure(text, word, "m", subject=rest)
-    if colon and word in STATISTICS:
-        quantity = numeric_quantity(rest, mechanism)
-        return TurnMeasure(text, word, quantity.unit, quantity)
-    if colon and word == "at":
-        index, _, name = rest.partition(":")
-        quantity = numeric_quantity(name, mechanism)
-        return TurnMeasure(text, word, quantity.unit, quantity, angle=_parameter(text, index, motion_laws))
-    description = f"{word}:" if colon else text
-    raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
+    joints = coordinate_units(mechanism)
+    if word == "range" and rest not in joints and "." not in rest and ":" not in rest:
+        raise InputError(f"{mechanism.name} has no joint {rest!r}{suggestion(rest, joints)}")
+    index, _, name = rest.partition(":") if word == "at" else ("", "", rest)
+    quantity = numeric_quantity(name, mechanism)
+    angle = _parameter(text, index, motion_laws) if word == "at" else None
+    return TurnMeasure(text, word, quantity.unit, quantity, angle=angle)
 
 
 def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
@@ -177,8 +157,7 @@ def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
     if not 0.0 <= time <= motion_laws.duration:
         raise InputError(
             f"{text} is at {time:g} s, but the motion laws last {motion_laws.duration:g} s; "
-            "give a time "
-            "within them, or a longer duration"
+            "give a time within them, or a longer duration"
         )
     return motion_laws.rate * time
 
@@ -251,17 +230,17 @@ class MeasureSet:
     @property
     def rated(self) -> bool:
         """Whether velocities or accelerations are needed."""
-        return any(measure.rated for measure in self)
+        return self.includes("function") or any(quantity.order > 0 for quantity in self.quantities)
 
     @property
     def loaded(self) -> bool:
         """Whether forces are needed."""
-        return any(measure.loaded for measure in self)
+        return any(quantity.loaded for quantity in self.quantities)
 
     @property
     def jointed(self) -> bool:
         """Whether motions of joints are needed."""
-        return any(measure.jointed for measure in self)
+        return self.includes("function") or self.uses("joint")
 
     @property
     def quantities(self) -> list[Quantity]:
@@ -293,19 +272,15 @@ def table_of(measures: Iterable[TurnMeasure], turns: Turns, indices: Mapping[flo
         turns: motions over the turn, then at the angles of single measures.
         indices: such an angle -> index of its pose.
     """
-    count = turns.poses - len(indices)
-    whole = _first(turns, count) if indices else turns
+    whole, count = turns, turns.poses - len(indices)
+    if indices:
+        # without the poses of single angles
+        rows = np.tile(np.arange(turns.poses) < count, turns.designs)
+        more = {name: values[:, :count] for name, values in turns.more.items()}
+        whole = Turns(turns.designs, count, select_instants(turns.motion, rows), more)
     return {
         measure.name: measure.value(turns, indices[measure.angle])
         if measure.angle is not None
         else measure.value(whole)
         for measure in measures
     }
-
-
-def _first(turns: Turns, count: int) -> Turns:
-    """Return the motions without the poses of single angles."""
-    rows = np.zeros((turns.designs, turns.poses), dtype=np.bool_)
-    rows[:, :count] = True
-    more = {name: values[:, :count] for name, values in turns.more.items()}
-    return Turns(turns.designs, count, select_instants(turns.motion, rows.ravel()), more)

@@ -74,32 +74,22 @@ def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array],
     turning = np.flatnonzero(~ranges.uncertain & ranges.full)
     stored: list[Rows] = []
     step = max(1, BLOCK // len(task.angles))
-    for first in range(0, len(swinging), step):
-        block = swinging[first : first + step]
-        values = _block(task, rows, valid[block], task.within(low[block], high[block]))
-        stored.append(result.store_finite(valid[block], values, swings=(low[block], high[block])))
-    for first in range(0, len(turning), step):
-        block = valid[turning[first : first + step]]
-        stored.append(result.store_finite(block, _block(task, rows, block, task.revolution)))
+    for group in (swinging, turning):
+        for first in range(0, len(group), step):
+            block = group[first : first + step]
+            designs, ends = valid[block], (low[block], high[block]) if group is swinging else None
+            with np.errstate(all="ignore"):
+                motion = solved(
+                    formula,
+                    _subset(rows, designs),
+                    *(task.within(*ends) if ends else task.revolution),
+                    rates=task.measures.rated,
+                    joints=task.measures.jointed,
+                    links=task.measures.uses("link"),
+                )
+                values = task.values(_turns(task, _subset(rows, designs), motion))
+            stored.append(result.store_finite(designs, values, swings=ends))
     return np.setdiff1d(every, np.concatenate([every[:0], *stored]))
-
-
-def _block(task: SweepTask, rows: Mapping[str, Array], block: Rows, crank: CrankRows) -> dict[str, Array]:
-    """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
-    formula = task.subject.closed
-    assert formula is not None
-    with np.errstate(all="ignore"):
-        motion = solved(
-            formula,
-            _subset(rows, block),
-            crank.angle,
-            crank.speed,
-            crank.acceleration,
-            rates=task.measures.rated,
-            joints=task.measures.jointed,
-            links=task.measures.uses("link"),
-        )
-        return task.values(_turns(task, _subset(rows, block), motion))
 
 
 def _turns(task: SweepTask, rows: Mapping[str, Array], motion: Motion) -> Turns:
@@ -156,9 +146,7 @@ def _loop_swings(
         if swings is None:
             return others[:0]
         crank = task.within(swings.low, swings.high)
-        motion, valid = tracer.motion(
-            swings, crank.angle, crank.speed, crank.acceleration, task.measures.joints
-        )
+        motion, valid = tracer.motion(swings, *crank, task.measures.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return others[:0]
     own = index[others[swings.rows]]
@@ -225,33 +213,18 @@ def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:
 
 def _solved_alone(task: SweepTask, solver: KinematicSolver, crank: CrankRows) -> dict[str, float]:
     """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
-    angles, path_speed = crank.angle, crank.speed
+    angles, path_speed, acceleration = crank
     if not solver.motion_laws.crank:
         # the rate of the path parameter depends on the design; the times do not
-        angles, path_speed = (
-            angles / path_speed * solver.motion_laws.rate,
-            np.full_like(path_speed, solver.motion_laws.rate),
-        )
-    motion = solver.solve_along(angles, path_speed, crank.acceleration)
+        rate = np.full_like(path_speed, solver.motion_laws.rate)
+        angles, path_speed = angles / path_speed * rate, rate
+    motion = solver.solve_along(angles, path_speed, acceleration)
     shape = (1, len(angles))
     more: dict[str, Array] = {}
     if task.measures.loaded:
-        study = prescribed_along(dynamic_model(solver), angles, path_speed, crank.acceleration)
+        study = prescribed_along(dynamic_model(solver), angles, path_speed, acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.measures.includes(TRANSMISSION):
         more[TRANSMISSION] = solver.required_transmission_angle(angles).reshape(shape)
     turns = Turns(1, len(angles), motion, more)
     return {name: float(values[0]) for name, values in task.values(turns).items()}
-
-
-def require_measurable(task: SweepTask) -> None:
-    """Reject measures that no design of a subject can have.
-
-    Raises:
-        InputError: for such a measure, with a remedy.
-    """
-    solver = task.subject.solver
-    for measure in task.measures:
-        if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
-            solver.required_transmission_angle([solver.mechanism.start])
-    solver.motion_laws.require_drivers(solver.mechanism)

@@ -14,10 +14,10 @@ from mechsim import units
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.quantity import TRANSMISSION
 from mechsim.numerics.resources import Progress, no_progress, require_memory
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.sweep.designs import (
-    Designs,
     declared_units,
     grid_designs,
     listed_designs,
@@ -26,11 +26,7 @@ from mechsim.studies.sweep.designs import (
     sampled_designs,
 )
 from mechsim.studies.sweep.measures import measures
-from mechsim.studies.sweep.methods import (
-    by_one_formula,
-    measured_designs,
-    require_measurable,
-)
+from mechsim.studies.sweep.methods import by_one_formula, measured_designs
 from mechsim.studies.sweep.table import dataset, require_libraries, suffix_of, write_sweep
 from mechsim.studies.sweep.task import (
     BUILT,
@@ -133,33 +129,24 @@ def swept_task(
         raise InputError(f"{samples} poses in a motion; give 1 to {MAX_SAMPLES:,}")
     texts = [measure] if isinstance(measure, str) else list(measure)
     subject, parameters = swept_designs(model, set, **options)
-    designs = _designs(subject, vary or {}, design, sample, parameters)
-    rate = float(units.si(speed, "rad/s", "the speed"))
-    measures_read = measures(texts, subject.solver.mechanism, subject.solver.motion_laws)
-    task = SweepTask(subject, designs, measures_read, int(samples), rate)
-    require_measurable(task)
-    return task
-
-
-def _designs(
-    subject: SweptSubject,
-    vary: Mapping[str, Any],
-    design: Mapping[str, Any] | str | None,
-    sample: str | None,
-    parameters: Mapping[str, str],
-) -> Designs:
-    name = subject.name
+    vary, name, solver = vary or {}, subject.name, subject.solver
     if design is not None and (vary or sample is not None):
         raise InputError("both designs and ranges are given; give only one")
     if isinstance(design, str):
-        return read_designs(design, name, parameters, declared_units(subject.design_family))
-    if design is not None:
-        return listed_designs(design, name, parameters, "list of designs")
-    return (
-        grid_designs(vary, name, parameters)
-        if sample is None
-        else sampled_designs(sample, vary, name, parameters)
-    )
+        designs = read_designs(design, name, parameters, declared_units(subject.design_family))
+    elif design is not None:
+        designs = listed_designs(design, name, parameters, "list of designs")
+    elif sample is None:
+        designs = grid_designs(vary, name, parameters)
+    else:
+        designs = sampled_designs(sample, vary, name, parameters)
+    rate = float(units.si(speed, "rad/s", "the speed"))
+    measures_read = measures(texts, solver.mechanism, solver.motion_laws)
+    if measures_read.includes(TRANSMISSION):
+        # reject a mechanism whose designs have none
+        solver.required_transmission_angle([solver.mechanism.start])
+    solver.motion_laws.require_drivers(solver.mechanism)
+    return SweepTask(subject, designs, measures_read, int(samples), rate)
 
 
 # designs in a chunk: by one formula, by loop equations together, and one at a time

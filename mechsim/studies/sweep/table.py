@@ -58,23 +58,19 @@ def dataset(
         name: (name if designs.spread == "grid" else "design", row, {"units": designs.units[name] or "1"})
         for name, row in designs.values.items()
     }
+    laws = task.subject.solver.motion_laws
+    driven = {"speed": task.path_speed, "speed_units": "rad/s"}
+    if not laws.crank:
+        driven = {"duration": laws.duration, "duration_units": "s"}
     about = {
         "model": task.subject.name,
         "mechanism": task.subject.solver.name,
         "designs": designs.description,
         "samples": task.samples,
-        **_driven(task),
+        **driven,
         "mechsim": __version__,
     }
     return xarray.Dataset(variables, coordinates, about)
-
-
-def _driven(task: SweepTask) -> dict[str, object]:
-    """Return the speed of the crank, or the duration of the motion laws."""
-    motion_laws = task.subject.solver.motion_laws
-    if motion_laws.crank:
-        return {"speed": task.path_speed, "speed_units": "rad/s"}
-    return {"duration": motion_laws.duration, "duration_units": "s"}
 
 
 def suffix_of(path: str | Path) -> str:

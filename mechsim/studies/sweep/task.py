@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -42,13 +42,8 @@ PASSED = 0
 END_DISTANCE = 1e-10
 
 
-@dataclass(frozen=True, slots=True)
-class CrankRows:
-    """Crank angles (..., poses) in [rad], speeds in [rad/s] and accelerations in [rad/s2] of designs."""
-
-    angle: Array
-    speed: Array
-    acceleration: Array
+# crank angles (..., poses) in [rad], speeds in [rad/s] and accelerations in [rad/s2] of designs
+CrankRows = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -147,12 +142,11 @@ class SweepTask:
         else:
             angle = low + np.linspace(END_DISTANCE, 1.0 - END_DISTANCE, self.samples) * (high - low)
             speed, acceleration = np.full_like(angle, self.path_speed), np.zeros_like(angle)
-        rows = (
-            (angle, fixed),
-            (speed, np.full_like(fixed, self.path_speed)),
-            (acceleration, np.zeros_like(fixed)),
+        return (
+            np.concatenate([angle, fixed], -1),
+            np.concatenate([speed, np.full_like(fixed, self.path_speed)], -1),
+            np.concatenate([acceleration, np.zeros_like(fixed)], -1),
         )
-        return CrankRows(*(np.concatenate(pairs, -1) for pairs in rows))
 
     @property
     def single_only(self) -> bool:
@@ -163,7 +157,7 @@ class SweepTask:
     def revolution(self) -> CrankRows:
         """The crank motion over which designs that turn fully or follow motion laws are measured."""
         angle = self.angles
-        return CrankRows(angle, np.full_like(angle, self.path_speed), np.zeros_like(angle))
+        return angle, np.full_like(angle, self.path_speed), np.zeros_like(angle)
 
     @cached_property
     def loops(self) -> SharedLoops | None:
@@ -192,7 +186,7 @@ class Measured:
 
     values: dict[str, Array]
     outcome: NDArray[np.int8]
-    reason: NDArray[np.object_] = field(default_factory=lambda: np.zeros(0, dtype=object))
+    reason: NDArray[np.object_]
 
     def store(self, rows: NDArray[np.intp], result: Mapping[str, Array]) -> None:
         """Store measures of some of the designs."""
@@ -239,9 +233,8 @@ def swings_between(low: float, high: float) -> str:
 def nothing_measured(task: SweepTask, count: int) -> Measured:
     """Return an empty table of designs."""
     values = {measure.name: np.full(count, np.nan) for measure in task.measures}
-    return Measured(
-        values, np.full(count, OUTCOMES.index("diverged"), dtype=np.int8), np.full(count, "", dtype=object)
-    )
+    outcome = np.full(count, OUTCOMES.index("diverged"), dtype=np.int8)
+    return Measured(values, outcome, np.full(count, "", dtype=object))
 
 
 Rows = NDArray[np.intp]

@@ -85,7 +85,6 @@ def name_list(names: list[str], limit: int = 4) -> str:
     return ", ".join(names[:limit]) + more
 
 
-LOCKED = "locked joints"
 # displacement of a joint above which it is not proposed, in [rad] or characteristic lengths
 MAX_DISPLACEMENT = 0.02
 
@@ -105,7 +104,7 @@ def locked_joints(observed: Evidence) -> list[RemovalCandidate]:
         distance = f"{displacement * unit:.2g} {'rad' if unit == 1.0 else 'm'}"
         what = f"joint {joint.name}, which moved by {distance}: locked"
         edit = lambda spec, name=joint.name, value=middle: fuse(spec, name, value)  # noqa: E731
-        candidates.append((displacement, RemovalCandidate(LOCKED, what, edit)))
+        candidates.append((displacement, RemovalCandidate("locked joints", what, edit)))
     return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
 
 
@@ -166,7 +165,6 @@ def joints_of(tendon: mujoco.MjsTendon) -> dict[str, float]:
     }
 
 
-DISCONNECTED = "disconnected bodies"
 TENDON, JOINT = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtEq.mjEQ_JOINT
 
 
@@ -194,7 +192,7 @@ def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
         for name in moving:
             delete(spec, existing(spec, "body", name))
 
-    return [RemovalCandidate(DISCONNECTED, what, edit)]
+    return [RemovalCandidate("disconnected bodies", what, edit)]
 
 
 def interaction_graph(observed: Evidence) -> "nx.Graph[str]":
@@ -210,14 +208,15 @@ def interaction_graph(observed: Evidence) -> "nx.Graph[str]":
             if parent not in fixed:
                 graph.add_edge(model.body(body).name, model.body(parent).name)
     tendons = [_tendon_bodies(tendon) for tendon in observed.spec.tendons]
-    for group in (*_equalities(observed.spec), *tendons):
-        inside = [name for name in group if name in graph]
-        nx.add_path(graph, inside)
-    touching = [
-        body_of(observed.spec.geom(name)) for name in observed.touched if observed.spec.geom(name) is not None
-    ]
-    nx.add_path(graph, [name for name in touching if name in graph])
+    for group in (*_equalities(observed.spec), *tendons, touching_bodies(observed)):
+        nx.add_path(graph, [name for name in group if name in graph])
     return graph
+
+
+def touching_bodies(observed: Evidence) -> list[str]:
+    """Return the bodies whose geoms were in contact."""
+    geoms = [observed.spec.geom(name) for name in observed.touched]
+    return [body_of(geom) for geom in geoms if geom is not None]
 
 
 def needed_bodies(observed: Evidence) -> set[str]:
@@ -244,24 +243,22 @@ def bodies_of(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> set[str]:
 
 def _equalities(spec: mujoco.MjSpec) -> list[list[str]]:
     """Return the bodies that each equality couples."""
-    groups: list[list[str]] = []
-    for equality in spec.equalities:
-        names = [name for name in (equality.name1, equality.name2) if name]
+
+    def bodies(equality: mujoco.MjsEquality, name: str) -> list[str]:
         if equality.type == JOINT:
-            groups.append([body_of(spec.joint(name)) for name in names])
-        elif equality.type == TENDON:
-            groups.append([body for name in names for body in _tendon_bodies(spec.tendon(name))])
-        elif equality.objtype == mujoco.mjtObj.mjOBJ_SITE:
-            groups.append([body_of(spec.site(name)) for name in names])
-        else:
-            groups.append(names)
-    return groups
+            return [body_of(spec.joint(name))]
+        if equality.type == TENDON:
+            return _tendon_bodies(spec.tendon(name))
+        return [body_of(spec.site(name)) if equality.objtype == mujoco.mjtObj.mjOBJ_SITE else name]
+
+    return [
+        [body for name in (equality.name1, equality.name2) if name for body in bodies(equality, name)]
+        for equality in spec.equalities
+    ]
 
 
 def _tendon_bodies(tendon: mujoco.MjsTendon) -> list[str]:
     """Return the bodies on which a tendon acts."""
-    if joints_of(tendon):
-        return [body_of(wrap.target) for wrap in tendon.path]
     return [body_of(wrap.target) for wrap in tendon.path if hasattr(wrap.target, "parent")]
 
 
@@ -279,9 +276,6 @@ def _fixed_bodies(model: mujoco.MjModel) -> set[int]:
     return fixed
 
 
-FUSED = "fused bodies"
-
-
 def fused_bodies(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse all bodies without joints with their parents, except tracked bodies."""
     bodies = [
@@ -292,7 +286,7 @@ def fused_bodies(observed: Evidence) -> list[RemovalCandidate]:
     if not bodies:
         return []
     what = f"{count_text(len(bodies), 'body', 'bodies')} without joints, fused with their parents"
-    return [RemovalCandidate(FUSED, what, lambda spec: _fused(spec, observed.tracked))]
+    return [RemovalCandidate("fused bodies", what, lambda spec: _fused(spec, observed.tracked))]
 
 
 def _fused(spec: mujoco.MjSpec, tracked: frozenset[str]) -> None:

@@ -41,14 +41,14 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
         if geom.name not in observed.touched and (geom.contype or geom.conaffinity)
     ]
     what = f"contacts of {count_text(len(names), 'geom')} without contact"
-    return [RemovalCandidate("contacts", what, partial(_without_contacts, names=names))] if names else []
 
+    def edit_geoms(spec: mujoco.MjSpec) -> None:
+        for geom in spec.geoms:
+            if geom.name in names:
+                geom.contype = geom.conaffinity = 0
+        delete(spec, (pair for pair in spec.pairs if pair.geomname1 in names or pair.geomname2 in names))
 
-def _without_contacts(spec: mujoco.MjSpec, names: Collection[str]) -> None:
-    for geom in spec.geoms:
-        if geom.name in names:
-            geom.contype = geom.conaffinity = 0
-    delete(spec, (pair for pair in spec.pairs if pair.geomname1 in names or pair.geomname2 in names))
+    return [RemovalCandidate("contacts", what, edit_geoms)] if names else []
 
 
 def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
@@ -60,25 +60,21 @@ def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
         edits[count_text(count, "camera or light", "cameras and lights")] = lambda spec: delete(
             spec, (*spec.cameras, *spec.lights)
         )
-    used = _used_geoms(spec) | observed.touched
-    geoms = [geom.name for geom in spec.geoms if geom.name not in used]
-    if geoms:
-        what = f"{count_text(len(geoms), 'geom')} without contact, with their meshes and materials"
-        edits[what] = partial(_without_geoms, names=geoms)
-    elif spec.materials or spec.textures or spec.meshes:
-        edits["materials, textures and meshes"] = _without_assets
-    return [RemovalCandidate("visual-only elements", what, edit) for what, edit in edits.items()]
-
-
-def _used_geoms(spec: mujoco.MjSpec) -> set[str]:
-    """Return the geoms around which tendons wrap or that contact pairs name."""
+    # tendons wrap around these geoms, or contact pairs name them
     wraps = {
         wrap.target.name
         for tendon in spec.tendons
         for wrap in tendon.path
         if wrap.type in (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)
     }
-    return wraps | {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+    pairs = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+    geoms = [geom.name for geom in spec.geoms if geom.name not in wraps | pairs | observed.touched]
+    if geoms:
+        what = f"{count_text(len(geoms), 'geom')} without contact, with their meshes and materials"
+        edits[what] = partial(_without_geoms, names=geoms)
+    elif spec.materials or spec.textures or spec.meshes:
+        edits["materials, textures and meshes"] = _without_assets
+    return [RemovalCandidate("visual-only elements", what, edit) for what, edit in edits.items()]
 
 
 def _without_geoms(spec: mujoco.MjSpec, names: Collection[str]) -> None:
@@ -92,14 +88,19 @@ def _without_geoms(spec: mujoco.MjSpec, names: Collection[str]) -> None:
 
 def _without_assets(spec: mujoco.MjSpec) -> None:
     """Remove materials, textures and skins, and the meshes and height fields that no geom uses."""
-    meshes = {geom.meshname for geom in spec.geoms}
-    fields = {geom.hfieldname for geom in spec.geoms}
-    delete(spec, spec.skins)
+    meshes, fields = {geom.meshname for geom in spec.geoms}, {geom.hfieldname for geom in spec.geoms}
     for element in (*spec.geoms, *spec.sites, *spec.tendons):
         element.material = ""
-    delete(spec, (*spec.materials, *spec.textures))
+    delete(spec, (*spec.skins, *spec.materials, *spec.textures))
     delete(spec, (mesh for mesh in spec.meshes if mesh.name not in meshes))
     delete(spec, (field for field in spec.hfields if field.name not in fields))
+
+
+def _with_value(spec: mujoco.MjSpec, names: Collection[str], field: str, value: Any) -> None:
+    """Give a field of joints and tendons another value."""
+    for element in (*spec.joints, *spec.tendons):
+        if element.name in names:
+            setattr(element, field, value)
 
 
 def limits(observed: Evidence) -> list[RemovalCandidate]:
@@ -108,25 +109,14 @@ def limits(observed: Evidence) -> list[RemovalCandidate]:
     names = [model.joint(j).name for j in range(model.njnt) if model.jnt_limited[j]]
     names += [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
     unused = [name for name in names if name not in observed.limited]
-    candidates: list[RemovalCandidate] = []
-    if unused:
-        what = (
-            f"{count_text(len(unused), 'limit')} that {'was' if len(unused) == 1 else 'were'} never reached"
-        )
-        candidates.append(RemovalCandidate("limits", what, partial(_without_limits, names=unused)))
-    return candidates + [
-        RemovalCandidate(
-            "limits", f"limit of {name}", partial(_without_limits, names=(name,)), only_if_faster=True
-        )
-        for name in names
-        if name in observed.limited
+    were = "was" if len(unused) == 1 else "were"
+    options = {f"{count_text(len(unused), 'limit')} that {were} never reached": unused} if unused else {}
+    options |= {f"limit of {name}": [name] for name in names if name in observed.limited}
+    unlimited = partial(_with_value, field="limited", value=int(mujoco.mjtLimited.mjLIMITED_FALSE))
+    return [
+        RemovalCandidate("limits", what, partial(unlimited, names=group), only_if_faster=group is not unused)
+        for what, group in options.items()
     ]
-
-
-def _without_limits(spec: mujoco.MjSpec, names: Collection[str]) -> None:
-    for element in (*spec.joints, *spec.tendons):
-        if element.name in names:
-            element.limited = int(mujoco.mjtLimited.mjLIMITED_FALSE)
 
 
 def actuators(observed: Evidence) -> list[RemovalCandidate]:
@@ -159,7 +149,7 @@ def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
 def springs(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove Coulomb friction, springs and dampers: from all joints and tendons, and from each."""
     candidates: list[RemovalCandidate] = []
-    for field, (_, what) in SPRING_FIELDS.items():
+    for field, (none, what) in SPRING_FIELDS.items():
         # in a prescribed joint these only change the drive force
         names = [
             element.name
@@ -168,16 +158,9 @@ def springs(observed: Evidence) -> list[RemovalCandidate]:
         ]
         options = {f"{what} of all {len(names)} joints that have one": names} if len(names) > 1 else {}
         options |= {f"{what} of {name}": [name] for name in names}
+        removed = partial(_with_value, field=field, value=none)
         candidates += [
-            RemovalCandidate(
-                "springs", text, partial(_without_springs, names=group, field=field), only_if_faster=True
-            )
+            RemovalCandidate("springs", text, partial(removed, names=group), only_if_faster=True)
             for text, group in options.items()
         ]
     return candidates
-
-
-def _without_springs(spec: mujoco.MjSpec, names: Collection[str], field: str) -> None:
-    for element in (*spec.joints, *spec.tendons):
-        if element.name in names:
-            setattr(element, field, SPRING_FIELDS[field][0])

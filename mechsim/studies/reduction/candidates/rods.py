@@ -23,6 +23,7 @@ from mechsim.studies.reduction.candidates.bodies import (
     name_list,
     needed_bodies,
     require_unused,
+    touching_bodies,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
 
@@ -66,12 +67,7 @@ def loose_chains(observed: Evidence) -> list[LooseChain]:
 
 def kept_bodies(observed: Evidence) -> set[str]:
     """Return the bodies that are tracked, driven, actuated or in contact."""
-    touching = {
-        observed.spec.geom(name).parent.name
-        for name in observed.touched
-        if observed.spec.geom(name) is not None
-    }
-    return set(observed.tracked) | needed_bodies(observed) | touching
+    return {*observed.tracked, *needed_bodies(observed), *touching_bodies(observed)}
 
 
 def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]) -> list[mujoco.MjsBody]:
@@ -131,7 +127,6 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
     model.body_iquat[body] = quaternion(vectors)
 
 
-RODS = "rods as lengths"
 TENDON = mujoco.mjtObj.mjOBJ_TENDON
 # distance of joint anchors, relative to the rod length, up to which they coincide
 ANCHOR_TOLERANCE = 1e-6
@@ -143,22 +138,17 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to replace each rod by its length, with the compliance of its loop and with smaller ones."""
     candidates: list[RemovalCandidate] = []
     step = float(observed.spec.option.timestep)
+    options: dict[str, float | None] = {"compliance of its loop": None}
+    options |= {f"time constant {constant * step:g} s": constant * step for constant in TIME_CONSTANTS}
     for chain in loose_chains(observed):
-        if (
-            observed.spec.equality(chain.closing).type != CONNECT
-            or rod_of_chain(observed.spec, chain) is None
-        ):
+        closing = observed.spec.equality(chain.closing)
+        if closing.type != CONNECT or rod_of_chain(observed.spec, chain) is None:
             continue
-        for constant in (None, *TIME_CONSTANTS):
-            stiffness = (
-                "compliance of its loop" if constant is None else f"time constant {constant * step:g} s"
-            )
-            rod = f"rod {name_list(list(chain.bodies))}"
-            what = f"{rod} with loop {chain.closing}: kept as a length, {stiffness}"
-            seconds = None if constant is None else constant * step
-            candidates.append(
-                RemovalCandidate(RODS, what, partial(_as_length, chain=chain, constant=seconds))
-            )
+        for stiffness, constant in options.items():
+            rod_name = f"rod {name_list(list(chain.bodies))}"
+            what = f"{rod_name} with loop {chain.closing}: kept as a length, {stiffness}"
+            edit = partial(_as_length, chain=chain, constant=constant)
+            candidates.append(RemovalCandidate("rods as lengths", what, edit))
     return candidates
 
 
@@ -224,30 +214,24 @@ def _shared(spec: mujoco.MjSpec, chain: LooseChain, parent: str, anchor: Array) 
     return local_anchor
 
 
-CHAINS = "passive chains"
-
-
 def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse each passive chain and each passive leaf body."""
-    candidates = [
-        RemovalCandidate(
-            CHAINS,
-            f"loop {chain.closing} with {count_text(len(chain.joints), 'joint')}, "
-            f"{name_list(list(chain.joints))}: fused",
-            partial(_fused, chain=chain, coordinates=_coordinates(observed, chain.joints)),
-        )
-        for chain in loose_chains(observed)
-    ]
+    fused: list[tuple[LooseChain, str]] = []
+    for chain in loose_chains(observed):
+        joints = f"{count_text(len(chain.joints), 'joint')}, {name_list(list(chain.joints))}"
+        fused.append((chain, f"loop {chain.closing} with {joints}: fused"))
     for name in _leaves(observed):
         joints = tuple(joint.name for joint in observed.spec.body(name).joints)
         what = f"{count_text(len(joints), 'joint')} of {name}, which has no tracked point: fused"
-        chain = LooseChain("", "", "", (name,), joints)
-        candidates.append(
-            RemovalCandidate(
-                CHAINS, what, partial(_fused, chain=chain, coordinates=_coordinates(observed, joints))
-            )
+        fused.append((LooseChain("", "", "", (name,), joints), what))
+    return [
+        RemovalCandidate(
+            "passive chains",
+            what,
+            partial(_fused, chain=chain, coordinates=_coordinates(observed, chain.joints)),
         )
-    return candidates
+        for chain, what in fused
+    ]
 
 
 def _leaves(observed: Evidence) -> list[str]:
