@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -124,56 +124,39 @@ def export(
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
         require_compatible(format, scene, settings, timestep, speed)
+        _require_style(style, format, scene, speed)
         loaded = isinstance(model, KinematicSolver) and not set
         solver = model if loaded else load(model, set, still=True, **options)
-        contents = _Contents(scene, settings, timestep, speed, hole)
         solver, elsewhere = _with_formula_from(solver, Path(fspath(output or "")).parent)
-        result = _exported(solver, format, style, contents)
-        if format == "toml":
-            result = replace(result, left_out=elsewhere)
+        if style == "menagerie":
+            text, omitted = _menagerie_text(solver, settings, timestep)
+        elif format in ("sdf", "usda"):
+            text, omitted = _text_of_joints(solver, format)
+        elif format in DRAWINGS:
+            from mechsim.pictures.flat_plates import drawing_text, flat_plates
+
+            plates, omitted = flat_plates(solver.mechanism, si(hole, "m", "--hole"))
+            text = drawing_text(plates, format)
+        elif format == "toml":
+            text, omitted = to_toml(solver), elsewhere
+        else:
+            text, omitted = _mjcf_text(solver, scene, settings, timestep, speed)
+        result = ExportedModel(solver.name, format, text, left_out=omitted)
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(result.text, encoding="utf-8")
     return result
 
 
-@dataclass(frozen=True)
-class _Contents:
-    """Contents of a MuJoCo model or drawing: arguments of `export`."""
-
-    scene: str
-    settings: Mapping[str, Any]
-    timestep: float | str | None
-    speed: float | str | None
-    hole: float | str | None
-
-
-def _exported(solver: KinematicSolver, format: str, style: str, contents: _Contents) -> ExportedModel:
-    """Return a mechanism as a MuJoCo model in a style, or in another format."""
-    if style == "menagerie":
-        if format != "xml" or contents.scene != LEVEL or contents.speed is not None:
-            raise InputError(
-                "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
-                "and --speed"
-            )
-        text, omitted = _menagerie_text(solver, contents)
-        return ExportedModel(solver.name, format, text, left_out=omitted)
-    if style != "plain":
+def _require_style(style: str, format: str, scene: str, speed: float | str | None) -> None:
+    """Raise InputError for an unknown style, or one that excludes another option."""
+    if style not in STYLES:
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
-    if format in ("sdf", "usda"):
-        text, omitted = _text_of_joints(solver, format)
-        return ExportedModel(solver.name, format, text, left_out=omitted)
-    if format in DRAWINGS:
-        from mechsim.pictures.flat_plates import drawing_text, flat_plates
-
-        hole = None if contents.hole is None else si(contents.hole, "m", "--hole")
-        plates, omitted = flat_plates(solver.mechanism, hole)
-        return ExportedModel(solver.name, format, drawing_text(plates, format), left_out=omitted)
-    if format == "toml":
-        text = to_toml(solver)
-        return ExportedModel(solver.name, format, text)
-    text, omitted = _mjcf_text(solver, contents)
-    return ExportedModel(solver.name, format, text, left_out=omitted)
+    if style == "menagerie" and (format != "xml" or scene != LEVEL or speed is not None):
+        raise InputError(
+            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
+            "and --speed"
+        )
 
 
 def _text_of_joints(solver: KinematicSolver, format: str) -> tuple[str, str]:
@@ -233,14 +216,16 @@ def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     return spec
 
 
-def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> tuple[str, str]:
+def _menagerie_text(
+    solver: KinematicSolver, settings: Mapping[str, Any], timestep: float | str | None
+) -> tuple[str, str]:
     """Return the text of a model with position actuators and a closed keyframe, and what is left out."""
     from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, with_servos
 
     scene = Scene(level="picture", forces=solver.forces)
     spec = exported(solver.mechanism, scene)
-    settings = {"constant_steps": TIME_CONSTANT_STEPS, **contents.settings}
-    step = SERVO_TIMESTEP if contents.timestep is None else contents.timestep
+    settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
+    step = SERVO_TIMESTEP if timestep is None else timestep
     plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
     spec = with_servos(spec, solver.mechanism, scene.acting, solver.ranges)
     return to_xml(spec), _omitted(solver, "MJCF", spec, solver.ranges)
@@ -258,22 +243,27 @@ def _omitted(solver: KinematicSolver, container: str, spec: mujoco.MjSpec, range
     return left_out(solver, container, limit_joints(spec, ranges), dry)
 
 
-def _mjcf_text(solver: KinematicSolver, contents: _Contents) -> tuple[str, str]:
+def _mjcf_text(
+    solver: KinematicSolver,
+    level: str,
+    settings: Mapping[str, Any],
+    timestep: float | str | None,
+    speed: float | str | None,
+) -> tuple[str, str]:
     """Return the text of a model with settings, and a sentence on what is left out."""
-    settings = contents.settings
-    scene = Scene(level=cast(Level, contents.scene), forces=solver.forces)
+    scene = Scene(level=cast(Level, level), forces=solver.forces)
     spec = exported(solver.mechanism, scene)
     crank = solver.mechanism.has_crank and solver.mechanism.crank.name
     ranges = {CRANK if name == crank else name: limits for name, limits in solver.ranges.items()}
-    container = "MJCF" if scene.holds("dynamics") else f"the scene {contents.scene}"
+    container = "MJCF" if scene.holds("dynamics") else f"the scene {level}"
     omitted = _omitted(solver, container, spec, ranges)
-    rate = crank_speed(SPEED if contents.speed is None else contents.speed)
+    rate = crank_speed(SPEED if speed is None else speed)
     if "solref" not in settings:
         settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
-    plain_settings(settings, contents.timestep, float(spec.option.timestep), rate).put_into(spec)
+    plain_settings(settings, timestep, float(spec.option.timestep), rate).put_into(spec)
     if "drive_inertia" in settings:
         set_drive_inertia(spec, settings["drive_inertia"])
-    if contents.speed is not None:
+    if speed is not None:
         from mechsim.studies.scene import tune_model
 
         spec = tune_model.turning(spec, solver.mechanism, rate)

@@ -91,28 +91,19 @@ def far_start(solver: KinematicSolver, value: float, seed: int) -> Trial:
 
     The run must report the assembly mode in which it ends; the correct mode is the nearest.
     """
+    from mechsim.compare.crosscheck import crosscheck
+
     random = np.random.default_rng([seed, round(1e3 * value)])
     mechanism = solver.mechanism
     guess = {
         name: _perturbed(pose, value, mechanism.characteristic_length, random)
         for name, pose in mechanism.guess.items()
     }
-    trial = Trial(
-        axis="far start",
-        mechanism=solver.name,
-        value=value,
-        outcome="cannot assemble",
-        right="cannot assemble",
-        expected="passed" if value <= 0.01 else None,
-    )
-    return _assembled(trial, solver, mechanism.with_guess(guess, mechanism.start))
-
-
-def _assembled(trial: Trial, solver: KinematicSolver, mechanism: Mechanism) -> Trial:
-    from mechsim.compare.crosscheck import crosscheck
-
+    expected = "passed" if value <= 0.01 else None
+    trial = Trial(axis="far start", mechanism=solver.name, value=value, expected=expected)
+    guessed = mechanism.with_guess(guess, mechanism.start)
     try:
-        run = simulate(mechanism, method="pose", samples=12, **_motion(solver, ASSEMBLED_SPEED))
+        run = simulate(guessed, method="pose", samples=12, **_motion(solver, ASSEMBLED_SPEED))
     except AssemblyError:
         return trial
     outcome = crosscheck(run.motion, solver).outcome

@@ -37,8 +37,8 @@ class Trial:
     axis: str
     mechanism: str
     value: float
-    outcome: Outcome
-    right: Outcome
+    outcome: Outcome = "cannot assemble"
+    right: Outcome = "cannot assemble"
     expected: Outcome | None = None
     error: float | None = None
 
@@ -115,26 +115,15 @@ def attempt(
     # the help of the command does without MuJoCo
     from mechsim.simulation.run import simulate
 
-    trial = Trial(
-        axis=axis,
-        mechanism=solver.name,
-        value=value,
-        outcome="cannot assemble",
-        right="cannot assemble",
-        expected=expected,
-    )
+    trial = Trial(axis=axis, mechanism=solver.name, value=value, expected=expected)
     try:
         arguments: dict[str, Any] = {"method": "step", **options}
         run = simulate(solver.mechanism if source is None else source, **arguments)
     except MechsimError:
         return replace(trial, right=expected or "cannot assemble")
     right, error = _true_outcome(solver, run.motion)
-    outcome = run.outcome
-    if (
-        outcome == "passed"
-        and not run.estimate <= POSITION_TOLERANCE * solver.mechanism.characteristic_length
-    ):
-        outcome = "failed"
+    precise = run.estimate <= POSITION_TOLERANCE * solver.mechanism.characteristic_length
+    outcome = "failed" if run.outcome == "passed" and not precise else run.outcome
     return replace(trial, outcome=outcome, right=right, error=error)
 
 

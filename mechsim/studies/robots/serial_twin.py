@@ -24,6 +24,8 @@ from mechsim.simulation.state import SLIDE, rotation_matrix
 from mechsim.studies.robots.mujoco_models import mujoco_spec, ranges_in_si
 
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+# types of joints in URDF
+TYPES = {HINGE: "revolute", SLIDE: "prismatic"}
 # degree of MuJoCo's couplings, and of URDF's mimic joints
 MJCF_DEGREE, URDF_DEGREE = 4, 1
 # position error in [rad] or [m] above which a smaller range is recommended: half a degree
@@ -156,7 +158,7 @@ def _coupled(table: JointMap, output: int, degree: int, start: Array) -> Coupled
     count = len(table.inputs)
     inputs, jacobian = table.input - start[:count], table.jacobian[:, output]
     values = table.output[:, output] - start[count + output]
-    best: Coupled | None = None
+    fits: list[Coupled] = []
     for leading in range(count):
         others = [i for i in range(count) if i != leading]
         powers = inputs[:, [leading]] ** np.arange(degree + 1)
@@ -168,10 +170,8 @@ def _coupled(table: JointMap, output: int, degree: int, start: Array) -> Coupled
         derivative[:, leading] = powers[:, :-1] @ (coefficients[1:] * np.arange(1, degree + 1))
         torque = np.abs(derivative - jacobian).max()
         name = table.outputs[output]
-        if best is None or error < best.position_error:
-            best = Coupled(name, leading, coefficients, linear, float(error), float(torque))
-    assert best is not None
-    return best
+        fits.append(Coupled(name, leading, coefficients, linear, float(error), float(torque)))
+    return min(fits, key=lambda fit: fit.position_error)
 
 
 def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coupled]) -> str:
@@ -190,10 +190,8 @@ def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coup
             equality.name1, equality.name2 = joint.joint, names[joint.leading]
             continue
         # tendons are sums of joints: passive joint - linear terms = polynomial in the leading joint
-        combined, right = (
-            tree.add_tendon(name=f"{joint.joint} rest"),
-            tree.add_tendon(name=f"{joint.joint} leading"),
-        )
+        combined = tree.add_tendon(name=f"{joint.joint} rest")
+        right = tree.add_tendon(name=f"{joint.joint} leading")
         combined.wrap_joint(joint.joint, 1.0)
         for name, coefficient in zip(names, joint.linear.tolist(), strict=True):
             if coefficient:
@@ -216,48 +214,36 @@ def _urdf(
     mimics = {joint.joint: joint for joint in coupled}
     frames = {0: ("world", np.zeros(3), np.eye(3))}
     for body in range(1, model.nbody):
-        frames[body] = _urdf_body(robot, model, data, body, frames, names, mimics)
+        parent, position, rotation = frames[int(model.body_parentid[body])]
+        rotated, label = data.xmat[body].reshape(3, 3).copy(), model.body(body).name or f"body{body}"
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        for joint in range(first, first + max(count, 1)):
+            last = joint >= first + count - 1
+            child = label if last else f"{label}_{joint - first + 1}"
+            anchor = data.xanchor[joint].copy() if count else data.xpos[body].copy()
+            kind = TYPES.get(int(model.jnt_type[joint])) if count else "fixed"
+            name = model.joint(joint).name or f"joint{joint}" if count else f"{label}_fixed"
+            if kind is None:
+                raise InputError(
+                    f"joint {name} is a ball or free joint, which URDF lacks; use --format mjcf-tree"
+                )
+            element = ET.SubElement(robot, "joint", name=name, type=kind)
+            _origin(element, rotation.T @ (anchor - position), rotation.T @ rotated)
+            ET.SubElement(element, "parent", link=parent)
+            ET.SubElement(element, "child", link=child)
+            if count:
+                ET.SubElement(element, "axis", xyz=_text(rotated.T @ data.xaxis[joint]))
+                _limits(element, model, joint)
+                if name in mimics:
+                    _mimic(element, mimics[name], names, model)
+            link = ET.SubElement(robot, "link", name=child)
+            if last:
+                _inertial(link, model, body, rotated.T @ (data.xpos[body] - anchor))
+            parent, position, rotation = child, anchor, rotated
+        # the frame of a body's link is at its last joint
+        frames[body] = parent, position, rotation
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _urdf_body(
-    robot: ET.Element,
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    body: int,
-    frames: Mapping[int, tuple[str, Array, Array]],
-    names: Sequence[str],
-    mimics: Mapping[str, Coupled],
-) -> tuple[str, Array, Array]:
-    """Add a body with its joints, and return the name and frame of its link, which is at its last joint."""
-    parent, position, rotation = frames[int(model.body_parentid[body])]
-    rotated, label = data.xmat[body].reshape(3, 3).copy(), model.body(body).name or f"body{body}"
-    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    for joint in range(first, first + max(count, 1)):
-        last = joint >= first + count - 1
-        child = label if last else f"{label}_{joint - first + 1}"
-        anchor = data.xanchor[joint].copy() if count else data.xpos[body].copy()
-        kind = {HINGE: "revolute", SLIDE: "prismatic"}.get(int(model.jnt_type[joint])) if count else "fixed"
-        name = model.joint(joint).name or f"joint{joint}" if count else f"{label}_fixed"
-        if kind is None:
-            raise InputError(
-                f"joint {name} is a ball or free joint, which URDF lacks; use --format mjcf-tree"
-            )
-        element = ET.SubElement(robot, "joint", name=name, type=kind)
-        _origin(element, rotation.T @ (anchor - position), rotation.T @ rotated)
-        ET.SubElement(element, "parent", link=parent)
-        ET.SubElement(element, "child", link=child)
-        if count:
-            ET.SubElement(element, "axis", xyz=_text(rotated.T @ data.xaxis[joint]))
-            _limits(element, model, joint)
-            if name in mimics:
-                _mimic(element, mimics[name], names, model)
-        link = ET.SubElement(robot, "link", name=child)
-        if last:
-            _inertial(link, model, body, rotated.T @ (data.xpos[body] - anchor))
-        parent, position, rotation = child, anchor, rotated
-    return parent, position, rotation
 
 
 def _limits(element: ET.Element, model: mujoco.MjModel, joint: int) -> None:

@@ -159,42 +159,22 @@ def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") ->
 
 
 def command_of(point: Point, model: str, speed: float) -> str:
-    """Return the call of `mechsim simulate` for a point."""
-    options = [_option(name, value) for name, value in _changed(point.settings).items()]
-    return " ".join(["mechsim", "simulate", model, "--speed", _speed_text(speed), *options])
-
-
-def _speed_text(speed: float) -> str:
-    """Return a crank speed as text for the option --speed, in rpm if that number is short."""
+    """Return the call of `mechsim simulate` for a point, at a crank speed in rpm if that number is short."""
     short = f"{speed * 60.0 / REVOLUTION:g}"
-    return (
-        f"{short}rpm"
-        if np.isclose(float(short) * REVOLUTION / 60.0, speed, rtol=1e-12)
-        else f"{speed!r}rad/s"
-    )
-
-
-def _changed(settings: Settings) -> dict[str, Any]:
-    """Return the settings that differ from the defaults, and the number of steps."""
+    is_exact = np.isclose(float(short) * REVOLUTION / 60.0, speed, rtol=1e-12)
     defaults = {field.name: field.default for field in fields(Settings)}
-    return {
-        name: _plain(value)
-        for name, value in settings.as_dict().items()
+    options = [
+        _option(name, value)
+        for name, value in point.settings.as_dict().items()
         if name == "steps_per_turn" or value != defaults[name]
-    }
-
-
-def _plain(value: Any) -> Any:
-    return tuple(float(number) for number in value) if isinstance(value, tuple | np.ndarray) else value
+    ]
+    speed_text = f"{short}rpm" if is_exact else f"{speed!r}rad/s"
+    return " ".join(["mechsim", "simulate", model, "--speed", speed_text, *options])
 
 
 def _option(name: str, value: Any) -> str:
     """Return a setting as an option of the command line."""
     if name in OWN_OPTIONS:
         return f"--{name.replace('_', '-')} {value!r}"
-    text = _numbers(value, ",") if isinstance(value, tuple) else value
+    text = ",".join(f"{number:.17g}" for number in value) if isinstance(value, tuple) else value
     return f"--setting {name}={str(text).lower() if isinstance(value, bool) else text}"
-
-
-def _numbers(values: Sequence[float], separator: str) -> str:
-    return separator.join(f"{value:.17g}" for value in values)
