@@ -37,11 +37,9 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
         raise InputError(f"{samples:g} frames or samples requested; give 1 to {MAX_SAMPLES}")
     if method == "closed":
         return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
-    return (
-        stepped(solver, profile, count)
-        if method == "simulated"
-        else simulated(solver, profile, samples=count, method="pose").motion
-    )
+    if method == "simulated":
+        return stepped(solver, profile, count)
+    return simulated(solver, profile, samples=count, method="pose").motion
 
 
 def is_undriven(solver: KinematicSolver) -> bool:
@@ -82,19 +80,15 @@ def joint_loads(
     if method == "simulated":
         model = dynamic_model(solver.starting_at(profile.angles))
         as_driven = driven_as(solver, profile)
-        run = driven(model.mechanism, model.forces, samples=len(motion) - 1, **as_driven)
-        reactions = run.forces.reactions
+        study = driven(model.mechanism, model.forces, samples=len(motion) - 1, **as_driven)
     else:
         instants = (motion.angle, motion.speed, motion.acceleration)
         study = prescribed(dynamic_model(solver), *instants, time=motion.time, as_run=motion)
-        reactions = study.forces.reactions
+    reactions = study.forces.reactions
     forces = {name: reaction.force for name, reaction in reactions.items()}
     # a moment smaller than the largest force times a billionth of the size is rounding and gets no arrow
-    least = (
-        1e-9
-        * solver.mechanism.characteristic_length
-        * max(float(np.abs(force).max()) for force in forces.values())
-    )
+    largest = max(float(np.abs(force).max()) for force in forces.values())
+    least = 1e-9 * solver.mechanism.characteristic_length * largest
     moments = {
         name: np.where(np.abs(reaction.moment) > least, reaction.moment, 0.0)
         for name, reaction in reactions.items()

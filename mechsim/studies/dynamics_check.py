@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,8 @@ CONFIGURATION_TOLERANCE = 1e-6
 EIGENVALUE_TOLERANCE, EIGENVALUE_SAFETY = 1e-6, 4.0
 # rounding of an acceleration in [1/s2]
 ACCELERATION_ROUNDING = 1e-9
+# name and unit of a compared quantity, and its values in each motion
+Compared = tuple[str, str, Sequence[Array]]
 
 
 def crosscheck_driven(
@@ -113,12 +116,8 @@ def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
     rates = [joint.rate for joint in run.motion.joints.values()]
     rates += [link.angular_velocity for link in run.motion.links.values()]
     moves = any(np.abs(rate).max() > REST for rate in rates)
-    free = [
-        segment
-        for segment in run.segments
-        if moves and not segment.touching and _instants(run, segment).sum() > 1
-    ]
-    longest = sorted(free, key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
+    free = [each for each in run.segments if not each.touching and _instants(run, each).sum() > 1]
+    longest = sorted(free if moves else (), key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
     return tuple(sorted(longest, key=lambda segment: segment.first))
 
 
@@ -238,10 +237,11 @@ def _compared_with_mujoco(
         phases=segment.phases,
     )
     prescribed = {name: dynamic_model.solver.motion_laws.by_name[name] for name in driving}
-    times, stepped = (
-        section.time,
-        lambda substeps, softer=1.0: start.stepped(times, substeps, None, prescribed, progress, softer),
-    )
+    times, mechanism = section.time, dynamic_model.mechanism
+
+    def stepped(substeps: int, softer: float = 1.0) -> SteppedRun:
+        return start.stepped(times, substeps, None, prescribed, progress, softer)
+
     intervals = len(run.time) - 1
     least = STEPS_PER_SEGMENT * len(run.segments)
     steps = max(run.steps // STEPS_IN_C, least) if run.executed == "C" else run.steps
@@ -250,7 +250,9 @@ def _compared_with_mujoco(
     fewest = MIN_WITH_FRICTION if rubbing else MIN_STEPS_PER_STEP
     substeps = max(1, min(most, fewest * steps // intervals))
     coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()
-    floor = max(_floor(dynamic_model, coarse), _rounding(section, dynamic_model.mechanism))
+    # tolerance relative to the largest value of a quantity, besides the error of the steps
+    floor = COMPLIANT_TOLERANCE if coarse.compliant else RELATIVE_TOLERANCE
+    floor = max(FRICTION_TOLERANCE if rubbing else floor, _rounding(section, mechanism))
     enough = KINKED if any(a.limited for a in dynamic_model.forces.actuators) else 1.0
     while True:
         fine, substeps = stepped(2 * substeps), 2 * substeps
@@ -258,37 +260,36 @@ def _compared_with_mujoco(
         # damping of light links limits the step of an explicit method
         finest = 2 * substeps > (most if valid else MAX_STEPS // intervals)
         if valid:
-            mechanism = dynamic_model.mechanism
             compared = _forward_quantities(section, mechanism, coarse, fine)
             largest = _largest_values(run, compared, dynamic_model)
-            changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
+            changes = {name: _change(*pair) for name, _, (_, *pair) in compared}
             errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
             if enough > 1.0:
                 # a limit lies anywhere within a step, so that a change may be small by chance
                 errors = {name: max(change, before.get(name, np.inf)) for name, change in changes.items()}
-            relative = [(unit, changes[name] / largest[unit]) for name, unit, *_ in compared if largest[unit]]
+            relative = [(unit, changes[name] / largest[unit]) for name, unit, _ in compared if largest[unit]]
             gains |= _gains(relative)
             floors = {unit: floor * gains.get(unit, 1.0) * largest[unit] for unit in largest}
-            converged = all(errors[name] <= enough * floors[unit] for name, unit, *_ in compared)
+            converged = all(errors[name] <= enough * floors[unit] for name, unit, _ in compared)
             # kinked forces reduce the error too slowly for the halvings that remain
             halvings = np.log2(max(1.0, most / substeps))
             slow = enough > 1.0 and any(
                 changes[name] * (changes[name] / before[name]) ** halvings > enough * floors[unit]
-                for name, unit, *_ in compared
+                for name, unit, _ in compared
                 if before.get(name)
             )
             if converged or finest or slow:
-                checks = [
-                    _forward_check(row, times, fine.timestep, errors[row[0]], floors[row[1]])
-                    for row in compared
-                ]
-                soft = coarse if all(check.passed for check in checks) else stepped(substeps // 2, SOFTER)
+                check = partial(_forward_check, times=times, timestep=fine.timestep)
+                checks = [check(row, error=errors[row[0]], floor=floors[row[1]]) for row in compared]
+                soft = coarse if all(each.passed for each in checks) else stepped(substeps // 2, SOFTER)
                 if soft is coarse or soft.diverged:
                     return checks
                 pairs = _forward_quantities(section, mechanism, soft, coarse)
-                changes = {name: _change(*pair) for name, _, _, *pair in pairs}
+                soft_changes = {name: _change(*pair) for name, _, (_, *pair) in pairs}
                 return [
-                    _forward_check(row, times, fine.timestep, errors[row[0]], floors[row[1]], changes[row[0]])
+                    check(
+                        row, error=errors[row[0]], floor=floors[row[1]], compliance_error=soft_changes[row[0]]
+                    )
                     for row in compared
                 ]
             before = changes
@@ -299,13 +300,6 @@ def _compared_with_mujoco(
             )
             return Verdict("diverged", (), reason)
         coarse = fine
-
-
-def _floor(dynamic_model: DynamicModel, stepped: SteppedRun) -> float:
-    """Return the tolerance relative to the largest value of a quantity, besides the error of the steps."""
-    if any(friction.dry for friction in dynamic_model.forces.friction):
-        return FRICTION_TOLERANCE
-    return COMPLIANT_TOLERANCE if stepped.compliant else RELATIVE_TOLERANCE
 
 
 def _rounding(run: DynamicRun, mechanism: Mechanism) -> float:
@@ -351,18 +345,18 @@ def _remaining(change: float, before: float) -> float:
 
 def _forward_quantities(
     run: DynamicRun, mechanism: Mechanism, coarse: SteppedRun, fine: SteppedRun
-) -> list[tuple[str, str, Array, Array, Array]]:
+) -> list[Compared]:
     """Return name, unit and values of the quantities of a run and of two runs in MuJoCo."""
-    motions, turning = (run.motion, coarse.motion, fine.motion), _turning(mechanism)
-    compared = [*_compared(*motions, turning, rates_only=fine.compliant)]
+    motions = run.motion, coarse.motion, fine.motion
+    compared = [*_compared(motions, mechanism, rates_only=fine.compliant)]
     for name, effort in run.driving.items():
         unit = mechanism.effort_unit(name)
-        compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
+        compared.append((f"drive of {name}", unit, [effort, coarse.driving[name], fine.driving[name]]))
     return compared
 
 
 def _largest_values(
-    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]], dynamic_model: DynamicModel
+    run: DynamicRun, compared: Iterable[Compared], dynamic_model: DynamicModel
 ) -> dict[str, float]:
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
@@ -370,11 +364,11 @@ def _largest_values(
     and links that do not rotate those of their points over it; rotations without acceleration have the
     square of their rates.
     """
-    length, turning = dynamic_model.mechanism.characteristic_length, _turning(dynamic_model.mechanism)
-    whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion, turning)}
+    length = dynamic_model.mechanism.characteristic_length
+    whole = {name: exact for name, _, (exact,) in _compared([run.motion], dynamic_model.mechanism)}
     whole |= {f"drive of {name}": effort for name, effort in run.driving.items()}
     largest: dict[str, float] = {}
-    for name, unit, *_ in compared:
+    for name, unit, _ in compared:
         largest[unit] = max(largest.get(unit, 0.0), float(np.abs(whole[name]).max()))
     least = _least_torque(run, dynamic_model)
     largest |= {u: max(largest[u], f) for u, f in (("N m", least), ("N", least / length)) if u in largest}
@@ -429,17 +423,17 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     reason = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium, and soft loops"
     checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(still, "1/s2", reason))]
     distances = np.abs(exact[:, None] - state.eigenvalues)
-    for number, k in enumerate(np.argsort(np.abs(exact)).tolist(), start=1):
-        nearest = int(distances[k].argmin())
-        checks.append(
-            _eigenvalue_check(
-                f"eigenvalue {number}", distances[k, nearest], complex(exact[k]), state.errors[nearest]
-            )
+    nearest = distances.argmin(1)
+    checks += [
+        _eigenvalue_check(f"eigenvalue {number}", distances[k].min(), exact[k], state.errors[nearest[k]])
+        for number, k in enumerate(np.argsort(np.abs(exact)), start=1)
+    ]
+    checks += [
+        _eigenvalue_check("eigenvalue in MuJoCo", *values)
+        for values in zip(
+            distances.min(0).tolist(), state.eigenvalues.tolist(), state.errors.tolist(), strict=True
         )
-    for k, error in enumerate(distances.min(0).tolist()):
-        checks.append(
-            _eigenvalue_check("eigenvalue in MuJoCo", error, complex(state.eigenvalues[k]), state.errors[k])
-        )
+    ]
     return concluded(checks)
 
 
@@ -456,43 +450,35 @@ def _static_check(name: str, errors: Array, tolerance: Tolerance) -> Check:
     return replace(check_of(name, "", np.abs(errors), np.zeros(len(errors)), tolerance), method="pose")
 
 
-def _turning(mechanism: Mechanism) -> list[str]:
-    """Return the links on spherical or floating joints, whose rotation no coordinate describes."""
-    ends = (link for joint in mechanism.joints if KINDS[joint.kind].ball for link in joint.links)
-    return [*dict.fromkeys(link for link in ends if link != GROUND)]
-
-
 def _compared(
-    exact: Motion, coarse: Motion, fine: Motion, turning: Sequence[str], *, rates_only: bool = False
-) -> Iterator[tuple[str, str, Array, Array, Array]]:
-    """Yield name, unit and values of the quantities that all three motions have.
+    motions: Sequence[Motion], mechanism: Mechanism, *, rates_only: bool = False
+) -> Iterator[Compared]:
+    """Yield the quantities that all motions have.
 
-    Links of `turning` are compared by their rotation.
+    Links on spherical or floating joints are compared by their rotation, which no coordinate describes.
     With `rates_only`, accelerations are omitted.
     """
     derivatives = 2 if rates_only else 3
-    motions = exact, coarse, fine
-    for name in fine.points:
+    for name in motions[-1].points:
         for what, unit in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))[:derivatives]:
-            yield f"{what} of {name}", unit, *(getattr(motion.points[name], what) for motion in motions)
-    for name in turning:
-        a, b, c = (motion.links[name] for motion in (exact, coarse, fine))
+            yield f"{what} of {name}", unit, [getattr(motion.points[name], what) for motion in motions]
+    ends = (link for joint in mechanism.joints if KINDS[joint.kind].ball for link in joint.links)
+    for name in dict.fromkeys(link for link in ends if link != GROUND):
+        links = [motion.links[name] for motion in motions]
         # the distance of two rotation matrices is sqrt(2) times the angle between them
-        half = np.sqrt(0.5)
-        yield f"orientation of {name}", "rad", a.rotation * half, b.rotation * half, c.rotation * half
-        rates = a.angular_velocity, b.angular_velocity, c.angular_velocity
-        yield f"angular velocity of {name}", "rad/s", *rates
-    for name, joint in fine.joints.items():
+        yield f"orientation of {name}", "rad", [link.rotation * np.sqrt(0.5) for link in links]
+        yield f"angular velocity of {name}", "rad/s", [link.angular_velocity for link in links]
+    for name, joint in motions[-1].joints.items():
         for what, label, unit in (
             ("value", "coordinate", joint.unit),
             ("rate", "rate", f"{joint.unit}/s"),
             ("acceleration", "acceleration", f"{joint.unit}/s2"),
         )[:derivatives]:
-            yield f"{label} of {name}", unit, *(getattr(motion.joints[name], what) for motion in motions)
+            yield f"{label} of {name}", unit, [getattr(motion.joints[name], what) for motion in motions]
 
 
 def _forward_check(
-    row: tuple[str, str, Array, Array, Array],
+    row: Compared,
     times: Array,
     timestep: float,
     error: float,
@@ -500,18 +486,13 @@ def _forward_check(
     compliance_error: float = 0.0,
 ) -> Check:
     """Return the check of a quantity; `compliance_error` is its change by softer loops."""
-    name, unit, *values = row
+    name, unit, values = row
     exact, _, fine = (value.reshape(len(times), -1) for value in values)
     reason = (
         f"{error:.1e} {unit} by halving MuJoCo's step to {timestep:.3g} s, and {floor:.1e} {unit} of "
         f"compliance and rounding{'' if unit in COORDINATE_UNITS else ', as in the coordinates'}"
         + (f"; {compliance_error:.1e} {unit} by loops {SOFTER:g} times softer" if compliance_error else "")
     )
-    check = check_of(
-        name,
-        "",
-        lengths(fine - exact),
-        RecordInstants(times, "s"),
-        Tolerance(error + floor + compliance_error, unit, reason),
-    )
+    tolerance = Tolerance(error + floor + compliance_error, unit, reason)
+    check = check_of(name, "", lengths(fine - exact), RecordInstants(times, "s"), tolerance)
     return replace(check, method="step")

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -45,10 +46,8 @@ def by_reference(
     verdicts: dict[str, Verdict] = {}
     if closed is not None:
         verdicts["closed form"] = _checked(_solved(closed, reference), reference, "closed form")
-    verdicts["loop equations"], verdicts["pose"] = (
-        _by_equations(solver, reference),
-        _by_poses(solver, reference),
-    )
+    verdicts["loop equations"] = _by_equations(solver, reference)
+    verdicts["pose"] = _by_poses(solver, reference)
     return combined(verdicts)
 
 
@@ -74,14 +73,9 @@ def _by_poses(solver: KinematicSolver, reference: ReferenceTable) -> Verdict:
     try:
         acting, profile = dynamic_model(solver), _profile(solver, reference)
         samples = len(reference.first) - solver.motion_laws.crank
-        motion = simulated(solver, profile, method="pose", samples=samples).motion
-        run = driven(
-            acting.mechanism,
-            acting.forces,
-            method="pose",
-            samples=samples,
-            **driven_as(solver, profile),
-        )
+        options: dict[str, Any] = {"method": "pose", "samples": samples}
+        motion = simulated(solver, profile, **options).motion
+        run = driven(acting.mechanism, acting.forces, **driven_as(solver, profile), **options)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     if motion.broken:
@@ -107,9 +101,8 @@ def _checked(
     speed, reach = float(np.abs(motion.speed).max()), max(reach_of(motion), reach_of(exact))
     scales = motion_scales(stroke_of(exact), speed, reach, largest_acceleration(motion, reach))
     # positions by formulas have the rounding of solved poses
-    allowed = tolerances_of(COMPARED, "pose", scales, Requested()) | tolerances_of(
-        COMPARED, method, scales, Requested()
-    )
+    allowed = tolerances_of(COMPARED, "pose", scales, Requested())
+    allowed |= tolerances_of(COMPARED, method, scales, Requested())
     checks = list(checks_of(COMPARED, motion, exact, allowed, motion.conditioning))
     if forces is not None:
         checks += _effort_checks(motion, reference, forces)

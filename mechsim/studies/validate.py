@@ -194,21 +194,14 @@ def case_of(
     for name, variant in solver.variants().items():
         # a variant that cannot be assembled is skipped
         with suppress(AssemblyError):
-            other = _validated(variant, dimension_family(variant), speed, work)
-            case = _with_variant(case, name, other)
+            added = _validated(variant, dimension_family(variant), speed, work)
+            own, other = case.verdict, added.verdict
+            checks = own.checks + tuple(replace(check, variant=name) for check in other.checks)
+            verdict = replace(own, checks=checks)
+            if most_severe([own.outcome, other.outcome]) == 1:
+                verdict = Verdict(other.outcome, checks, f"{name}, {other.reason}")
+            case = replace(case, verdict=verdict, seconds=case.seconds + added.seconds)
     return case
-
-
-def _with_variant(case: Validation, name: str, variant: Validation) -> Validation:
-    """Return a case with a variant's checks added, each with the variant's name."""
-    own, other = case.verdict, variant.verdict
-    worse = most_severe([own.outcome, other.outcome]) == 1
-    verdict = Verdict(
-        outcome=other.outcome if worse else own.outcome,
-        checks=own.checks + tuple(replace(check, variant=name) for check in other.checks),
-        reason=f"{name}, {other.reason}" if worse else own.reason,
-    )
-    return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
 def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, work: _Work) -> Validation:
@@ -241,7 +234,10 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
         if solver.source is not None:
             from mechsim.studies.scene.own_settings import published_run
 
-            published, own = published_run(solver, profile), own_tolerance(solver.mechanism, tolerance)
+            published, length = published_run(solver, profile), solver.mechanism.characteristic_length
+            reason = f"{OWN_TOLERANCE:.0e} of the mechanism's size of {length:.4g} m"
+            own = Tolerance(OWN_TOLERANCE * length, "m", reason)
+            own = own if tolerance is None else Tolerance(tolerance, "m", "requested")
             findings = by_severity(*(findings or ()), published.finding(own.value))
             if published.run or tolerance is not None:
                 verdicts["as published"] = _of_published(published, own)
@@ -270,16 +266,6 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
     elif extent > stroke:
         length, what = extent, "mechanism's size"
     return Tolerance(relative * length, "m", f"{relative:.0e} of the {what} of {length:.4g} m")
-
-
-def own_tolerance(mechanism: Mechanism, tolerance: float | None = None) -> Tolerance:
-    """Return the tolerance on a file's own settings: the requested one, or 1e-3 of the mechanism's size."""
-    if tolerance is not None:
-        return Tolerance(tolerance, "m", "requested")
-    length = mechanism.characteristic_length
-    return Tolerance(
-        OWN_TOLERANCE * length, "m", f"{OWN_TOLERANCE:.0e} of the mechanism's size of {length:.4g} m"
-    )
 
 
 def _of_published(published: PublishedRun, allowed: Tolerance) -> Verdict:
@@ -318,14 +304,9 @@ def _stepped(
     # the error estimate of a diverged run is infinite
     if not run.estimate <= limit:
         run = simulated(solver, stepped, tolerance=limit, **with_budget)
-    crank_speed = speed if stepped.steady and not follows_laws else None
+    crank_speed, bounds = speed if stepped.steady and not follows_laws else None, {"position": allowed}
     verdict = crosscheck(
-        run.motion,
-        loops,
-        tolerance=limit,
-        speed=crank_speed,
-        bounds={"position": allowed},
-        assemblies=solver,
+        run.motion, loops, tolerance=limit, speed=crank_speed, bounds=bounds, assemblies=solver
     )
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo's state became invalid")
@@ -340,16 +321,11 @@ def _between_change_points(solver: KinematicSolver, profile: CrankProfile, speed
     if not len(points):
         return profile
     interval = interval_around(solver.crank_range(), start)
-    low, high = (
-        (start - REVOLUTION, start + REVOLUTION)
-        if interval is None or solver.crank_range().full
-        else interval
-    )
-    around = (
-        points
-        + REVOLUTION * np.round((start - points) / REVOLUTION)
-        + REVOLUTION * np.array([[-1.0], [0.0], [1.0]])
-    )
+    low, high = start - REVOLUTION, start + REVOLUTION
+    if interval is not None and not solver.crank_range().full:
+        low, high = interval
+    nearest = points + REVOLUTION * np.round((start - points) / REVOLUTION)
+    around = nearest + REVOLUTION * np.array([[-1.0], [0.0], [1.0]])
     low = max([low, *(around[around < start] + CHANGE_POINT_DISTANCE)])
     high = min([high, *(around[around > start] - CHANGE_POINT_DISTANCE)])
     return swing(0.5 * (low + high), 0.49 * (high - low), speed)

@@ -195,18 +195,10 @@ class MovedFamily:
                     solver.mechanism, ahead, MAX_DISPLACEMENT
                 ).motion()
         motion = solver.solve_along(self.angles + ahead, self.rate)
-        columns = dict(motion.columns())
-        joints = [
-            column.name
-            for component in quantities
-            for column in component.columns
-            if column.source == "joint"
-        ]
-        return (
-            motion
-            if all(name in columns for name in joints)
-            else KinematicSolver(solver.mechanism).solve(self.angles + ahead, self.rate)
-        )
+        columns = [column for component in quantities for column in component.columns]
+        if {column.name for column in columns if column.source == "joint"} <= dict(motion.columns()).keys():
+            return motion
+        return KinematicSolver(solver.mechanism).solve(self.angles + ahead, self.rate)
 
     def _forces(self, solver: KinematicSolver, ahead: float) -> InverseDynamics:
         model = self.dynamic_model(solver)
@@ -232,19 +224,15 @@ class MovedFamily:
         own, ahead = self._split_offset(changed or {})
         designs = family_at(self.designs, own)
         dimensions = [name for name in names if name != self.offset]
-        motion = any(self.quantity(name).uses("point", "joint", "link") for name in columns)
 
         def derivatives(*numbers: Callable[[Mapping[str, float]], Array]) -> dict[str, Array | None]:
             by_dimension = changes(designs, dimensions, *numbers)
             return {name: by_dimension.get(name) for name in names}
 
-        return self._derivatives_by(
-            designs.make({}),
-            ahead,
-            columns,
-            derivatives() if motion else None,
-            derivatives(self._numbers(designs)) if self.loaded(columns) else None,
-        )
+        moving = any(self.quantity(name).uses("point", "joint", "link") for name in columns)
+        change = derivatives() if moving else None
+        model_change = derivatives(self._numbers(designs)) if self.loaded(columns) else None
+        return self._derivatives_by(designs.make({}), ahead, columns, change, model_change)
 
     def play(self, columns: Sequence[str], joint: str) -> list[Columns]:
         """Return derivatives by displacements of a joint's pin in its hole, normal to a hinge axis.
@@ -259,12 +247,10 @@ class MovedFamily:
         by_axis = np.array([*changes(placed_designs(KinematicSolver(mechanism)), names).values()])
         directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
         change = {f"{joint}{CLEARANCE}{i}": direction @ by_axis for i, direction in enumerate(directions)}
-        full = len(self._numbers(self.designs)({})) if self.loaded(columns) else 0
-        wide = (
-            {name: np.pad(direction, (0, full - len(direction))) for name, direction in change.items()}
-            if full
-            else None
-        )
+        wide = None
+        if self.loaded(columns):
+            full = len(self._numbers(self.designs)({}))
+            wide = {name: np.pad(direction, (0, full - len(direction))) for name, direction in change.items()}
         result = self._derivatives_by(self.solver, 0.0, columns, change, wide)
         return [dict(direction) for direction in result.by.values()]
 
@@ -326,19 +312,17 @@ def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamil
     """Return the same parametric model with other nominal dimensions."""
     if not values:
         return designs
-    own = dict(values)
-    forces = designs.forces
-    return DesignFamily(
-        designs.name,
-        {
+    own, forces = dict(values), designs.forces
+    return replace(
+        designs,
+        dimensions={
             name: replace(dimension, value=own.get(name, dimension.value))
             for name, dimension in designs.dimensions.items()
         },
-        lambda more: designs.describe(own | dict(more)),
-        lambda more: designs.make(own | dict(more)),
-        None if forces is None else lambda more: forces(own | dict(more)),
-        designs.usual,
-        {name: parameters for name, parameters in designs.derived.items() if name not in own},
+        describe=lambda more: designs.describe(own | dict(more)),
+        make=lambda more: designs.make(own | dict(more)),
+        forces=None if forces is None else lambda more: forces(own | dict(more)),
+        derived={name: parameters for name, parameters in designs.derived.items() if name not in own},
     )
 
 

@@ -303,13 +303,10 @@ def tolerance_study(table: Sensitivity, tolerances: Mapping[str, str | float] | 
         AssemblyError: for a clearance that opens redundant loops.
     """
     moved = table.moved
-    requested = (
-        tolerances
-        if isinstance(tolerances, Tolerances)
-        else parsed_tolerances(
-            tolerances, moved.designs.dimensions, moved.solver.mechanism, declared=moved.solver.written
-        )
-    )
+    requested, solver = tolerances, moved.solver
+    if not isinstance(requested, Tolerances):
+        dimensions = moved.designs.dimensions
+        requested = parsed_tolerances(requested, dimensions, solver.mechanism, declared=solver.written)
     columns = list(table.values)
     moved.designs.require_independent(requested.bounds)
     by = {name: table.by[name] for name in requested.bounds if name in table.by}
