@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -279,19 +278,14 @@ def _compared_with_mujoco(
                 if before.get(name)
             )
             if converged or finest or slow:
-                check = partial(_forward_check, times=times, timestep=fine.timestep)
-                checks = [check(row, error=errors[row[0]], floor=floors[row[1]]) for row in compared]
+                limits = times, fine.timestep, errors, floors
+                checks = [_forward_check(row, *limits) for row in compared]
                 soft = coarse if all(each.passed for each in checks) else stepped(substeps // 2, SOFTER)
                 if soft is coarse or soft.diverged:
                     return checks
                 pairs = _forward_quantities(section, mechanism, soft, coarse)
                 soft_changes = {name: _change(*pair) for name, _, (_, *pair) in pairs}
-                return [
-                    check(
-                        row, error=errors[row[0]], floor=floors[row[1]], compliance_error=soft_changes[row[0]]
-                    )
-                    for row in compared
-                ]
+                return [_forward_check(row, *limits, soft_changes) for row in compared]
             before = changes
         if finest:
             reason = (
@@ -423,16 +417,14 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     reason = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium, and soft loops"
     checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(still, "1/s2", reason))]
     distances = np.abs(exact[:, None] - state.eigenvalues)
-    nearest = distances.argmin(1)
+    errors = state.errors.tolist()
+    for number, k in enumerate(np.argsort(np.abs(exact)).tolist(), start=1):
+        nearest = int(distances[k].argmin())
+        error = float(distances[k, nearest])
+        checks.append(_eigenvalue_check(f"eigenvalue {number}", error, complex(exact[k]), errors[nearest]))
     checks += [
-        _eigenvalue_check(f"eigenvalue {number}", distances[k].min(), exact[k], state.errors[nearest[k]])
-        for number, k in enumerate(np.argsort(np.abs(exact)), start=1)
-    ]
-    checks += [
-        _eigenvalue_check("eigenvalue in MuJoCo", *values)
-        for values in zip(
-            distances.min(0).tolist(), state.eigenvalues.tolist(), state.errors.tolist(), strict=True
-        )
+        _eigenvalue_check("eigenvalue in MuJoCo", float(distance), complex(value), error)
+        for distance, value, error in zip(distances.min(0), state.eigenvalues, errors, strict=True)
     ]
     return concluded(checks)
 
@@ -481,12 +473,13 @@ def _forward_check(
     row: Compared,
     times: Array,
     timestep: float,
-    error: float,
-    floor: float,
-    compliance_error: float = 0.0,
+    errors: Mapping[str, float],
+    floors: Mapping[str, float],
+    soft_changes: Mapping[str, float] | None = None,
 ) -> Check:
-    """Return the check of a quantity; `compliance_error` is its change by softer loops."""
+    """Return the check of a quantity, with its change by softer loops where these were tried."""
     name, unit, values = row
+    error, floor, compliance_error = errors[name], floors[unit], (soft_changes or {}).get(name, 0.0)
     exact, _, fine = (value.reshape(len(times), -1) for value in values)
     reason = (
         f"{error:.1e} {unit} by halving MuJoCo's step to {timestep:.3g} s, and {floor:.1e} {unit} of "
