@@ -228,9 +228,7 @@ def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
 
 
 def _solver(analytic: Motion | Solver) -> Solver | None:
-    if isinstance(analytic, Motion):
-        return analytic.origin
-    return analytic if hasattr(analytic, "solve") else None  # pyright: ignore[reportReturnType]
+    return analytic.origin if isinstance(analytic, Motion) else analytic
 
 
 def _require_points(simulated: Motion, exact: Motion) -> None:
@@ -270,7 +268,15 @@ def _analytic_motion(simulated: Motion, analytic: Motion | Solver) -> Motion:
             return solver.solve(t=simulated.time) if as_driven is None else as_driven(simulated)
         return solver.solve(*_crank_motion(simulated))
     assert isinstance(analytic, Motion)
-    _require_same_instants(simulated, analytic)
+    # the same crank angles, or times under motion laws
+    needed, available, label = simulated.angle, analytic.angle, "crank angles"
+    if simulated.drivers and simulated.time is not None and analytic.time is not None:
+        needed, available, label = simulated.time, analytic.time, "times"
+    if available.shape != needed.shape or not np.allclose(available, needed, rtol=0.0, atol=1e-12):
+        raise InputError(
+            f"the analytic motion has other {label} than the simulated one and no solver; "
+            f"give it at the simulated {label}"
+        )
     return analytic
 
 
@@ -289,18 +295,6 @@ def _crank_motion(simulated: Motion) -> tuple[Array, Array, Array]:
             "depends on a crank angle; give a mechanism under the same laws, or use ms.validate"
         )
     return crank.value, crank.rate, crank.acceleration
-
-
-def _require_same_instants(simulated: Motion, analytic: Motion) -> None:
-    """Raise InputError unless two motions are at the same crank angles, or times under motion laws."""
-    needed, available, label = simulated.angle, analytic.angle, "crank angles"
-    if simulated.drivers and simulated.time is not None and analytic.time is not None:
-        needed, available, label = simulated.time, analytic.time, "times"
-    if available.shape != needed.shape or not np.allclose(available, needed, rtol=0.0, atol=1e-12):
-        raise InputError(
-            f"the analytic motion has other {label} than the simulated one and no solver; "
-            f"give it at the simulated {label}"
-        )
 
 
 def _finite(motion: Motion) -> bool:

@@ -5,7 +5,7 @@ Verdicts, the trade-off study, its plots and the report read this table.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -63,9 +63,8 @@ class ComparedQuantity:
     def largest(self, computed: Any, exact: Any, scales: Mapping[str, float]) -> float:
         """Return the largest error relative to its scale; 0 if the quantity is undefined."""
         errors_of = (self.error(computed, exact, subject) for subject in self.over(computed, exact))
-        return (
-            max((worst(error) for error in errors_of if error is not None), default=0.0) / scales[self.scale]
-        )
+        largest = max((worst(error) for error in errors_of if error is not None), default=0.0)
+        return largest / scales[self.scale]
 
 
 VIBRATION = "x position tolerance x crank speed{}: vibration of the loop"
@@ -77,6 +76,8 @@ def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "
     return ToleranceRule(reason, eps * EPS, power=power, scale=scale)
 
 
+# errors of joint coordinates
+ANGLES, DISPLACEMENTS = errors.of_joints("rad"), errors.of_joints("m")
 ANGLE_SET = "the crank angle is set, not driven"
 ROTATION = {
     "pose": _rounding(1024, 240, 1),
@@ -86,119 +87,74 @@ ROTATION = {
     ),
 }
 
+POSITION = {
+    "pose": _rounding(512, 100, 1, "reach"),
+    "step": ToleranceRule("requested: {part:.1g} of the stroke of {scale:.4g} m", requested=1.0),
+}
+VELOCITY = {
+    "pose": _rounding(2048, 220, 3, "reach · crank speed", "a linear solve"),
+    "step": ToleranceRule(f"{RATE_GAIN:.0f} {VIBRATION.format('')}", requested=RATE_GAIN, power=2),
+    "closed form": _rounding(1024, 100, 3, "reach · crank speed", "a linear solve"),
+}
+SQUARED = f"{ACCELERATION_GAIN:.0f} {VIBRATION.format(' squared')}"
+ACCELERATION = {
+    "pose": _rounding(8192, 1000, 5, "reach · crank speed²", "two linear solves"),
+    "step": ToleranceRule(SQUARED, requested=ACCELERATION_GAIN, power=4),
+    "closed form": _rounding(4096, 160, 5, "reach · crank speed²", "two linear solves"),
+}
+DISPLACEMENT = {
+    "pose": _rounding(128, 8, 1, "reach"),
+    "step": ToleranceRule("position tolerance", requested=1.0),
+}
+LOOP_GAP = "a loop-closure error of this size moves a point by about the tolerance"
+LOOP = {"pose": _rounding(256, 51, 0, "reach"), "step": ToleranceRule(LOOP_GAP, requested=10.0)}
+
+
+def _of_points(
+    name: Literal["position", "velocity", "acceleration"],
+    unit: str,
+    scale: str,
+    bounds: Mapping[str, ToleranceRule],
+) -> ComparedQuantity:
+    error, title = errors.of_points(name), f"{name} error"
+    return ComparedQuantity(name, unit, error, scale, bounds, errors.points, f"{name} of {{}}", title)
+
+
 MOTION = (
+    _of_points("position", "m", "stroke", POSITION),
+    _of_points("velocity", "m/s", "stroke · crank speed", VELOCITY),
+    _of_points("acceleration", "m/s2", "stroke · crank speed²", ACCELERATION),
+    ComparedQuantity("angle", "rad", ANGLES, "rad", ROTATION, errors.joints, "joint {}", "joint angle error"),
+    ComparedQuantity("displacement", "m", DISPLACEMENTS, "stroke", DISPLACEMENT, errors.joints, "joint {}"),
     ComparedQuantity(
-        "position",
-        "m",
-        errors.of_points("position"),
-        "stroke",
-        {
-            "pose": _rounding(512, 100, 1, "reach"),
-            "step": ToleranceRule("requested: {part:.1g} of the stroke of {scale:.4g} m", requested=1.0),
-        },
-        over=errors.points,
-        text="position of {}",
-        title="position error",
+        "orientation", "rad", errors.orientation, "rad", ROTATION, errors.links, "orientation of {}"
     ),
     ComparedQuantity(
-        "velocity",
-        "m/s",
-        errors.of_points("velocity"),
-        "stroke · crank speed",
-        {
-            "pose": _rounding(2048, 220, 3, "reach · crank speed", "a linear solve"),
-            "step": ToleranceRule(f"{RATE_GAIN:.0f} {VIBRATION.format('')}", requested=RATE_GAIN, power=2),
-            "closed form": _rounding(1024, 100, 3, "reach · crank speed", "a linear solve"),
-        },
-        over=errors.points,
-        text="velocity of {}",
-        title="velocity error",
-    ),
-    ComparedQuantity(
-        "acceleration",
-        "m/s2",
-        errors.of_points("acceleration"),
-        "stroke · crank speed²",
-        {
-            "pose": _rounding(8192, 1000, 5, "reach · crank speed²", "two linear solves"),
-            "step": ToleranceRule(
-                f"{ACCELERATION_GAIN:.0f} {VIBRATION.format(' squared')}",
-                requested=ACCELERATION_GAIN,
-                power=4,
-            ),
-            "closed form": _rounding(4096, 160, 5, "reach · crank speed²", "two linear solves"),
-        },
-        over=errors.points,
-        text="acceleration of {}",
-        title="acceleration error",
-    ),
-    ComparedQuantity(
-        "angle",
-        "rad",
-        errors.of_joints("rad"),
-        "rad",
-        ROTATION,
-        over=errors.joints,
-        text="joint {}",
-        title="joint angle error",
-    ),
-    ComparedQuantity(
-        "displacement",
-        "m",
-        errors.of_joints("m"),
-        "stroke",
-        {"pose": _rounding(128, 8, 1, "reach"), "step": ToleranceRule("position tolerance", requested=1.0)},
-        over=errors.joints,
-        text="joint {}",
-    ),
-    ComparedQuantity(
-        "orientation",
-        "rad",
-        errors.orientation,
-        "rad",
-        ROTATION,
-        over=errors.links,
-        text="orientation of {}",
-    ),
-    ComparedQuantity(
-        "loop",
-        "m",
-        field_value("closure"),
-        "stroke",
-        {
-            "pose": _rounding(256, 51, 0, "reach"),
-            "step": ToleranceRule(
-                "a loop-closure error of this size moves a point by about the tolerance", requested=10.0
-            ),
-        },
-        text="loop residual",
-        title="loop residual",
+        "loop", "m", field_value("closure"), "stroke", LOOP, text="loop residual", title="loop residual"
     ),
 )
+
+DRIVE_SPEED = {
+    "pose": ToleranceRule(ANGLE_SET, ANGLE_ROUNDING),
+    "step": ToleranceRule(
+        "virtual drive inertia of 1e12 times the links: no reaction changes its speed", 1e-8
+    ),
+}
+DRIVE_ANGLE = {
+    "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
+    "step": ToleranceRule("not in the errors, which are computed at the actual crank angle", 1e-7),
+}
 # the crank compared with its requested motion
 CRANK_DRIVE = (
     ComparedQuantity(
-        "drive speed",
-        "rad/s",
-        field_error("speed"),
-        "crank speed",
-        {
-            "pose": ToleranceRule(ANGLE_SET, ANGLE_ROUNDING),
-            "step": ToleranceRule(
-                "virtual drive inertia of 1e12 times the links: no reaction changes its speed", 1e-8
-            ),
-        },
-        text="drive: crank speed",
+        "drive speed", "rad/s", field_error("speed"), "crank speed", DRIVE_SPEED, text="drive: crank speed"
     ),
     ComparedQuantity(
         "drive",
         "rad",
         errors.drive_angle,
         "rad",
-        {
-            "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
-            "step": ToleranceRule("not in the errors, which are computed at the actual crank angle", 1e-7),
-        },
+        DRIVE_ANGLE,
         text="drive: crank angle",
         title="error of the crank angle over time",
     ),
@@ -214,24 +170,8 @@ DRIVER = {
 }
 # drivers compared with their motion laws
 DRIVERS = (
-    ComparedQuantity(
-        "driver angle",
-        "rad",
-        errors.of_joints("rad"),
-        "rad",
-        DRIVER,
-        over=errors.drivers,
-        text="drive: {}",
-    ),
-    ComparedQuantity(
-        "driver displacement",
-        "m",
-        errors.of_joints("m"),
-        "reach",
-        DRIVER,
-        over=errors.drivers,
-        text="drive: {}",
-    ),
+    ComparedQuantity("driver angle", "rad", ANGLES, "rad", DRIVER, errors.drivers, "drive: {}"),
+    ComparedQuantity("driver displacement", "m", DISPLACEMENTS, "reach", DRIVER, errors.drivers, "drive: {}"),
 )
 
 SPRINGS = ToleranceRule(

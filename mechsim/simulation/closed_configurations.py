@@ -130,7 +130,8 @@ class StraightPath:
             matrix = jacobian[:, :, self.passive]
             lost |= ~(self.loops.closure_error(residual) < LOST_ERROR) | self._turned_over(before, matrix)
             step = np.zeros_like(moved)
-            step[:, self.passive] = _bounded(-least_squares(matrix, residual))
+            step[:, self.passive] = -least_squares(matrix, residual)
+            step *= MAX_STEP / np.maximum(MAX_STEP, np.abs(step).max(1, keepdims=True))
             qpos, moved, before = self.loops.displaced(qpos, step), moved + step, matrix
             qpos[lost], moved[lost] = self.reference, 0.0
         result = self.newton(qpos, LAST_ITERATIONS)
@@ -181,31 +182,33 @@ class StraightPath:
         negligible = matrix.max(0) <= ROUNDED_ERROR * matrix.max(initial=0.0)
         alone = {i for group in groups if negligible[[*group]].all() for i in group}
         groups = [*([alone] if alone else []), *(group for group in groups if not group & alone)]
+        members = [dofs[[*group]] for group in groups]
         return [
-            replace(self, drivers=np.intersect1d(self.drivers, dofs[[*group]]), passive=np.sort(passive))
-            for group in groups
-            for passive in [np.intersect1d(self.passive, dofs[[*group]])]
+            replace(
+                self, drivers=np.intersect1d(self.drivers, own), passive=np.intersect1d(self.passive, own)
+            )
+            for own in members
         ]
 
     def reach(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the configurations of `follow`, and which of them close within the joint limits."""
         qpos, closed = self.follow(targets)
-        return qpos, closed & ~self.outside(qpos).any(1)
-
-    def outside(self, qpos: Array) -> NDArray[np.bool_]:
-        """Return whether each joint is outside its limits, (n, njnt)."""
-        return outside_limits(self.loops.model, qpos)
+        return qpos, closed & ~outside_limits(self.loops.model, qpos).any(1)
 
 
 def _influence(loops: ModelLoops, reference: Array) -> Array:
     """Return the largest effects of DOFs on the equations of loops near a closed configuration, (m, nv)."""
-    # in a singular reference some joints do not affect a loop to first order
-    dofs = np.arange(loops.model.nv)
-    steps = np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * loops.units
-    displaced = loops.displaced(np.repeat(reference[None], PROBES, 0), steps)
-    # rotations of a floating base affect open loops only
-    closed = np.concatenate([reference[None], _closed_nearby(loops, displaced, dofs, loops.units)])
+    # in a singular reference some joints do not affect a loop to first order; rotations of a floating base
+    # affect open loops only
+    closed = np.concatenate([reference[None], _probes(loops, reference, np.arange(loops.model.nv))])
     return np.abs(loops.linearise(closed)[1] * loops.units).max(0)
+
+
+def _probes(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64]) -> Array:
+    """Return closed configurations around a reference, displaced at random in some DOFs, (n, nq)."""
+    steps, units = np.zeros((PROBES, loops.model.nv)), loops.units[dofs]
+    steps[:, dofs] = np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * units
+    return _closed_nearby(loops, loops.displaced(np.repeat(reference[None], PROBES, 0), steps), dofs, units)
 
 
 def _coupled(matrix: Array) -> list[set[int]]:
@@ -239,7 +242,7 @@ def closed_qpos(model: mujoco.MjModel, values: Mapping[str, ArrayLike], start: A
     if not closed.all():
         i = int(np.argmin(closed))
         raise AssemblyError(f"the loops do not close in this assembly at row {i}; give reachable positions")
-    rows, joints = np.nonzero(path.outside(qpos))
+    rows, joints = np.nonzero(outside_limits(model, qpos))
     if len(rows):
         name = model.joint(int(joints[0])).name
         raise InputError(f"joint {name} is outside its limits at row {rows[0]}; give other positions")
@@ -289,7 +292,7 @@ def sample(
             raise InputError("no actuator moves a joint, so that --lock others leaves none to draw")
         path = replace(path, drivers=drivers)
     paths = path.independent_paths()
-    outside = path.outside(path.reference[None])[0]
+    outside = outside_limits(model, path.reference[None])[0]
     for each in paths:
         outside[each.joints] &= not len(each.drivers)
     if outside.any():
@@ -330,7 +333,7 @@ def _drawn(
         batch = int(np.clip(expected, 64, BATCH))
         qpos, closed = path.follow(random.uniform(low, high, (batch, len(low))))
         # joints of other paths are at the start, which may be beyond their limits
-        valid = closed & ~path.outside(qpos)[:, path.joints].any(1)
+        valid = closed & ~outside_limits(path.loops.model, qpos)[:, path.joints].any(1)
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch
     return np.concatenate(accepted)[:n], count / drawn
@@ -339,12 +342,6 @@ def _drawn(
 def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:
     """Return the coordinates of a keyframe, (nq,); None without a name."""
     return None if key is None else initial_qpos("the model", model, key)
-
-
-def _bounded(step: Array) -> Array:
-    """Return Newton steps, (n, k), shortened to MAX_STEP."""
-    largest = np.abs(step).max(1, keepdims=True, initial=0.0)
-    return step * np.minimum(1.0, MAX_STEP / np.maximum(largest, MAX_STEP))
 
 
 def least_squares(matrix: Array, right: Array) -> Array:
@@ -382,8 +379,12 @@ def straight_path(
     others = np.setdiff1d(free, drivers or []).astype(np.int64)
     starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
     closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])
-    _require_regular(loops, closed, free)
     rank, jacobian = _rank(loops, closed[None], free), loops.linearise(closed[None])[1][0] * loops.units
+    if _rank(loops, _probes(loops, closed, free), free) > rank:
+        raise InputError(
+            "the model starts in a singular configuration, where assemblies meet; start away from it with "
+            "--start JOINT=VALUE"
+        )
     order, sizes = pivot_columns(jacobian[:, others] * weights[others])
     if int((sizes > ROUNDED_RANK * sizes.max(initial=0.0)).sum()) < rank:
         names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
@@ -446,21 +447,6 @@ def _rank(loops: ModelLoops, qpos: Array, dofs: NDArray[np.int64]) -> int:
     jacobians = (loops.linearise(qpos)[1] * loops.units)[:, :, dofs]
     scale = np.linalg.norm(jacobians, axis=(1, 2))
     return int(np.linalg.matrix_rank(jacobians, tol=ROUNDED_RANK * scale).max(initial=0))
-
-
-def _require_regular(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64]) -> None:
-    """Reject a reference where the loop Jacobian has a lower rank than next to it."""
-    steps = np.zeros((PROBES, loops.model.nv))
-    steps[:, dofs] = (
-        np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * loops.units[dofs]
-    )
-    displaced = loops.displaced(np.repeat(reference[None], PROBES, 0), steps)
-    nearby = _closed_nearby(loops, displaced, dofs, loops.units[dofs])
-    if _rank(loops, nearby, dofs) > _rank(loops, reference[None], dofs):
-        raise InputError(
-            "the model starts in a singular configuration, where assemblies meet; start away from it with "
-            "--start JOINT=VALUE"
-        )
 
 
 def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:

@@ -44,12 +44,10 @@ def exclude_contacts(model: mujoco.MjModel, determined: NDArray[np.bool_]) -> No
         model.geom_contype[same], model.geom_conaffinity[same] = 0, bit
         model.geom_contype[meets] |= bit
     # MuJoCo first checks the masks of bodies
-    for whole, each in (
-        (model.body_contype, model.geom_contype),
-        (model.body_conaffinity, model.geom_conaffinity),
-    ):
+    for mask in ("contype", "conaffinity"):
+        whole = getattr(model, f"body_{mask}")
         whole[:] = 0
-        np.bitwise_or.at(whole, model.geom_bodyid, each)
+        np.bitwise_or.at(whole, model.geom_bodyid, getattr(model, f"geom_{mask}"))
 
 
 # displacement, in [rad] or characteristic lengths, by which an undetermined DOF is probed
@@ -115,7 +113,5 @@ class ClosedModel:
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
         positions = self.point_positions(np.concatenate([self.qpos[None], nudged]))
         # a closed loop allows motion of a point in second order of the displacement
-        return (
-            np.abs(positions[1:] - positions[0]).max((0, 2), initial=0.0)
-            > NUDGE**1.5 * loops.characteristic_length
-        )
+        least = NUDGE**1.5 * loops.characteristic_length
+        return np.abs(positions[1:] - positions[0]).max((0, 2), initial=0.0) > least

@@ -61,10 +61,8 @@ def lag_distance(closed: ClosedModel, motion: Motion, angles: Array) -> float:
         motion: motion at n instants.
         angles: prescribed values of the crank or the path parameter at these instants, (n,) in [rad].
     """
-    target, driven = (
-        closed.point_positions(follow.follow(closed.loops, closed.qpos, angles)),
-        _is_driven(closed),
-    )
+    target = closed.point_positions(follow.follow(closed.loops, closed.qpos, angles))
+    driven = _is_driven(closed)
     return float(_distances(_recorded(motion)[:, driven], target[:, driven]).max())
 
 
@@ -82,9 +80,8 @@ def in_another_assembly(
     """
     count, recorded = len(positions), _recorded(motion)
     stroke = float(np.ptp(positions[:, _is_driven(closed)], axis=0).max())
-    distant = error[:count] > max(
-        MIN_SEPARATION * 0.5 * stroke, ROUNDING * closed.loops.characteristic_length
-    )
+    rounding = ROUNDING * closed.loops.characteristic_length
+    distant = error[:count] > max(MIN_SEPARATION * 0.5 * stroke, rounding)
     pairs = np.flatnonzero(distant[1:] & distant[:-1])
     tested = pairs[np.unique(np.linspace(0, len(pairs) - 1, MAX_PAIRS).astype(int))] if len(pairs) else []
     for i in tested:
@@ -93,9 +90,8 @@ def in_another_assembly(
             nearest = loop_jacobian.close(closed.loops, states[both])
         except AssemblyError:
             continue
-        if (
-            _distances(recorded[both], closed.point_positions(nearest)) < MAX_DISTANCE_RATIO * error[both]
-        ).all():
+        distances = _distances(recorded[both], closed.point_positions(nearest))
+        if (distances < MAX_DISTANCE_RATIO * error[both]).all():
             return True
     return False
 
@@ -106,13 +102,11 @@ def _solved_poses(closed: ClosedModel, states: Array) -> Array:
     Beyond a dead centre of the crank there is no pose. Under motion laws the drivers have their recorded
     values.
     """
-    loops = closed.loops
-    angles = states[:, loops.crank_address]
+    loops, angles, states_solved = closed.loops, states[:, closed.loops.crank_address], states[:1]
     count, solved, unsolved = len(angles), 1, len(angles) + 1
-    states_solved = states[:1]
     while unsolved - solved > 1:
         try:
-            states_solved = follow.follow(closed.loops, closed.qpos, angles[:count])
+            states_solved = follow.follow(loops, closed.qpos, angles[:count])
             solved = count
         except AssemblyError:
             unsolved = count
@@ -174,8 +168,7 @@ def _path(closed: ClosedModel, angles: Array) -> follow.PosePath:
 
     A branch point is confirmed only after the path has passed it, and the model may start on either side.
     """
-    first = float(angles[0])
-    behind = BEYOND * np.sign(first - closed.angle)
+    first, behind = float(angles[0]), BEYOND * np.sign(angles[0] - closed.angle)
     with suppress(AssemblyError):
         return follow.follow_path(closed.loops, closed.qpos, np.append(angles, first + behind))[1]
     return follow.follow_path(closed.loops, closed.qpos, angles)[1]
@@ -232,14 +225,10 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
 
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
     """Return closed states from an initial guess, in steps of the crank over its reachable range."""
-    states: list[Array] = []
-    guess = start
-    for _ in range(STEPS):
-        try:
-            closed = loop_jacobian.close(loops, guess[None])[0]
-        except AssemblyError:
-            break
-        states.append(closed)
-        guess = closed.copy()
-        guess[loops.crank_address] += step
+    states, guess = list[Array](), start.copy()
+    with suppress(AssemblyError):
+        for _ in range(STEPS):
+            states.append(loop_jacobian.close(loops, guess[None])[0])
+            guess = states[-1].copy()
+            guess[loops.crank_address] += step
     return states

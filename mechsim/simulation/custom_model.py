@@ -35,7 +35,7 @@ def from_file(read: MjcfModel, drivers: Sequence[str] | str | None = None) -> Cl
     if locked:
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
         loops = closed_loops(spec, (*moved, *(name for name in locked if name not in moved)), {})
-        loops, initial_qpos = _closed_at_drivers(loops, _start_qpos(loops, start))
+        loops, initial_qpos = _closed_at_drivers(loops, start)
         assert loops.drivers is not None
         stands = zip(loops.drivers.names, initial_qpos[loops.drivers.addresses].tolist(), strict=True)
         targets = np.array([locked.get(name, value) for name, value in stands])
@@ -70,7 +70,7 @@ def from_spec(
     if loops.drivers is not None:
         names = tuple(track.name(name)[0] for name in loops.drivers.names)
         loops = replace(loops, drivers=replace(loops.drivers, names=names))
-    loops, closed = _closed_at_drivers(loops, _start_qpos(loops, start))
+    loops, closed = _closed_at_drivers(loops, start)
     return ClosedModel(loops, track, closed)
 
 
@@ -88,18 +88,16 @@ def closed_loops(
 
 def with_functions(loops: ModelLoops, laws: Mapping[str, Coupling]) -> ModelLoops:
     """Return loops whose couplings are the functions of laws, equality -> law, instead of polynomials."""
-    names = [str(loops.model.equality(row.equality).name) for row in loops.couplings]
-    rows = [_with_function(row, laws.get(name)) for row, name in zip(loops.couplings, names, strict=True)]
+    rows: list[CouplingConstraint] = []
+    for row in loops.couplings:
+        law = laws.get(str(loops.model.equality(row.equality).name))
+        if law is not None and law.function is not None and row.right is not None:
+            # both sides are relative to the reference
+            offset = float(row.right.zeros @ row.right.weights) - law.zeros[1]
+            difference = row.coefficients[0] - float(law.function(np.array([offset]))[0][0])
+            row = replace(row, function=RelativeFunction(law.function, offset, difference))
+        rows.append(row)
     return replace(loops, couplings=rows)
-
-
-def _with_function(row: CouplingConstraint, law: Coupling | None) -> CouplingConstraint:
-    """Return a constraint with the function of its coupling, both sides relative to the reference."""
-    if law is None or law.function is None or row.right is None:
-        return row
-    offset = float(row.right.zeros @ row.right.weights) - law.zeros[1]
-    difference = row.coefficients[0] - float(law.function(np.array([offset]))[0][0])
-    return replace(row, function=RelativeFunction(law.function, offset, difference))
 
 
 def closed_state(loops: ModelLoops, guess: Array) -> Array:
@@ -117,18 +115,15 @@ def closed_state(loops: ModelLoops, guess: Array) -> Array:
         raise
 
 
-def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
-    """Return an initial state of the model, with the path parameter if any; by default the reference."""
-    if start is None:
-        return loops.model.qpos0.copy()
-    return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
+def _closed_at_drivers(loops: ModelLoops, start: Array | None) -> tuple[ModelLoops, Array]:
+    """Return loops with the drivers locked as in an initial state, and the nearest closed state, (nq,).
 
-
-def _closed_at_drivers(loops: ModelLoops, guess: Array) -> tuple[ModelLoops, Array]:
-    """Return loops with the drivers locked as in an initial guess, and the nearest closed state, (nq,)."""
+    The initial state, (nq,), is without a path parameter; None is the reference.
+    """
+    guess = (loops.model.qpos0 if start is None else start).copy()
     if loops.drivers is not None:
-        drivers = loops.drivers.locked_at(guess[loops.drivers.addresses])
-        loops = replace(loops, drivers=drivers)
+        guess = guess if start is None else np.insert(guess, loops.crank_address, 0.0)
+        loops = replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses]))
     return loops, closed_state(loops, guess)
 
 
@@ -155,6 +150,6 @@ def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     assert drivers is not None
     target = np.array([motion_laws.first[name] for name in drivers.names])
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
-    driven = drivers.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
-    loops = replace(loops, drivers=driven)
+    law, rate = motion_laws.along_path, motion_laws.rate
+    loops = replace(loops, drivers=replace(drivers, law=law, text=lambda angle: f"{angle / rate:.6g} s"))
     return replace(closed, loops=loops, qpos=loop_jacobian.close(loops, start[None])[0])

@@ -33,7 +33,6 @@ from mechsim.simulation.mobility import (
     require_path_within_limits,
     require_within_limits,
 )
-from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_points import interpolated_motion, moved_away
 from mechsim.simulation.recording import States, evaluate
@@ -73,7 +72,11 @@ def limit_or_contact(model: mujoco.MjModel, time: Array, qpos: Array, qvel: Arra
         data.qpos[:], data.qvel[:] = qpos[i], qvel[i]
         mujoco.mj_forward(model, data)
         if int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) in data.efc_type[: data.nefc].tolist():
-            return f"a limit: at {time[i]:.4g} s {_limited(model, data)} is at the end of its range"
+            # the joint farthest beyond its range
+            position, (low, high) = data.qpos[model.jnt_qposadr], model.jnt_range.T
+            beyond = np.where(model.jnt_limited, np.maximum(low - position, position - high), -np.inf)
+            name = model.joint(int(np.argmax(beyond))).name or "a joint"
+            return f"a limit: at {time[i]:.4g} s {name} is at the end of its range"
         if data.ncon:
             pair = [model.body(model.geom_bodyid[g]).name or "the world" for g in data.contact[0].geom]
             return f"a contact: at {time[i]:.4g} s {pair[0]} and {pair[1]} touch"
@@ -91,17 +94,6 @@ def near_singular(time: Array, distance: Array) -> str:
     if not len(distance) or not distance[nearest] < NEAR_SINGULAR:
         return ""
     return f"a singular pose: at {time[nearest]:.4g} s the loops are within {distance[nearest]:.1g} of one"
-
-
-def _limited(model: mujoco.MjModel, data: mujoco.MjData) -> str:
-    """Return the name of the joint farthest beyond its range."""
-    beyond = [
-        max(model.jnt_range[j, 0] - data.qpos[p], data.qpos[p] - model.jnt_range[j, 1])
-        if model.jnt_limited[j]
-        else -np.inf
-        for j, p in enumerate(model.jnt_qposadr)
-    ]
-    return model.joint(int(np.argmax(beyond))).name or "a joint"
 
 
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -132,30 +124,27 @@ def _longest_steps(model: mujoco.MjModel) -> Iterator[tuple[float, str]]:
     damped = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     integrator = int(model.opt.integrator)
     explicit = integrator == RK4 or (integrator == EULER and damped)
+
+    def longest(stiffness: float, power: float = 0.5) -> float:
+        """Return the step for a spring, or by the power 1 for a damper, with unit mass."""
+        return float(2.0 / stiffness**power) if stiffness > 0.0 else np.inf
+
     for j in np.flatnonzero(np.isin(model.jnt_type, SCALAR)):
         dof, name = int(model.jnt_dofadr[j]), model.joint(j).name
         weight = model.dof_invweight0[dof]
-        yield _spring(model.jnt_stiffness[j] * weight), f"the spring of joint {name}"
+        yield longest(model.jnt_stiffness[j] * weight), f"the spring of joint {name}"
         if explicit:
-            yield _damper(model.dof_damping[dof] * weight), f"the damper of joint {name}"
+            yield longest(model.dof_damping[dof] * weight, 1.0), f"the damper of joint {name}"
     for t in range(model.ntendon):
         name, weight = model.tendon(t).name, model.tendon_invweight0[t]
-        yield _spring(model.tendon_stiffness[t] * weight), f"the spring of tendon {name}"
+        yield longest(model.tendon_stiffness[t] * weight), f"the spring of tendon {name}"
     for a in np.flatnonzero(model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)):
         joint = int(model.actuator_trnid[a, 0])
         weight = model.dof_invweight0[model.jnt_dofadr[joint]] * model.actuator_gear[a, 0] ** 2
         name = f"actuator {model.actuator(a).name}"
-        yield _spring(-model.actuator_biasprm[a, 1] * weight), name
+        yield longest(-model.actuator_biasprm[a, 1] * weight), name
         if explicit or integrator == EULER:
-            yield _damper(-model.actuator_biasprm[a, 2] * weight), name
-
-
-def _spring(squared: float) -> float:
-    return float(2.0 / np.sqrt(squared)) if squared > 0.0 else np.inf
-
-
-def _damper(rate: float) -> float:
-    return float(2.0 / rate) if rate > 0.0 else np.inf
+            yield longest(-model.actuator_biasprm[a, 2] * weight, 1.0), name
 
 
 # notes on the changes that stepping makes to a custom model
@@ -218,19 +207,18 @@ class DrivenRun:
         """Return the motion stepped in time, and its outcome for a tolerance in [m]; None for the default."""
         steps, motion = self._stepped(settings)
         outcome: Outcome = "passed"
-        broken, estimate, elsewhere = self._failure(steps, motion), np.inf, False
-        if not broken:
-            states = steps.states.qpos
-            errors, positions = pose_errors(self.closed, motion, states)
-            estimate = float(errors.max())
-            elsewhere = in_another_assembly(self.closed, motion, states, errors, positions)
+        broken, estimate = self._failure(steps, motion), np.inf
         tolerance = default_tolerance(self.closed, motion) if tolerance is None else tolerance
         if broken:
             outcome, motion = "diverged", replace(motion, broken=broken)
-        elif elsewhere:
-            outcome = "changed assembly"
-        elif not estimate <= tolerance:
-            outcome = "failed"
+        else:
+            states = steps.states.qpos
+            errors, positions = pose_errors(self.closed, motion, states)
+            estimate = float(errors.max())
+            if in_another_assembly(self.closed, motion, states, errors, positions):
+                outcome = "changed assembly"
+            elif not estimate <= tolerance:
+                outcome = "failed"
         # the notes on a stepped run; empty without any
         changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
         undecided = undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
@@ -307,12 +295,8 @@ class DrivenRun:
         require_steps(what, self.total or steps, "take fewer turns or a shorter duration, or longer steps")
         total = self.total or interval_count(self.profile, settings.steps_per_turn)
         degrees = DEGREES * self.profile.turns
-        if (
-            self.total is None
-            and self.profile.steady
-            and degrees.is_integer()
-            and functions_in_loops(self.closed.loops)
-        ):
+        whole = self.total is None and self.profile.steady and degrees.is_integer()
+        if whole and functions_in_loops(self.closed.loops):
             # laws of cams change at whole degrees, mostly: the order is the fourth if a step ends there
             total = int(np.ceil(total / degrees) * degrees)
         interval = record_interval(self.profile, total, self.samples)
@@ -327,6 +311,7 @@ class DrivenRun:
         if cause:
             return cause
         run = replace(loops, model=copy.copy(loops.model))
+        assert steps.settings is not None
         replace(steps.settings, compliance=1.0).apply(run, steps.timestep)  # weights are then inertia
         return stiffness_cause(run.model) or STIFFNESS_MESSAGE
 
@@ -395,13 +380,18 @@ def solved_run(
     require_within_limits(closed, qpos)
     near_rows = list(path.near_change_points(angle))
     away = moved_away(qpos, near_rows)
-    jacobian = closed.loops.linearise(away)[1]
-    _require_regular(closed.loops, jacobian, angle)
-    states = States(time, away, loop_jacobian.tangent(closed.loops, jacobian) * speed[:, None])
-    motion = evaluate(
-        closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, progress=progress
-    )
-    motion = interpolated_motion(motion, closed.loops, closed.track, qpos, near_rows, (speed, acceleration))
+    loops, track = closed.loops, closed.track
+    jacobian = loops.linearise(away)[1]
+    singular = loop_jacobian.conditioning(loops, jacobian) < MIN_CONDITIONING
+    if singular.any():
+        where = loops.driver_text(float(angle[np.argmax(singular)]))
+        raise AssemblyError(
+            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; its "
+            "continuation is undetermined; keep a distance from it"
+        )
+    states = States(time, away, loop_jacobian.tangent(loops, jacobian) * speed[:, None])
+    motion = evaluate(loops, track, states, "pose", crank_acceleration=acceleration, progress=progress)
+    motion = interpolated_motion(motion, loops, track, qpos, near_rows, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance
@@ -416,17 +406,6 @@ def solved_run(
         method="pose",
         note="; ".join(filter(None, (closed.note, floating_bodies_note(closed)))),
     )
-
-
-def _require_regular(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
-    """Reject singular poses, at which the continuation is ambiguous."""
-    lost = loop_jacobian.conditioning(loops, jacobian) < MIN_CONDITIONING
-    if lost.any():
-        where = loops.driver_text(float(angle[np.argmax(lost)]))
-        raise AssemblyError(
-            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; its "
-            "continuation is undetermined; keep a distance from it"
-        )
 
 
 def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | None) -> None:

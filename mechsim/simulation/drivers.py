@@ -40,13 +40,10 @@ class Drivers:
     law: Law
     text: Callable[[float], str]
 
-    def with_law(self, law: Law, text: Callable[[float], str]) -> "Drivers":
-        """Return the same drivers with another law."""
-        return replace(self, law=law, text=text)
-
     def locked_at(self, values: Array) -> "Drivers":
         """Return drivers locked at values (k,), or (k, n) for n states."""
-        return self.with_law(*_constant_law(self.names, values))
+        law, text = _constant_law(self.names, values)
+        return replace(self, law=law, text=text)
 
 
 def with_parameter_joint(spec: mujoco.MjSpec) -> mujoco.MjSpec:

@@ -188,9 +188,8 @@ class CouplingConstraint:
         derivative = np.zeros((len(qpos), nv))
         derivative[:, self.left.dofs] = self.left.weights
         if self.right is not None:
-            derivative[:, self.right.dofs] -= (
-                self.values(self.right.value(qpos))[1][:, None] * self.right.weights
-            )
+            rate = self.values(self.right.value(qpos))[1]
+            derivative[:, self.right.dofs] -= rate[:, None] * self.right.weights
         return derivative
 
     def velocity_product(self, qpos: Array, qvel: Array) -> Array:
@@ -226,11 +225,8 @@ def constraints(
         elif is_rod(model, i):
             rods.append(rod_pair(model, i))
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
-            read_sum = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
-            right = read_sum(model, second) if second >= 0 else None
-            couplings.append(
-                CouplingConstraint(read_sum(model, first), right, model.eq_data[i, :5].copy(), i)
-            )
+            left, right = _sum_of(model, kind, first), _sum_of(model, kind, second) if second >= 0 else None
+            couplings.append(CouplingConstraint(left, right, model.eq_data[i, :5].copy(), i))
         else:
             raise InputError(
                 f"equality {model.equality(i).name or i!r} has a kind that cannot close a loop; "
@@ -276,13 +272,11 @@ def coincident_frames(
     return bodies, (data[3:6].copy(), data[0:3].copy()), (rotation_matrix(data[6:10]), np.eye(3))
 
 
-def _joint(model: mujoco.MjModel, joint: int) -> Sum:
-    address, dof = model.jnt_qposadr[[joint]], model.jnt_dofadr[[joint]]
-    return Sum(address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], np.ones(1))
-
-
-def _tendon(model: mujoco.MjModel, tendon: int) -> Sum:
-    joints, weights = tendon_joints(model, tendon)
+def _sum_of(model: mujoco.MjModel, kind: mujoco.mjtEq, number: int) -> Sum:
+    """Return the coordinate of a joint, or the sum of a fixed tendon."""
+    joints, weights = np.array([number]), np.ones(1)
+    if kind == mujoco.mjtEq.mjEQ_TENDON:
+        joints, weights = tendon_joints(model, number)
     address, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
     return Sum(address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], weights)
 

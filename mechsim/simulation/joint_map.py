@@ -1,6 +1,6 @@
 """Maps from motors to joints of a closed-loop model over a grid: positions, Jacobians, torques, inertia."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 from math import comb
@@ -22,8 +22,8 @@ from mechsim.simulation.closed_configurations import (
     scalar_dof,
     straight_path,
 )
-from mechsim.simulation.mjcf_reader.pose_chains import site_or_body
-from mechsim.simulation.state import HINGE, SLIDE, mass_matrix, rotation_vector_rates
+from mechsim.simulation.mjcf_reader.pose_chains import POSITIONS, ROTATIONS, site_or_body
+from mechsim.simulation.state import PointJacobians, mass_matrix, rotation_vector_rates, scalar_joints
 
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12
@@ -39,8 +39,6 @@ ARRAYS = (
     *("input", "output", "jacobian", "jacobian_derivative", "torque_map", "reflected_inertia"),
     *("holding_torque", "qpos"),
 )
-AXES = "xyz"
-ROTATION_SUFFIXES = ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,58 +148,48 @@ class _Outputs:
 
     def gradients(self, qpos: Array) -> tuple[Array, Array]:
         """Return the outputs, (n, m), and their derivatives by all DOFs, (n, m, nv)."""
-        position, rotation, jacobian = self.path.loops.posed.poses(qpos)
-        columns = [self._output(name)(qpos, position, rotation, jacobian) for name in self.names]
-        gradients = np.stack([gradient for _, gradient in columns], 1)
-        return np.stack([value for value, _ in columns], 1), gradients
+        posed = self.path.loops.posed
+        reference = posed.body_poses(self.path.reference[None])[1][0]
+        kinematics = posed.poses(qpos)
+        columns = [self._column(name, qpos, kinematics, reference) for name in self.names]
+        values, gradients = (np.stack(arrays, 1) for arrays in zip(*columns, strict=True))
+        return values, gradients
 
     def is_joint(self, name: str) -> bool:
         """Return whether an output is a hinge or slide."""
-        model = self.path.loops.model
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-        return joint >= 0 and model.jnt_type[joint] in (HINGE, SLIDE)
+        return bool(name) and name in scalar_joints(self.path.loops.model)
 
-    def _output(self, name: str) -> Callable[..., tuple[Array, Array]]:
-        """Return the function of an output: states and their kinematics -> its values and gradients."""
-        model = self.path.loops.model
+    def _column(
+        self, name: str, qpos: Array, kinematics: tuple[Array, Array, PointJacobians], reference: Array
+    ) -> tuple[Array, Array]:
+        """Return an output, (n,), and its derivatives by all DOFs, (n, nv).
+
+        A rotation is a component of the rotation vector from the reference, (nbody, 3, 3), in world axes.
+        """
+        model, (position, rotation, jacobian) = self.path.loops.model, kinematics
         if self.is_joint(name):
             joint = model.joint(name).id
-            address, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-            row = np.eye(model.nv)[dof]
-            return lambda qpos, *_: (qpos[:, address], np.broadcast_to(row, (len(qpos), model.nv)))
+            unit = np.eye(model.nv)[model.jnt_dofadr[joint]]
+            return qpos[:, model.jnt_qposadr[joint]], np.broadcast_to(unit, (len(qpos), model.nv))
         subject, _, suffix = name.rpartition(".")
         located = site_or_body(model, subject)
         # those of the frame do not move
-        if suffix not in (*AXES, *ROTATION_SUFFIXES) or not (located and model.body_weldid[located[0]]):
+        if suffix not in (*POSITIONS, *ROTATIONS) or not (located and model.body_weldid[located[0]]):
             raise InputError(
                 f"there is no output {name!r}; give a hinge or slide, or NAME.x to NAME.rz of a moving site "
                 "or body"
             )
         body, local = located
-        return self._rotation(body, suffix) if suffix[0] == "r" else self._position(body, local, suffix)
-
-    def _position(self, body: int, local: Array, axis: str) -> Callable[..., tuple[Array, Array]]:
-        component = AXES.index(axis)
-
-        def value(_: Array, position: Array, rotation: Array, jacobian: Callable[..., tuple[Array, Array]]):
-            point = position[:, body] + rotation[:, body] @ local
-            return point[:, component], jacobian(body, point)[0][:, component].copy()
-
-        return value
-
-    def _rotation(self, body: int, suffix: str) -> Callable[..., tuple[Array, Array]]:
-        """Return a component of the rotation vector from the reference to the states, in the world frame."""
-        component = ROTATION_SUFFIXES.index(suffix)
+        point = position[:, body] + rotation[:, body] @ local
+        linear, angular = jacobian(body, point)
+        if suffix in POSITIONS:
+            component = POSITIONS.index(suffix)
+            return point[:, component], linear[:, component].copy()
         from scipy.spatial.transform import Rotation
 
-        start = self.path.loops.posed.body_poses(self.path.reference[None])[1][0, body]
-
-        def value(_: Array, position: Array, rotation: Array, jacobian: Callable[..., tuple[Array, Array]]):
-            vector = Rotation.from_matrix(rotation[:, body] @ start.T).as_rotvec()
-            angular = jacobian(body, position[:, body])[1]
-            return vector[:, component], (rotation_vector_rates(vector) @ angular)[:, component]
-
-        return value
+        component = ROTATIONS.index(suffix)
+        vector = Rotation.from_matrix(rotation[:, body] @ reference[body].T).as_rotvec()
+        return vector[:, component], (rotation_vector_rates(vector) @ angular)[:, component]
 
 
 def input_rates(path: StraightPath, qpos: Array) -> Array:
@@ -325,9 +313,9 @@ def _locked(path: StraightPath) -> dict[str, float]:
     model = path.loops.model
     moving = np.isin(np.arange(model.nv), [*path.drivers, *path.passive])
     return {
-        model.joint(joint).name: float(path.reference[model.jnt_qposadr[joint]])
-        for joint in range(model.njnt)
-        if model.jnt_type[joint] in (HINGE, SLIDE) and not moving[model.jnt_dofadr[joint]]
+        name: float(path.reference[model.jnt_qposadr[joint]])
+        for name, joint in scalar_joints(model).items()
+        if not moving[model.jnt_dofadr[joint]]
     }
 
 

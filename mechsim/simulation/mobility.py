@@ -80,10 +80,11 @@ def residual_mobility(closed: ClosedModel) -> ResidualMobility:
     names: list[str] = []
     singular, determined = False, np.ones(loops.model.nbody, dtype=np.bool_)
     for direction in loop_jacobian.null_space(loops, jacobian):
-        moved = _closed_after_nudge(loops, closed.qpos, direction)
-        nudged = moved if moved is not None else _nudged(loops, closed.qpos, direction)
-        moved_names = _moved_names(closed, closed.qpos, nudged)
-        determined &= ~_moved_bodies(loops, closed.qpos, nudged)
+        nudged = loops.displaced(state, PROBE_DISPLACEMENT * direction[None])[0]
+        moved = _closed_after_nudge(loops, closed.qpos, nudged)
+        reached = nudged if moved is None else moved
+        moved_names = _moved_names(closed, closed.qpos, reached)
+        determined &= ~_moved_bodies(loops, closed.qpos, reached)
         singular |= moved is None and bool(moved_names)
         names += moved_names if moved is not None else ()
     return ResidualMobility(
@@ -102,10 +103,9 @@ def require_determined(closed: ClosedModel, mobility: ResidualMobility) -> None:
     """
     if mobility.undetermined:
         drivers = "crank" if closed.loops.drivers is None else "drivers"
+        what = f"with the {drivers} locked {', '.join(mobility.undetermined)} can still move"
         raise MobilityError(
-            f"{closed.loops.name}: underdetermined: with the {drivers} locked "
-            f"{', '.join(mobility.undetermined)} can still move; "
-            f"drive, lock or couple them, or {STEPPED}",
+            f"{closed.loops.name}: underdetermined: {what}; drive, lock or couple them, or {STEPPED}",
             "underdetermined",
         )
 
@@ -155,10 +155,9 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
     Raises:
         AssemblyError: as `require_within_limits`.
     """
-    limited = limited_joints(closed.model)
+    limited, drivers = limited_joints(closed.model), closed.loops.drivers
     if not len(limited) or np.ptp(angles) == 0.0:
         return
-    drivers = closed.loops.drivers
     if drivers is not None and not drivers.law(angles)[1].any():
         # the law is constant: each set of driver coordinates is a separate pose
         return
@@ -174,13 +173,8 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
     require_within_limits(closed, states)
 
 
-def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
-    return loops.displaced(state[None], PROBE_DISPLACEMENT * direction[None])[0]
-
-
-def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
-    """Return the state moved along a null-space direction and closed; None if the loops prevent it."""
-    nudged = _nudged(loops, state, direction)
+def _closed_after_nudge(loops: ModelLoops, state: Array, nudged: Array) -> Array | None:
+    """Return a state that was moved along a null-space direction, closed; None if the loops prevent it."""
     try:
         closed = loop_jacobian.close(loops, nudged[None])[0]
     except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
@@ -192,8 +186,7 @@ def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Ar
 def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     """Return the joints and tracked points that differ between two states."""
     model, loops = closed.model, closed.loops
-    names: list[str] = []
-    moved_bodies = _moved_bodies(loops, state, moved)
+    names, moved_bodies = list[str](), _moved_bodies(loops, state, moved)
     for body in range(model.nbody - 1, 0, -1):
         moved_bodies[model.body_parentid[body]] |= moved_bodies[body]
     for i, (kind, address) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
@@ -223,12 +216,8 @@ def _floating_bodies(loops: ModelLoops) -> list[int]:
     """Return the bodies with free joints whose subtrees are in no loop."""
     model = loops.model
     free = model.jnt_bodyid[model.jnt_type == FREE].tolist()
-    closing = {
-        int(model.body_rootid[body])
-        for pair in (*loops.pairs, *loops.rods, *loops.frames)
-        for body in pair.bodies
-    }
-    return [body for body in free if body not in closing]
+    closing = [body for pair in (*loops.pairs, *loops.rods, *loops.frames) for body in pair.bodies]
+    return [body for body in free if body not in model.body_rootid[closing]]
 
 
 def floating_bodies_note(closed: ClosedModel) -> str:
@@ -238,13 +227,10 @@ def floating_bodies_note(closed: ClosedModel) -> str:
         return ""
     names = [str(model.body(body).name or f"body {body}") for body in bodies[:MAX_LISTED]]
     more = f" and {len(bodies) - MAX_LISTED} more" if len(bodies) > MAX_LISTED else ""
-    floats, state, pronoun = (
-        ("floats", "it stays at its initial pose", "it")
-        if len(bodies) == 1
-        else ("float", "they stay at their initial poses", "them")
-    )
+    floats, state, pronoun = "float", "they stay at their initial poses", "them"
+    if len(bodies) == 1:
+        floats, state, pronoun = "floats", "it stays at its initial pose", "it"
     return (
         f"{', '.join(names)}{more} {floats} independently of the drivers, so poses do not determine it: "
-        f"{state}; "
-        f"fix {pronoun} (--fix-base), or {STEPPED}"
+        f"{state}; fix {pronoun} (--fix-base), or {STEPPED}"
     )

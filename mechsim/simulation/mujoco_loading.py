@@ -47,8 +47,7 @@ def import_mujoco() -> str:
 
 def _import_without_back_end() -> str:
     """Import MuJoCo, without a back end if that of MUJOCO_GL fails; return a note about that."""
-    platform = os.environ.get("PYOPENGL_PLATFORM")
-    back_end = os.environ.get("MUJOCO_GL")
+    platform, back_end = (os.environ.get(name) for name in ("PYOPENGL_PLATFORM", "MUJOCO_GL"))
     try:
         _import()
     except Exception as error:  # a missing or broken library may raise any type
@@ -86,9 +85,8 @@ def _unusable(error: Exception) -> MissingToolError:
         installed = version("mujoco")
     except PackageNotFoundError:
         return MissingToolError(f"MuJoCo is not installed; pip install '{REQUIRED}' installs it")
-    pins = " ".join(
-        f"{name}=={installed}" for name in DISTRIBUTIONS[: 3 if int(installed.split(".")[0]) >= 4 else 1]
-    )
+    names = DISTRIBUTIONS if int(installed.split(".")[0]) >= 4 else DISTRIBUTIONS[:1]
+    pins = " ".join(f"{name}=={installed}" for name in names)
     cause = error.__cause__ or error
     return MissingToolError(
         f"MuJoCo {installed} is installed, but it cannot be imported ({cause}), as after an update by pip "

@@ -142,10 +142,8 @@ class PlainSettings:
 
     def changes_to(self, model: mujoco.MjModel) -> "PlainSettings":
         """Return those settings that differ from the settings of a compiled model."""
-        own = settings_of(model)
-        return PlainSettings(
-            **{name: value for name, value in self.as_dict().items() if value != getattr(own, name)}
-        )
+        own, stated = settings_of(model), self.as_dict().items()
+        return PlainSettings(**{name: value for name, value in stated if value != getattr(own, name)})
 
     def as_dict(self) -> dict[str, Any]:
         """Return the settings that are not None."""

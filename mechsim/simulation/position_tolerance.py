@@ -155,22 +155,19 @@ def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run) -> R
         attempts.append(driven.stepped(tried, tolerance))
         return attempts[-1].estimate
 
-    improvement = improving_compliance(error, settings.compliance_used, run.estimate, tolerance)
+    used = settings.compliance_used
+    improvement = improving_compliance(error, used, run.estimate, tolerance)
     if improvement is None:
         return run
     compliance, remaining = improvement
     if settings.compliance is not None:
-        return replace(
-            run, shortfall=f"{run.shortfall}, and by compliance {compliance:.2g} {remaining:.2g} m"
-        )
-    note = (
-        f"loops have compliance {compliance:.2g}: "
-        f"{settings.compliance_used:.2g} leaves a position error of {run.estimate:.2g} m"
-    )
+        more = f"and by compliance {compliance:.2g} {remaining:.2g} m"
+        return replace(run, shortfall=f"{run.shortfall}, {more}")
+    error_text = f"{used:.2g} leaves a position error of {run.estimate:.2g} m"
     better = attempts[-1]
     if better.outcome != "passed":
         better = _run_to_tolerance(driven, replace(settings, compliance=compliance), tolerance, steps)
-    return replace(better, note=_joined(better.note, note))
+    return replace(better, note=_joined(better.note, f"loops have compliance {compliance:.2g}: {error_text}"))
 
 
 def _run_to_tolerance(driven: DrivenRun, settings: Settings, tolerance: float, first: int) -> Run:
@@ -196,9 +193,8 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
     if not np.isfinite(error):
         return _after_diverging(driven, short, settings, tolerance)
     steps = _whole_steps(driven, steps_for(trial, error, TARGET_FRACTION * tolerance))
-    trial_run = driven.over_first_turns(
-        np.round(float(np.clip(TRIAL_FRACTION * driven.profile.turns, *TRIAL_TURNS)))
-    )
+    turns = np.round(float(np.clip(TRIAL_FRACTION * driven.profile.turns, *TRIAL_TURNS)))
+    trial_run = driven.over_first_turns(turns)
     if steps >= CONVERGED_FRACTION * trial or trial_run.profile.turns > 0.5 * driven.profile.turns:
         return settings, steps
     # trials with so few steps do not show convergence or bounded errors

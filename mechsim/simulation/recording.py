@@ -151,10 +151,8 @@ def evaluate(
         force: generalised force on the crank at each state, (n,) in [N m]; or on `actuated_dofs`, (n, k).
         progress: callback with the progress as text and as a fraction.
     """
-    n = len(states.time)
-
+    n, chunks = len(states.time), list[Motion]()
     inputs = crank_acceleration, driver_acceleration, force
-    chunks: list[Motion] = []
     for i in range(0, n, CHUNK):
         chunk = (None if values is None else values[i : i + CHUNK] for values in inputs)
         chunks.append(_evaluated(loops, track, states.chunk(i), source, *chunk))
@@ -199,10 +197,24 @@ def _evaluated(
         crank_acceleration = qacc[:, loops.crank].copy()
         driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:
-        targets = (crank_acceleration, driver_acceleration)
-        change = _correction(loops, jacobian, states, qacc, links, *targets)
+        # after this change of MuJoCo's accelerations, (n, nv), the loops stay closed exactly
+        change, opened = np.zeros_like(qacc), closure_acceleration(loops, states, qacc, links)
+        change[:, loops.crank] = crank_acceleration - qacc[:, loops.crank]
+        if driver_acceleration is not None and loops.drivers is not None:
+            opened[:, loops.driven_rows] = qacc[:, loops.drivers.dofs] - driver_acceleration
+        if opened.shape[1]:
+            right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
+            change[:, loops.free] = loop_jacobian.solve(loops, jacobian, -right[..., None])[..., 0]
         qacc += change
-        links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
+        for name, link in links.items():
+            linear, angular = (
+                (rates @ change[..., None])[..., 0] for rates in sims.jac(model.body(name).id, link.position)
+            )
+            links[name] = replace(
+                link,
+                acceleration=link.acceleration + linear,
+                angular_acceleration=link.angular_acceleration + angular,
+            )
         for name, point in points.items():
             linear, _ = sims.jac(int(model.site_bodyid[model.site(name).id]), point.position)
             acceleration = point.acceleration + (linear @ change[..., None])[..., 0]
@@ -259,27 +271,6 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
     }
 
 
-def _correction(
-    loops: ModelLoops,
-    jacobian: Array,
-    states: States,
-    qacc: Array,
-    links: dict[str, LinkMotion],
-    targets: Array,
-    drivers: Array | None,
-) -> Array:
-    """Return the change of MuJoCo's accelerations after which the loops stay closed exactly, (n, nv)."""
-    opened = closure_acceleration(loops, states, qacc, links)
-    if drivers is not None and loops.drivers is not None:
-        opened[:, loops.driven_rows] = qacc[:, loops.drivers.dofs] - drivers
-    change = np.zeros_like(qacc)
-    change[:, loops.crank] = targets - qacc[:, loops.crank]
-    if opened.shape[1]:
-        right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
-        change[:, loops.free] = loop_jacobian.solve(loops, jacobian, -right[..., None])[..., 0]
-    return change
-
-
 def closure_acceleration(
     loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]
 ) -> Array:
@@ -293,10 +284,9 @@ def closure_acceleration(
         )
         gap, speed, acceleration = (first - second for first, second in zip(a, b, strict=True))
         if isinstance(pair, RodPair):
-            second_rate = (pair.along(gap) * acceleration + pair.along(speed) * speed).sum(1)
-            rates.append(second_rate[:, None])
-        else:
-            rates.append(acceleration)
+            acceleration = pair.along(gap) * acceleration + pair.along(speed) * speed
+            acceleration = acceleration.sum(1, keepdims=True)
+        rates.append(acceleration)
     for pair in loops.frames:
         a, b = (links[model.body(body).name] if body else world for body in pair.bodies)
         apart = a.angular_acceleration - b.angular_acceleration
@@ -326,31 +316,11 @@ def point_rates(link: LinkMotion, local: Array) -> tuple[Array, Array, Array]:
     return link.position + arm, link.velocity + swing, acceleration
 
 
-def _moved_link(
-    sims: batch.Batch, model: mujoco.MjModel, name: str, link: LinkMotion, change: Array
-) -> LinkMotion:
-    linear, angular = sims.jac(model.body(name).id, link.position)
-    return LinkMotion(
-        link.position,
-        link.rotation,
-        link.velocity,
-        link.angular_velocity,
-        link.acceleration + (linear @ change[..., None])[..., 0],
-        link.angular_acceleration + (angular @ change[..., None])[..., 0],
-    )
-
-
 def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dict[str, JointMotion]:
     model, joints = loops.model, {}
     for name, i in scalar_joints(model).items():
         if name and name != PARAMETER_JOINT:
-            address, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
-            called, chunk = track.name(name)
-            joints[called] = JointMotion(
-                states.qpos[:, address],
-                states.qvel[:, dof],
-                qacc[:, dof],
-                "rad" if model.jnt_type[i] == HINGE else "m",
-                chunk,
-            )
+            (called, index), unit = track.name(name), "rad" if model.jnt_type[i] == HINGE else "m"
+            dof, value = model.jnt_dofadr[i], states.qpos[:, model.jnt_qposadr[i]]
+            joints[called] = JointMotion(value, states.qvel[:, dof], qacc[:, dof], unit, index)
     return joints

@@ -66,9 +66,8 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
         low = np.arange(1, int(np.sqrt(total)) + 1)
         low = low[total % low == 0]
         fitting = np.unique(np.concatenate([low, total // low]))
-        counts = sorted(
-            {fitting[fitting <= run.samples].max(), fitting[fitting >= min(run.samples, total)].min()}
-        )
+        below, above = fitting <= run.samples, fitting >= min(run.samples, total)
+        counts = sorted({fitting[below].max(), fitting[above].min()})
         intervals, rows = (" or ".join(str(count + more) for count in counts) for more in (0, 1))
         raise InputError(
             f"{run.samples} equal intervals between records do not fit {total} steps of {timestep:g} s; take "
@@ -203,9 +202,8 @@ def _check(
     if timestep is not None and not 0.0 < number(timestep) < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")
     if timestep is not None and (tolerance is not None or method == "pose"):
-        other = (
-            "method 'pose' takes no steps" if tolerance is None else "a tolerance chooses the step by itself"
-        )
+        chosen = "a tolerance chooses the step by itself"
+        other = "method 'pose' takes no steps" if tolerance is None else chosen
         raise InputError(f"time step is {timestep:g} s, but {other}; leave one out")
     if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
         remedy = units_remedy(tolerance, "units.parse_length('1 um')")
@@ -233,11 +231,8 @@ def _movable(
         require_determined(closed, mobility)
     if method == "step":
         closed = closed.without_contacts(mobility.determined_bodies)
-    return (
-        closed if motion_laws.crank else at_initial_state(closed, motion_laws),
-        method,
-        not mobility.undetermined,
-    )
+    closed = closed if motion_laws.crank else at_initial_state(closed, motion_laws)
+    return closed, method, not mobility.undetermined
 
 
 def laws_of(source: object, motion_laws: MotionLaws | None, crank_motion: object) -> MotionLaws:
@@ -256,6 +251,5 @@ def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: o
     if not motion_laws.crank and crank_motion is not None:
         raise InputError("both motion laws and a crank's motion were given; give only one")
     model = getattr(source, "mechanism", source)
-    if not isinstance(model, Mechanism):
-        return
-    motion_laws.require_drivers(model)
+    if isinstance(model, Mechanism):
+        motion_laws.require_drivers(model)

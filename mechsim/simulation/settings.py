@@ -59,16 +59,9 @@ def accelerations_and_fill(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array
     return data.qacc.copy(), filled
 
 
-def number_setting(
-    default: float | None,
-    about: str,
-    *,
-    least: float = np.nextafter(0.0, 1.0),
-    remedy: str = "{name} is {value}; give a finite number above 0",
-    **options: Any,
-) -> Any:
-    """Declare a setting that is a finite number, and the message for other values."""
-    return setting(default, about, least=least, remedy=remedy, **options)
+# rules of numbers, with the message for others
+POSITIVE = {"least": np.nextafter(0.0, 1.0), "remedy": "{name} is {value}; give a finite number above 0"}
+COUNT = {"least": 1, "remedy": "{name} is {value}; give a whole number above 0"}
 
 
 def setting(default: Any, about: str, **declared: Any) -> Any:
@@ -134,18 +127,19 @@ class Settings:
         options=INTEGRATORS,
         row=("integrator", str),
     )
-    steps_per_turn: int = number_setting(
+    steps_per_turn: int = setting(
         1000,
         "Steps in a turn of the crank.",
         least=4,
         remedy="{value} steps a turn are too few; give at least 4",
         row=("steps per turn", str),
     )
-    constant_steps: float | None = number_setting(
+    constant_steps: float | None = setting(
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
         row=("constraint time constant", _steps),
+        **POSITIVE,
     )
     solref: tuple[float, float] | None = setting(
         None,
@@ -159,11 +153,12 @@ class Settings:
         count=5,
         fewest=2,
     )
-    compliance: float | None = number_setting(
+    compliance: float | None = setting(
         None,
         "Factor on the compliance of constraints; 1 is MuJoCo's own. None takes 1e-8, and another value "
         "where a position tolerance requires it.",
         row=("constraint compliance", _compliance),
+        **POSITIVE,
     )
     refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant above two steps.")
     diagexact: bool = setting(
@@ -180,32 +175,29 @@ class Settings:
         "MuJoCo's constraint solver; None takes Newton's method.",
         options=SOLVERS,
     )
-    iterations: int | None = number_setting(
+    iterations: int | None = setting(
         None,
         "Maximum iterations of the solver; None takes enough for an exact solution.",
-        least=1,
-        remedy="{name} is {value}; give a whole number above 0",
+        **COUNT,
     )
-    ls_iterations: int | None = number_setting(
+    ls_iterations: int | None = setting(
         None,
         "Maximum iterations of the solver's line search; None takes MuJoCo's.",
-        least=1,
-        remedy="{name} is {value}; give a whole number above 0",
+        **COUNT,
     )
-    residual: float | None = number_setting(
+    residual: float | None = setting(
         None,
         "Residual at which the solver stops; None makes all iterations.",
         least=0.0,
         remedy="{name} is {value}; give a finite number, 0 or above",
     )
     eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.")
-    island: bool = setting(
-        False, "Whether MuJoCo solves independent groups of constraints separately.", typed=False
-    )
-    drive_inertia: float | None = number_setting(
+    island: bool = setting(False, "Whether MuJoCo solves independent groups of constraints separately.")
+    drive_inertia: float | None = setting(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
+        **POSITIVE,
     )
 
     def __post_init__(self) -> None:
@@ -244,7 +236,9 @@ class Settings:
         friction = has_dry_friction(model)
         equalities = not (contacts or limits or friction)
         # the cost is then quadratic: one step of Newton's method is exact
-        exact = equalities and not (self.integrator == "discrete" and _springy(model))
+        # unless forces depend on the state, so that `discrete` solves equations iteratively
+        springy = model.nu or model.ntendon or model.dof_damping.any() or model.jnt_stiffness.any()
+        exact = equalities and not (self.integrator == "discrete" and springy)
         PlainSettings(
             timestep=timestep,
             integrator=self.integrator,
@@ -269,11 +263,8 @@ class Settings:
         virtual = [i for i in range(model.nbody) if model.body(i).name.startswith(VIRTUAL_PREFIX)]
         others = np.delete(model.body_invweight0, virtual, 0)
         model.body_invweight0[virtual] = np.minimum(model.body_invweight0[virtual], others.max(0))
-        set_armature(
-            model,
-            np.array([loops.crank]),
-            self.drive_inertia or drive_inertia(loops, self.compliance_used),
-        )
+        inertia = self.drive_inertia or drive_inertia(loops, self.compliance_used)
+        set_armature(model, np.array([loops.crank]), inertia)
         used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":
             used = replace(used, jacobian=faster_matrices(model) if equalities else "dense")
@@ -416,11 +407,6 @@ def drive_inertia(loops: ModelLoops, compliance: float) -> float:
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     """Return the tendons of a model's couplings."""
-    numbers = [setting_.equality for setting_ in (*loops.couplings, *loops.rods)]
+    numbers = [row.equality for row in (*loops.couplings, *loops.rods)]
     ends = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in ends for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
-
-
-def _springy(model: mujoco.MjModel) -> bool:
-    """Return whether forces depend on the state, so that `discrete` solves equations iteratively."""
-    return bool(model.nu or model.ntendon or model.dof_damping.any() or model.jnt_stiffness.any())

@@ -61,35 +61,25 @@ def from_source(
         InputError: if the model cannot be read, or a mechanism has no point to track.
         AssemblyError: if its loops do not close at the drivers' initial values.
     """
-    closed = _from_source(source, scene, drivers, lock, key)
-    change_point = getattr(source, "change_point", "smooth")
-    return replace(closed, loops=replace(closed.loops, change_point=change_point))
-
-
-def _from_source(
-    source: Source,
-    scene: Scene | None,
-    drivers: Sequence[str] | str | None,
-    lock: Mapping[str, float | None] | None,
-    key: str | None,
-) -> ClosedModel:
     # the MJCF model that a source is or contains; otherwise None
     candidates = (source, getattr(source, "source", None))
     read = next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
     if read is not None:
-        return _from_read_model(source, read, drivers)
-    model = description(source)
-    if not isinstance(model, Mechanism):
+        closed = _from_read_model(source, read, drivers)
+    elif not isinstance(model := description(source), Mechanism):
         from mechsim.simulation.mjcf_reader.reading import read_model
 
         read = read_model(_parsed(model), lock=lock, key=key, describe_only=True)
         closed = from_file(read, CRANK if drivers is None else drivers)
-        return replace(closed, note="; ".join(read.remarks))
-    spec = assembled(model, (scene or Scene()).under(getattr(source, "forces", None)))
-    if not model.points:
-        raise InputError("the model has no point to track; list one under [points]")
-    follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
-    return from_mechanism(model, spec, tuple(model.points), follows_laws=follows_laws)
+        closed = replace(closed, note="; ".join(read.remarks))
+    else:
+        spec = assembled(model, (scene or Scene()).under(getattr(source, "forces", None)))
+        if not model.points:
+            raise InputError("the model has no point to track; list one under [points]")
+        follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
+        closed = from_mechanism(model, spec, tuple(model.points), follows_laws=follows_laws)
+    change_point = getattr(source, "change_point", "smooth")
+    return replace(closed, loops=replace(closed.loops, change_point=change_point))
 
 
 def _parsed(model: Any) -> Any:

@@ -35,10 +35,9 @@ class PosedBodies:
 
     def __init__(self, model: mujoco.MjModel):
         # a copy of a model that computes kinematics only, as far as MuJoCo allows
-        looking = copy.copy(model)
-        off = mujoco.mjtDisableBit
-        looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
-        self.kinematic_model = looking
+        self.kinematic_model, off = copy.copy(model), mujoco.mjtDisableBit
+        unused = int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)
+        self.kinematic_model.opt.disableflags |= unused
         self._batches: dict[int, batch.Batch] = {}
 
     def poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
@@ -148,9 +147,7 @@ def angular_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 def hinge_entries(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return whether each entry of qpos is the angle of a hinge, (nq,)."""
-    hinges = np.zeros(model.nq, dtype=np.bool_)
-    hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
-    return hinges
+    return np.isin(np.arange(model.nq), model.jnt_qposadr[model.jnt_type == HINGE])
 
 
 def quaternion_addresses(model: mujoco.MjModel) -> list[int]:
@@ -193,16 +190,13 @@ def matching_state(
         other: the other model.
         state: position and velocity of the other model.
     """
-    result = model.qpos0.copy(), np.zeros(model.nv)
+    qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
     for j in range(model.njnt):
         own, same = model.joint(j), other.joint(model.joint(j).name)
-        for values, source, address, width in (
-            (result[0], state[0], "qposadr", len(own.qpos0)),
-            (result[1], state[1], "dofadr", len(own.damping)),
-        ):
-            to, start = int(getattr(own, address)[0]), int(getattr(same, address)[0])
-            values[to : to + width] = source[start : start + width]
-    return result
+        coordinates, dofs = np.arange(len(own.qpos0)), np.arange(len(own.damping))
+        qpos[own.qposadr + coordinates] = state[0][same.qposadr + coordinates]
+        qvel[own.dofadr + dofs] = state[1][same.dofadr + dofs]
+    return qpos, qvel
 
 
 def rotated(rotation: Array, local: Array) -> Array:

@@ -1,7 +1,7 @@
 """Time stepping in MuJoCo under a driven crank or driven joints."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter, thread_time
 
 import mujoco
@@ -21,8 +21,6 @@ from mechsim.simulation.recording import States
 from mechsim.simulation.settings import Settings, set_armature
 from mechsim.simulation.state import SLIDE
 
-# callback with the progress of a run: text, and fraction from 0 to 1
-
 # steps per call into C: enough that the call's cost is negligible, few enough for memory
 STEPS_PER_CALL = 4096
 # bytes per step of a drive with variable speed
@@ -38,25 +36,27 @@ class Steps:
     """The recorded states of a stepped run.
 
     Attributes:
+        timestep: in [s].
+        numbers: numbers of steps before each record, (n,); the first is zero.
         states: at time zero and after every `interval` steps, up to the end of the run.
+        count: steps taken.
+        seconds: time of the steps, in [s].
+        processor: processor time of the steps in this thread, in [s].
+        diverged: whether MuJoCo warned of a bad state or a number was not finite; the records precede it.
         force: on the crank at each state, (n,) in [N m], None at constant speed; or on all `actuated_dofs` of
             the loops, (n, k) in [N m] or [N].
-        count: steps taken.
-        seconds: time spent stepping.
-        timestep: in [s].
-        diverged: whether MuJoCo warned of a bad state or a number was not finite.
-        settings: in effect, with all automatic choices made.
-        processor: processor time spent stepping, in [s].
+        settings: in effect, with all automatic choices made; None for a model with its own settings.
     """
 
+    timestep: float
+    numbers: NDArray[np.int64]
     states: States
-    force: Array | None
     count: int
     seconds: float
-    timestep: float
+    processor: float
     diverged: bool
-    settings: Settings
-    processor: float = 0.0
+    force: Array | None = None
+    settings: Settings | None = None
 
 
 def interval_count(profile: CrankProfile, per_turn: float = SAMPLES) -> int:
@@ -106,68 +106,47 @@ def step(
         controls: of the model's actuators at the start of each step, (total, nu); None without controls.
         progress: callback after every block.
     """
-    timestep = profile.duration / total
-    driven = not profile.steady or len(recording.actuated_dofs(loops)) > 1 or loops.drivers is not None
+    timestep, moved = profile.duration / total, recording.actuated_dofs(loops)
+    driven = not profile.steady or len(moved) > 1 or loops.drivers is not None
     if driven:
-        needed = BYTES_PER_STEP * len(recording.actuated_dofs(loops))
-        require_memory(
-            f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most"
-        )
+        needed, remedy = BYTES_PER_STEP * len(moved), "take {most} steps at the most"
+        require_memory(f"the drive's torque at {total:,} steps", total, needed, remedy)
     kept = {row.equality for row in recording.followers(loops)}
     nonlinear = (row.equality for row in (*loops.couplings, *loops.rods) if row.nonlinear)
     renewed = not kept.issuperset(nonlinear)
     used = settings.apply(loops, timestep)
-    model = loops.model
+    torque = None
     if driven:
         _add_drive_inertia(loops)
-    torque = _torque(loops, profile, timestep, total) if driven else None
+        # the force on each driver over each step, (steps, drivers) in [N m] or [N]
+        angle, speed, _ = profile.state(timestep * np.arange(total + 1.0))
+        rates = recording.actuated_rates(loops, angle, speed)
+        torque = np.diff(rates, axis=0) / timestep * loops.model.dof_armature[moved]
+
+    def inputs(steps: slice) -> Array | None:
+        """Return the controls of actuators and drives over some steps, (1, steps, nu + nv); None without."""
+        if controls is None and torque is None:
+            return None
+        control = np.zeros((1, steps.stop - steps.start, loops.model.nu + loops.model.nv))
+        if controls is not None:
+            control[0, :, : loops.model.nu] = controls[steps]
+        if torque is not None:
+            control[0][:, loops.model.nu + moved] = torque[steps]
+        return control
+
     if renewed:
-        run = _renewed_rollout(loops, timestep, start, total, interval, (controls, torque), progress)
+        run = _renewed_rollout(loops, timestep, start, total, interval, inputs, progress)
     else:
-        run = rollout(
-            batch.Batch(model, 1, 1),
-            timestep,
-            start,
-            total,
-            interval,
-            lambda steps: _controls(loops, steps, controls, torque),
-            progress,
-        )
+        sims = batch.Batch(loops.model, 1, 1)
+        run = rollout(sims, timestep, start, total, interval, inputs, progress)
     force = None if torque is None else torque[np.minimum(run.numbers, total - 1)]
-    if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
+    if force is not None and len(moved) == 1 and loops.drivers is None:
         force = force[:, 0]
-    states = States(run.time, run.qpos, run.qvel)
-    return Steps(states, force, run.count, run.seconds, timestep, run.diverged, used, run.processor)
+    return replace(run, force=force, settings=used)
 
 
-@dataclass(frozen=True, slots=True)
-class Rollout:
-    """The recorded states of one simulation.
-
-    Attributes:
-        timestep: in [s].
-        numbers: numbers of steps before each record, (n,); the first is zero.
-        qpos: (n, nq).
-        qvel: (n, nv).
-        count: steps taken.
-        seconds: time of the steps, in [s].
-        processor: processor time of the steps in this thread, in [s].
-        diverged: whether MuJoCo warned of a bad state or a number was not finite; the records precede it.
-    """
-
-    timestep: float
-    numbers: NDArray[np.int64]
-    qpos: Array
-    qvel: Array
-    count: int
-    seconds: float
-    processor: float
-    diverged: bool
-
-    @property
-    def time(self) -> Array:
-        """Instants of the records in [s], (n,)."""
-        return self.timestep * self.numbers.astype(np.float64)
+# steps of a block -> controls of actuators and applied forces, (1, steps, nu + nv)
+Inputs = Callable[[slice], Array | None]
 
 
 def rollout(
@@ -176,9 +155,9 @@ def rollout(
     start: tuple[Array, Array],
     total: int,
     interval: int,
-    controls: Callable[[slice], Array | None],
+    controls: Inputs,
     progress: Progress = no_progress,
-) -> Rollout:
+) -> Steps:
     """Step one simulation in blocks, until it diverges.
 
     Args:
@@ -187,7 +166,7 @@ def rollout(
         start: state and rates at time zero, (nq,) and (nv,).
         total: steps.
         interval: number of steps between two records; the last step is recorded too.
-        controls: steps of a block -> controls of actuators and applied forces, (1, steps, nu + nv).
+        controls: controls and forces of a block.
         progress: callback after every block.
     """
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
@@ -212,7 +191,8 @@ def rollout(
         count = steps.stop
         progress(f"{count:,} of {total:,} steps", count / total)
     numbers, qpos, qvel = (np.concatenate(columns) for columns in zip(*records, strict=True))
-    return Rollout(timestep, numbers, qpos, qvel, count, seconds, processor, diverged)
+    states = States(timestep * numbers.astype(np.float64), qpos, qvel)
+    return Steps(timestep, numbers, states, count, seconds, processor, diverged)
 
 
 def _renewed_rollout(
@@ -221,17 +201,16 @@ def _renewed_rollout(
     start: tuple[Array, Array],
     total: int,
     interval: int,
-    inputs: tuple[Array | None, Array | None],
+    controls: Inputs,
     progress: Progress,
-) -> Rollout:
+) -> Steps:
     """Step a model with the velocity-product terms of its rods and couplings, which MuJoCo omits.
 
     Couplings by functions get their Taylor polynomials at the state before each step.
 
     A polynomial of degree 4 is exact to the fifth power of the motion in a step. With RK4 the error falls
     with the fourth power of the step, where steps end at the ends of a cam's segments: 2e-7, 1e-8, 5e-10 and
-    4e-12 m in `cam_follower` with 360 to 2,880 steps a revolution. `inputs` are controls of actuators and
-    forces of drives at each step.
+    4e-12 m in `cam_follower` with 360 to 2,880 steps a revolution.
     """
     from mechsim.simulation.velocity_products import velocity_products
 
@@ -241,7 +220,7 @@ def _renewed_rollout(
     with velocity_products(loops, data) as expand:
         for count in range(total):
             expand()
-            control = _controls(loops, slice(count, count + 1), *inputs)
+            control = controls(slice(count, count + 1))
             if control is not None:
                 data.ctrl[:], data.qfrc_applied[:] = np.split(control[0, 0], [model.nu])
             mujoco.mj_step(model, data)
@@ -254,7 +233,8 @@ def _renewed_rollout(
                 progress(f"{count:,} of {total:,} steps", count / total)
     numbers, qpos, qvel = (np.array(column) for column in zip(*records, strict=True))
     spent = perf_counter() - seconds, thread_time() - processor
-    return Rollout(timestep, numbers, qpos, qvel, int(numbers[-1]), *spent, diverged)
+    states = States(timestep * numbers.astype(np.float64), qpos, qvel)
+    return Steps(timestep, numbers, states, int(numbers[-1]), *spent, diverged)
 
 
 def _add_drive_inertia(loops: ModelLoops) -> None:
@@ -307,27 +287,6 @@ def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
         for tendon, side in zip(ends, (coupling.left, coupling.right), strict=True):
             if side is not None:
                 model.tendon_invweight0[tendon] = float(side.weights**2 @ weights[side.dofs])
-
-
-def _controls(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:
-    """Return the controls of actuators and drives over some steps, (1, steps, nu + nv); None without any."""
-    inputs = [coupling[steps] for coupling in (controls, torque) if coupling is not None]
-    if not inputs:
-        return None
-    model = loops.model
-    control = np.zeros((1, len(inputs[0]), model.nu + model.nv))
-    if controls is not None:
-        control[0, :, : model.nu] = controls[steps]
-    if torque is not None:
-        control[0][:, model.nu + recording.actuated_dofs(loops)] = torque[steps]
-    return control
-
-
-def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: int) -> Array:
-    """Return the force on each driver over each step, (steps, drivers) in [N m] or [N]."""
-    angle, speed, _ = profile.state(timestep * np.arange(steps + 1.0))
-    rates = recording.actuated_rates(loops, angle, speed)
-    return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[recording.actuated_dofs(loops)]
 
 
 def check_step(timestep: float, profile: CrankProfile, cycle: str) -> int:

@@ -140,10 +140,8 @@ def velocity_products(loops: ModelLoops, data: mujoco.MjData) -> Generator[Calla
             library, model = compiled.library, ctypes.c_void_p(loops.model._address)
             qpos, difference = ctypes.c_void_p(data.qpos.ctypes.data), ctypes.c_double(DIFFERENCE)
             library.select_rows(compiled.addresses, model)
-            callback, expand = (
-                library.add_velocity_products,
-                partial(library.expand, compiled.addresses, model, qpos, difference),
-            )
+            callback = library.add_velocity_products
+            expand = partial(library.expand, compiled.addresses, model, qpos, difference)
         elif nonlinear:
             callback = opened
         mujoco.set_mjcb_passive(callback)

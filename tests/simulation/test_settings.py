@@ -40,7 +40,7 @@ def test_a_setting_is_read_from_text(text) -> None:
 def test_a_declared_setting_has_a_check_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):
-        noise: float = settings.number_setting(1.0, "Noise.", row=("noise", "{:g} dB".format))
+        noise: float = settings.setting(1.0, "Noise.", **settings.POSITIVE, row=("noise", "{:g} dB".format))
 
     assert More().rows() == Settings().rows() | {"noise": "1 dB"}
     with pytest.raises(InputError, match=r"noise is -2\.0; give a finite number above 0"):

@@ -9,7 +9,7 @@ from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
-from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_count, actuator_names
+from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_names
 from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
 # initial deviation of a servo from its control target that is reported above this value, in [rad] or [m]
@@ -32,16 +32,15 @@ def fighting(scene: Inspected) -> Iterator[Finding]:
 
 def _too_many(scene: Inspected) -> Iterator[Finding]:
     """Yield servos that add no rank to the loops and the other servos, in every sample state."""
-    model = scene.model
-    servos = [a for a in range(actuator_count(model)) if _stiffness(scene, a) > 0.0]
     jacobians = [jacobian for jacobian, _ in scene.sample_jacobians]
     arms = [_directions(scene, qpos) for qpos in scene.sample_states]
-    for a in servos:
+    for a, name in enumerate(actuator_names(scene.model)):
+        if _stiffness(scene, a) <= 0.0:
+            continue
         wider = [np.vstack([rows, arm[a]]) for rows, arm in zip(jacobians, arms, strict=True)]
         if any(loop_rank(more) > loop_rank(rows) for more, rows in zip(wider, jacobians, strict=True)):
             jacobians = wider
             continue
-        name = actuator_names(model)[a]
         message = (
             f"actuator {name} is redundant: the loops and the other servos determine its joint, so that they "
             "act against each other unless their controls agree exactly"
@@ -63,16 +62,13 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     if not np.array_equal(scene.read.qpos, model.qpos0):
         return
-    for a in range(actuator_count(model)):
+    for a, name in enumerate(actuator_names(model)):
         kp, force = _stiffness(scene, a), float(scene.started.actuator_force[a])
         off = force / kp if kp > 0.0 else 0.0
-        if int(model.actuator_trntype[a]) not in ON_JOINT or abs(off) <= KICK:
-            continue
-        message = (
-            f"actuator {actuator_names(model)[a]} starts {abs(off):.3g} from the target of its control, 0, "
-            f"with a force of {abs(force):.3g}"
-        )
-        yield _finding(scene, a, abs(force), message, "give it the control of the start by --ctrl")
+        if int(model.actuator_trntype[a]) in ON_JOINT and abs(off) > KICK:
+            target = f"{abs(off):.3g} from the target of its control, 0"
+            message = f"actuator {name} starts {target}, with a force of {abs(force):.3g}"
+            yield _finding(scene, a, abs(force), message, "give it the control of the start by --ctrl")
 
 
 def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
@@ -81,16 +77,15 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
     if motion is None:
         return
     forces = _actuator_forces(scene, motion)
-    for a in range(actuator_count(scene.model)):
+    for a, name in enumerate(actuator_names(scene.model)):
         largest = float(np.abs(forces[:, a]).max(initial=0.0))
-        if _stiffness(scene, a) <= 0.0 or largest <= SLIGHT * float(np.abs(forces).max()):
-            continue
-        message = (
-            f"actuator {actuator_names(scene.model)[a]} fights the drive: at control 0 it works against the "
-            f"motion laws by up to {largest:.3g} N or N m"
-        )
-        remedy = "drive by its own control (--ctrl), or leave it out of the scene"
-        yield _finding(scene, a, largest, message, remedy)
+        if _stiffness(scene, a) > 0.0 and largest > SLIGHT * float(np.abs(forces).max()):
+            message = (
+                f"actuator {name} fights the drive: at control 0 it works against the motion laws by up to "
+                f"{largest:.3g} N or N m"
+            )
+            remedy = "drive by its own control (--ctrl), or leave it out of the scene"
+            yield _finding(scene, a, largest, message, remedy)
 
 
 def controls_beyond_range(scene: Inspected) -> Iterator[Finding]:
@@ -105,10 +100,9 @@ def controls_beyond_range(scene: Inspected) -> Iterator[Finding]:
         if int(model.jnt_type[joint]) not in SCALAR or not model.actuator_gear[a, 0]:
             continue
         gain, offset = model.actuator_gainprm[a, 0], model.actuator_biasprm[a, 0]
-        controls = np.array([float(model.actuator_ctrlrange[a, end]) for end in (0, 1)])
-        low, high = sorted((gain * controls + offset) / kp / model.actuator_gear[a, 0])
-        least, most = (float(end) for end in model.jnt_range[joint])
-        excess = float(max(least - low, high - most))
+        ends = (gain * model.actuator_ctrlrange[a] + offset) / kp / model.actuator_gear[a, 0]
+        (low, high), (least, most) = np.sort(ends).tolist(), model.jnt_range[joint].tolist()
+        excess = max(least - low, high - most)
         if not excess > EXCESS * (most - least):
             continue
         name, unit = actuator_names(model)[a], "m" if int(model.jnt_type[joint]) == SLIDE else "rad"

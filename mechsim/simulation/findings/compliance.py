@@ -1,6 +1,6 @@
 """Visible loop-closure errors, time constants that MuJoCo clamps, and steps too long for a loop."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -31,23 +31,27 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
         return
     motion = driver_swing(scene)
     widest = _gaps(scene, motion)
+    lengths = {loop.number: scene.length if scene.in_metres(loop) else 1.0 for loop in scene.loops}
     visible = [
-        loop
-        for loop in scene.loops
-        if widest.get(loop.number, 0.0) > VISIBLE_GAP * (scene.length if scene.in_metres(loop) else 1.0)
+        loop for loop in scene.loops if widest.get(loop.number, 0.0) > VISIBLE_GAP * lengths[loop.number]
     ]
     if not visible:
         return
-    stiffened, solref = _stiffened(scene, visible)
-    remaining = _gaps(stiffened, motion)
+    # as stiff as the time step allows
+    spec, hardest = scene.read.spec.copy(), MIN_STEPS * float(scene.model.opt.timestep)
+    equalities = list(spec.equalities)
+    for loop in visible:
+        equalities[loop.number].solref = np.array([hardest, 1.0])
+        equalities[loop.number].solimp = np.array([MAX_IMPEDANCE, MAX_IMPEDANCE, 0.001, 0.5, 2.0])
+    remaining = _gaps(Inspected(replace(scene.read, spec=spec), scene.motion_laws), motion)
+    settings = f'solref="{hardest:g} 1" solimp="{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2"'
     when = "at rest at the start" if motion is None else f"in {motion.description}"
     for loop in visible:
         by, after = widest[loop.number], remaining.get(loop.number, 0.0)
-        unit, limit = ("m", MAX_PREDICTED * scene.length) if scene.in_metres(loop) else ("rad", MAX_PREDICTED)
+        unit, limit = "m" if scene.in_metres(loop) else "rad", MAX_PREDICTED * lengths[loop.number]
         gap = f"gap of {by:.2g} {unit}" if by <= limit else f"large gap, of more than {limit:.2g} {unit},"
-        solimp = f'solimp="{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2"'
         remainder = f"about {after:.1g}" if after <= limit else f"more than {limit:.2g}"
-        remedy = f"{solref} {solimp} leaves {remainder} {unit}"
+        remedy = f"{settings} leaves {remainder} {unit}"
         if after > 0.1 * by:
             remedy += ", for dampers that the integrator takes implicitly hold the rest back: a smaller step"
         message = f"{loop.name} is soft: its forces open a {gap} {when}"
@@ -59,16 +63,6 @@ def _gaps(scene: Inspected, motion: Swing | None) -> dict[int, float]:
     return gaps_at_rest(scene) if motion is None else gaps_in(scene, motion)
 
 
-def _stiffened(scene: Inspected, loops: Sequence[Loop]) -> tuple[Inspected, str]:
-    """Return a scene with loops as stiff as its time step allows, and their `solref` as text."""
-    spec, hardest = scene.read.spec.copy(), MIN_STEPS * float(scene.model.opt.timestep)
-    equalities = list(spec.equalities)
-    for loop in loops:
-        equalities[loop.number].solref = np.array([hardest, 1.0])
-        equalities[loop.number].solimp = np.array([MAX_IMPEDANCE, MAX_IMPEDANCE, 0.001, 0.5, 2.0])
-    return Inspected(replace(scene.read, spec=spec), scene.motion_laws), f'solref="{hardest:g} 1"'
-
-
 def refsafe(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops whose time constant MuJoCo raises to two time steps."""
     model = scene.model
@@ -78,7 +72,6 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
     groups: dict[float, list[Loop]] = {}
     for loop in scene.loops:
         # the time constant of a loop in [s]; 0 if the file gives its stiffness directly
-        model = scene.model
         solref = model.opt.o_solref if overridden(model) else model.eq_solref[loop.number]
         constant = max(float(solref[0]), 0.0)
         if 0.0 < constant < least * (1.0 - 1e-9):
@@ -95,15 +88,11 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
 
 def timestep(scene: Inspected) -> Iterator[Finding]:
     """Yield a finding if the stiffest loop rings or diverges with the time step."""
-    model = scene.model
-    amplification = AMPLIFICATION.get(int(model.opt.integrator))
-    if not scene.loops or amplification is None:
+    amplification = AMPLIFICATION.get(int(scene.model.opt.integrator))
+    stiffest = _stiffest(scene) if scene.loops and amplification is not None else None
+    if amplification is None or stiffest is None:
         return
-    stiffest = _stiffest(scene)
-    if stiffest is None:
-        return
-    matrix, loop = stiffest
-    step = float(model.opt.timestep)
+    (matrix, loop), step = stiffest, float(scene.model.opt.timestep)
 
     def extremes(step: float) -> tuple[float, float]:
         values = np.linalg.eigvals(amplification(matrix, step))
@@ -116,11 +105,9 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
     if rests(worst, most_negative):
         return
     stable = stable_step(lambda shorter: rests(*extremes(shorter)), step)
-    ends = (
-        f"grows {worst:.3g}-fold a step"
-        if worst > 1.0 + 1e-9
-        else f"oscillates: {-most_negative:.2g} of it returns with the opposite sign"
-    )
+    ends = f"oscillates: {-most_negative:.2g} of it returns with the opposite sign"
+    if worst > 1.0 + 1e-9:
+        ends = f"grows {worst:.3g}-fold a step"
     message = f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}"
     remedy = f"take a step of {stable:.2g} s, or make the loop {step / stable:.2g} times slower"
     yield scene.finding("timestep", loop.element, step / stable, message, remedy)
@@ -150,9 +137,8 @@ def _stiffest(scene: Inspected) -> tuple[GapDynamics, Loop] | None:
     loop = next(loop_ for loop_ in scene.loops if loop_.number == number)
     # redundant rows have the gaps of the rows on which they depend
     range_ = np.linalg.svd(jacobian)[0][:, : loop_rank(jacobian)]
-    return GapDynamics(
-        range_.T @ (transmitted * b) @ range_, range_.T @ (transmitted * (k * d)) @ range_
-    ), loop
+    damping, stiffness = (range_.T @ (transmitted * factors) @ range_ for factors in (b, k * d))
+    return GapDynamics(damping, stiffness), loop
 
 
 def _euler_step(matrix: GapDynamics, step: float) -> Array:

@@ -26,17 +26,16 @@ LOSSES = ("damping", "frictionloss", "armature")
 
 def negative_losses(scene: Inspected) -> Iterator[Finding]:
     """Yield joints and tendons with negative damping, Coulomb friction or armature."""
-    groups: tuple[tuple[str, Sequence[Any], tuple[str, ...]], ...] = (
-        ("joint", scene.read.spec.joints, LOSSES),
-        ("tendon", scene.read.spec.tendons, LOSSES[:2]),
-    )
-    for label, elements, attributes in groups:
-        for element in elements:
-            for attribute in attributes:
-                value = float(np.ravel(getattr(element, attribute))[0])
-                if value < 0.0:
-                    message = f"{label} {element.name} has a {attribute} of {value:g}, which adds energy"
-                    yield scene.finding("negative", element, abs(value), message, "write 0 or more")
+    spec = scene.read.spec
+    attributes: list[tuple[str, Any, str]] = [
+        ("joint", each, name) for each in spec.joints for name in LOSSES
+    ]
+    attributes += [("tendon", each, name) for each in spec.tendons for name in LOSSES[:2]]
+    for label, element, attribute in attributes:
+        value = float(np.ravel(getattr(element, attribute))[0])
+        if value < 0.0:
+            message = f"{label} {element.name} has a {attribute} of {value:g}, which adds energy"
+            yield scene.finding("negative", element, abs(value), message, "write 0 or more")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,21 +71,20 @@ def too_stiff_for_step(scene: Inspected) -> Iterator[Finding]:
     integrator, step = int(model.opt.integrator), float(model.opt.timestep)
     if integrator not in AMPLIFICATION:
         return
-    worst: tuple[float, Array, list[_SpringDamper], _Motion] | None = None
+    worst: tuple[float, Array, _Motion] | None = None
     for qpos, (jacobian, _) in zip(scene.sample_states, scene.sample_jacobians, strict=True):
-        dampers = [
-            damper for damper in _springs_and_dampers(scene, qpos) if damper.damping or damper.stiffness
-        ]
+        elements = _springs_and_dampers(scene, qpos)
+        dampers = [damper for damper in elements if damper.damping or damper.stiffness]
         motion = _Motion(null_space(jacobian), mass_matrix(data_at(model, qpos)), dampers)
         if not dampers or not len(motion.free):
             continue
         growth, direction = motion.growth(model, integrator, step)
         if worst is None or growth > worst[0]:
-            worst = growth, direction, dampers, motion
+            worst = growth, direction, motion
     if worst is None or worst[0] <= 1.0 + GROWTH:
         return
-    growth, direction, dampers, motion = worst
-    damper = max(dampers, key=lambda damper: sum(damper.shares(direction, step)))
+    growth, direction, motion = worst
+    damper = max(motion.dampers, key=lambda damper: sum(damper.shares(direction, step)))
     by_damping, by_stiffness = damper.shares(direction, step)
     quantity = "damping" if by_damping > by_stiffness else "stiffness"
     stable = stable_step(lambda shorter: motion.growth(model, integrator, shorter)[0] <= 1.0 + GROWTH, step)
@@ -119,10 +117,10 @@ class _Motion:
 
         With an implicitly treated damping matrix D', the step solves (M + h D') (v1 - v0) = -h (D v0 + K q0).
         """
-        damping = self._sum([damper.damping for damper in self.dampers])
-        implicit = self._sum(
-            [damper.damping * _is_implicit(model, integrator, damper) for damper in self.dampers]
-        )
+        euler = integrator == EULER and not is_disabled(model, OFF.mjDSBL_EULERDAMP)
+        treated = [integrator in IMPLICIT or (euler and damper.always) for damper in self.dampers]
+        rates = [damper.damping for damper in self.dampers]
+        damping, implicit = self._sum(rates), self._sum(np.multiply(rates, treated))
         stiffness = self._sum([damper.stiffness for damper in self.dampers])
         mass = self.free @ self.mass @ self.free.T + step * implicit
         inverse = np.linalg.inv(mass).astype(np.float64)
@@ -131,16 +129,10 @@ class _Motion:
         worst = int(np.argmax(np.abs(values)))
         return float(np.abs(values[worst])), vectors[: len(self.free), worst] @ self.free
 
-    def _sum(self, factors: Sequence[float]) -> Array:
+    def _sum(self, factors: Sequence[float] | Array) -> Array:
         """Return the sum of the dampers' matrices with factors, in the free motions, (k, k)."""
         arms = np.array([self.free @ damper.arm for damper in self.dampers])
         return arms.T @ (np.array(factors)[:, None] * arms)
-
-
-def _is_implicit(model: mujoco.MjModel, integrator: int, damper: _SpringDamper) -> bool:
-    """Return whether an integrator treats the damping of a damper implicitly."""
-    eulerdamp = not is_disabled(model, OFF.mjDSBL_EULERDAMP)
-    return integrator in IMPLICIT or (integrator == EULER and damper.always and eulerdamp)
 
 
 def _springs_and_dampers(scene: Inspected, qpos: Array) -> Iterator[_SpringDamper]:

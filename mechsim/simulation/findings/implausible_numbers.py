@@ -10,7 +10,7 @@ from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.mjcf.joints import UNLIMITED
-from mechsim.simulation.state import SCALAR, SLIDE, gravity
+from mechsim.simulation.state import HINGE, SLIDE, gravity
 
 # largest plausible radius of gyration, in characteristic lengths; 10 times this for the centre of mass
 MAX_SPREAD = 3.0
@@ -24,10 +24,10 @@ MASSLESS = 1e-7
 def impossible(scene: Inspected) -> Iterator[Finding]:
     """Yield the moving bodies with an impossible mass or inertia."""
     model = scene.model
-    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
+    moving = np.flatnonzero(model.body_weldid)
+    heaviest = float(model.body_mass[moving].max(initial=0.0))
     carried = carried_masses(scene)
-    for b in moving:
+    for b in moving.tolist():
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
         element = scene.read.spec.body(name)
@@ -38,11 +38,8 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
             problem = _implausible_size(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
         by = float(carried[b])
         if not problem and model.body_jntnum[b] and by <= MASSLESS * heaviest:
-            problem = (
-                by,
-                f"has a mass of {by:.2g} kg with all it carries, negligible next to {heaviest:.2g} kg",
-                "weigh it",
-            )
+            what = f"has a mass of {by:.2g} kg with all it carries, negligible next to {heaviest:.2g} kg"
+            problem = by, what, "weigh it"
         if problem:
             by, what, remedy = problem
             yield scene.finding("inertia", element, abs(by), f"body {name} {what}", remedy)
@@ -51,14 +48,9 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
 def carried_masses(scene: Inspected) -> Array:
     """Return the masses of the bodies with their subtrees, (nbody,) in [kg]; masses in the file precede."""
     model = scene.model
-    bodies = {body.name: body for body in scene.read.spec.bodies}
-    elements = [bodies.get(str(model.body(b).name)) for b in range(model.nbody)]
-    total = np.array(
-        [
-            element.mass if element is not None and element.explicitinertial else mass
-            for element, mass in zip(elements, model.body_mass.tolist(), strict=True)
-        ]
-    )
+    stated = {body.name: float(body.mass) for body in scene.read.spec.bodies if body.explicitinertial}
+    masses = enumerate(model.body_mass.tolist())
+    total = np.array([stated.get(str(model.body(b).name), mass) for b, mass in masses])
     # MuJoCo numbers a body after its parent
     for b in range(model.nbody - 1, 0, -1):
         total[model.body_parentid[b]] += total[b]
@@ -149,8 +141,7 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
         remedy = "MuJoCo takes gravity as 9.81 in the units of lengths: write m"
         yield scene.finding("units", None, longest, message, remedy, "lengths")
         return
-    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    distances = {b: _distance(scene, b) for b in moving}
+    distances = {b: _distance(scene, b) for b in np.flatnonzero(model.body_weldid).tolist()}
     middle = float(np.median([by for by in distances.values() if by > 0.0] or [0.0]))
     for b, by in distances.items():
         if middle > 0.0 and by > MAX_RATIO * middle and by > 1.0:
@@ -171,9 +162,9 @@ def _distance(scene: Inspected, b: int) -> float:
     model = scene.model
     if model.body_weldid[model.body_parentid[b]] != 0:
         return float(np.linalg.norm(model.body_pos[b]))
-    others = np.flatnonzero((model.body_weldid != 0) & (model.body_rootid != model.body_rootid[b]))
+    others = (model.body_weldid != 0) & (model.body_rootid != model.body_rootid[b])
     away = np.linalg.norm(scene.started.xpos[others] - scene.started.xpos[b], axis=1)
-    return float(away.min(initial=np.inf)) if len(others) else 0.0
+    return float(away.min()) if len(away) else 0.0
 
 
 def _strokes(scene: Inspected) -> Iterator[Finding]:
@@ -194,7 +185,7 @@ def _strokes(scene: Inspected) -> Iterator[Finding]:
 def _masses(scene: Inspected) -> Iterator[Finding]:
     """Yield the bodies that are too heavy, if they hold most of the mass; weightless scenes invent masses."""
     model = scene.model
-    moving = np.array([b for b in range(1, model.nbody) if model.body_weldid[b] != 0], dtype=np.intp)
+    moving = np.flatnonzero(model.body_weldid)
     mass, moment = model.body_mass[moving], model.body_inertia[moving].max(1, initial=0.0)
     # of all bodies with a mass and a largest moment, a ball of uniform density takes the least space
     radius = np.maximum(np.sqrt(2.5 * moment / np.maximum(mass, 1e-300)), LEAST_RADIUS * scene.length)
@@ -214,11 +205,7 @@ def _masses(scene: Inspected) -> Iterator[Finding]:
 
 def _angles(scene: Inspected) -> Iterator[Finding]:
     model, spec = scene.model, scene.read.spec
-    hinges = [
-        int(j)
-        for j in np.flatnonzero(model.jnt_limited)
-        if int(model.jnt_type[j]) in SCALAR and int(model.jnt_type[j]) != SLIDE
-    ]
+    hinges = np.flatnonzero((model.jnt_limited != 0) & (model.jnt_type == HINGE)).tolist()
     ends = np.where(np.abs(model.jnt_range) < UNLIMITED, np.abs(model.jnt_range), 0.0)
     widths = {j: float(ends[j].max()) for j in hinges}
     wide = [j for j, width in widths.items() if width > WIDE_RANGE and _in_loop(scene, j)]

@@ -34,11 +34,9 @@ def outside_limits_at_start(scene: Inspected) -> Iterator[Finding]:
         dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in SCALAR else 3))
         moves = free[:, dofs].max(initial=0.0) > SIGNIFICANT
         if low == high and value == low and moves and np.abs(scene.generic[0][:, dofs]).any():
-            message = (
-                f"joint {name} has {float(low):g} {unit} as its only position, "
-                "which every motion of its loop leaves"
-            )
-            yield scene.finding("limit", joint, 0.0, message, 'give it a range, or limited="false"')
+            what = f"has {float(low):g} {unit} as its only position, which every motion of its loop leaves"
+            remedy = 'give it a range, or limited="false"'
+            yield scene.finding("limit", joint, 0.0, f"joint {name} {what}", remedy)
     for t in np.flatnonzero(model.tendon_limited):
         name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
         tendon = scene.read.spec.tendon(name) if name else None
@@ -51,9 +49,8 @@ def _outside(
     low, high = bounds.tolist()
     excess = max(low - value, value - high)
     if excess > ROUNDING * max(1.0, high - low):
-        message = (
-            f"{label} starts at {value:.6g} {unit}, {excess:.3g} beyond its range, {low:.6g} to {high:.6g}"
-        )
+        beyond = f"{excess:.3g} beyond its range, {low:.6g} to {high:.6g}"
+        message = f"{label} starts at {value:.6g} {unit}, {beyond}"
         yield scene.finding("limit", element, excess, message, "widen the range, or start within it")
 
 
@@ -74,19 +71,15 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
             unintended = pair in joined or (number == 0 and 0 not in pair)
             if unintended and depth > MIN_DEPTH * scene.length and depth > deepest.get(pair, (0.0,))[0]:
                 deepest[pair] = depth, geoms
+    model, elements = data.model, list(scene.read.spec.geoms)
     for pair, (depth, geoms) in deepest.items():
-        model, elements = contact_model(scene), list(scene.read.spec.geoms)
         first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
-        where = "are joined and collide" if (pair in joined) else "overlap at the start"
-        yield scene.finding(
-            "collision",
-            # geoms that the compiler discards have no index
-            elements[geoms[0]] if len(elements) == model.ngeom else None,
-            depth,
-            f"{first} and {second} {where}: they penetrate by {depth:.2g} m",
-            f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
-            f"{first}, {second}",
-        )
+        where = "are joined and collide" if pair in joined else "overlap at the start"
+        message = f"{first} and {second} {where}: they penetrate by {depth:.2g} m"
+        remedy = f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms'
+        # geoms that the compiler discards have no index
+        element = elements[geoms[0]] if len(elements) == model.ngeom else None
+        yield scene.finding("collision", element, depth, message, remedy, f"{first}, {second}")
 
 
 def contact_model(scene: Inspected) -> mujoco.MjModel:
@@ -100,11 +93,8 @@ def _joined(scene: Inspected) -> set[tuple[int, int]]:
     carrier = model.body_weldid
     pairs = [(b, int(model.body_parentid[b])) for b in range(1, model.nbody) if carrier[b] == b]
     pairs += [coincident_frames(model, loop.number)[0] for loop in scene.loops if loop.closes]
-    return {_pair(int(carrier[a]), int(carrier[b])) for a, b in pairs}
-
-
-def _pair(a: int, b: int) -> tuple[int, int]:
-    return (a, b) if a < b else (b, a)
+    joined = np.sort(carrier[np.array(pairs, dtype=np.intp).reshape(-1, 2)], axis=1)
+    return {(a, b) for a, b in joined.tolist()}
 
 
 def _contacts(data: mujoco.MjData, qpos: Array) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
@@ -116,6 +106,6 @@ def _contacts(data: mujoco.MjData, qpos: Array) -> Iterator[tuple[tuple[int, int
         geoms = int(contact.geom[0]), int(contact.geom[1])
         if min(geoms) < 0 or not np.isfinite(contact.dist):
             continue
-        bodies = [int(model.body_weldid[model.geom_bodyid[geom]]) for geom in geoms]
-        if bodies[0] != bodies[1]:
-            yield _pair(*bodies), geoms, -float(contact.dist)
+        a, b = sorted(int(model.body_weldid[model.geom_bodyid[geom]]) for geom in geoms)
+        if a != b:
+            yield (a, b), geoms, -float(contact.dist)

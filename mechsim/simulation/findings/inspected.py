@@ -156,11 +156,10 @@ class Inspected:
         # MuJoCo reports no line for elements of included files
         if number != 0:
             return {"file": "", "line": number}
-        kind = type(element).__name__.removeprefix("Mjs").lower()
-        line = self.included.get((kind, str(element.name)))
-        if line is None and isinstance(element, mujoco.MjsEquality):
-            line = self.included.get((kind, str(element.name1), str(element.name2)))
-        return NO_POSITION if line is None else line
+        kind, line = type(element).__name__.removeprefix("Mjs").lower(), NO_POSITION
+        if isinstance(element, mujoco.MjsEquality):
+            line = self.included.get((kind, str(element.name1), str(element.name2)), line)
+        return self.included.get((kind, str(element.name)), line)
 
     def loop_residuals(self, qpos: Array) -> tuple[Array, Array, Array]:
         """Return the residuals (m,) of the loops, their Jacobian (m, nv), and the loop of each row, (m,)."""
@@ -168,11 +167,8 @@ class Inspected:
         data.qpos[:] = qpos
         mujoco.mj_fwdPosition(self.loops_only, data)
         rows = self.loop_rows(data)
-        return (
-            data.efc_pos[rows].copy(),
-            self.without_rounding(dense_rows(data)[rows]),
-            data.efc_id[rows].copy(),
-        )
+        jacobian = self.without_rounding(dense_rows(data)[rows])
+        return data.efc_pos[rows].copy(), jacobian, data.efc_id[rows].copy()
 
     def loop_rows(self, data: mujoco.MjData) -> NDArray[np.bool_]:
         """Return a mask of MuJoCo's constraint rows that belong to the loops, (m,)."""
@@ -279,6 +275,7 @@ def driver_swing(scene: Inspected) -> Swing | None:
 
     None if the drivers do not determine the motion, or the loops cannot be closed along it.
     """
+    mechanism = scene.read.mechanism
     if not scene.motion_laws.crank:
         with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
             return _moved(scene, scene.motion_laws, "the motion laws")
@@ -287,13 +284,10 @@ def driver_swing(scene: Inspected) -> Swing | None:
         displacements = reaches(scene, 0.5**half)
         listed = [f"{name} by {by:.3g}" for name, by in displacements.items()]
         more = f" and {len(listed) - MAX_LISTED} more drivers" if len(listed) > MAX_LISTED else ""
-        swings = ", ".join(listed[:MAX_LISTED]) + more
-        description = f"a swing of {swings} in {DURATION:g} s"
-        states = {
-            name: wave(scene.read.mechanism.guess_coordinates[name], by) for name, by in displacements.items()
-        }
+        description = f"a swing of {', '.join(listed[:MAX_LISTED])}{more} in {DURATION:g} s"
+        states = {name: wave(mechanism.guess_coordinates[name], by) for name, by in displacements.items()}
         try:
-            laws = make_motion_laws(scene.read.mechanism, states, DURATION)
+            laws = make_motion_laws(mechanism, states, DURATION)
             return _moved(scene, laws, description, returns=True)
         except MobilityError:  # no smaller swing is determined either
             return None
@@ -304,14 +298,11 @@ def driver_swing(scene: Inspected) -> Swing | None:
 
 def wave(start: float, reach: float) -> State:
     """Return the motion law of a swing from the start by `reach` and back."""
-    w = 2.0 * np.pi / DURATION
+    w, half = 2.0 * np.pi / DURATION, 0.5 * reach
 
     def state(time: Array) -> tuple[Array, Array, Array]:
-        return (
-            start + 0.5 * reach * (1.0 - np.cos(w * time)),
-            0.5 * reach * w * np.sin(w * time),
-            0.5 * reach * w**2 * np.cos(w * time),
-        )
+        sine, cosine = np.sin(w * time), np.cos(w * time)
+        return start + half * (1.0 - cosine), half * w * sine, half * w**2 * cosine
 
     return state
 

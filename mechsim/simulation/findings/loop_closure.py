@@ -28,22 +28,18 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops that are open at the start of the scene."""
     gap, _, loop_of = scene.loop_residuals(scene.read.qpos)
     for loop in scene.loops:
-        rows = gap[loop_of == loop.number]
-        distance = float(np.linalg.norm(rows[:3] if loop.closes else rows))
-        rotation = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
-        metres = scene.in_metres(loop)
-        if distance > MAX_GAP * (scene.length if metres else 1.0):
-            yield _gap(scene, loop, distance, "m" if metres else "rad", "its two sides")
-        if rotation > MAX_GAP:
+        rows, metres = gap[loop_of == loop.number], scene.in_metres(loop)
+        apart = [(rows[:3] if loop.closes else rows, "m" if metres else "rad", "its two sides")]
+        if loop.kind == WELD:
             # the rotation rows of a weld are half the angle times its torque scale
-            yield _gap(scene, loop, rotation, "rad", "the orientations of its two frames")
-
-
-def _gap(scene: Inspected, loop: Loop, by: float, unit: str, what: str) -> Finding:
-    message = f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart"
-    anchor = "move an anchor, or " if loop.closes else ""
-    remedy = f"MuJoCo closes it in the first steps with large forces: {anchor}{_closed_at(scene)}"
-    return scene.finding("gap", loop.element, by, message, remedy)
+            apart.append((rows[3:], "rad", "the orientations of its two frames"))
+        for distances, unit, what in apart:
+            by = float(np.linalg.norm(distances))
+            if by > MAX_GAP * (scene.length if unit == "m" else 1.0):
+                message = f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart"
+                anchor = "move an anchor, or " if loop.closes else ""
+                remedy = f"MuJoCo closes it in the first steps with large forces: {anchor}{_closed_at(scene)}"
+                yield scene.finding("gap", loop.element, by, message, remedy)
 
 
 def _closed_at(scene: Inspected) -> str:
@@ -67,7 +63,8 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     for i, loop in enumerate(loops):
         for other in loops[:i]:
             alone, both = loop_rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
-            coincident = loop.closes == other.closes and _apart(scene, loop, other) <= MAX_GAP * scene.length
+            distance = np.linalg.norm(_anchor(scene, loop) - _anchor(scene, other))
+            coincident = loop.closes == other.closes and distance <= MAX_GAP * scene.length
             if not (alone and coincident) or other.number in reported or loop_rank(both) != alone:
                 continue
             reported.add(loop.number)
@@ -75,12 +72,6 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
             message = f"{repeats}: the loop is closed twice, and its {count} rows add no rank"
             yield scene.finding("redundant", loop.element, count, message, f"leave out {loop.name}")
             break
-
-
-def _apart(scene: Inspected, loop: Loop, other: Loop) -> float:
-    """Return the distance between the anchors of two loops, in [m]; zero for couplings."""
-    first, second = (_anchor(scene, loop_) for loop_ in (loop, other))
-    return float(np.linalg.norm(first - second))
 
 
 def _anchor(scene: Inspected, loop: Loop) -> Array:
@@ -104,26 +95,17 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     # constraint rows of a planar loop depend on each other
     loop_rows = [jacobian[loop_of == loop.number] for loop in kept]
     across = sum(len(rows) - loop_rank(rows) for rows in loop_rows)
-    redundant = [
-        loop
-        for loop in kept
-        if _adds_nothing(scene, loop, [finding for finding in kept if finding is not loop])
-    ]
+    redundant = [loop for loop in kept if _adds_nothing(scene, loop, kept)]
     names = ", ".join(loop.name for loop in redundant)
     flat = all(loop.kind == CONNECT or _joins_points(scene, loop) for loop in kept if loop.closes)
-    message = (
-        f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}: "
-        f"{extra} of them repeat others"
-    )
+    ranks = f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}:"
     if not jacobian.any():
-        message = f"the {len(jacobian)} constraint equations of the loops have rank 0: no joint changes them"
+        message = f"the {ranks} no joint changes them"
     elif across == extra:
-        message = (
-            f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}: the "
-            "others act normal to the planes of their loops"
-        )
-    elif names:
-        message += f"; any one of {names} could go" if len(redundant) > 1 else f"; {names} could go"
+        message = f"{ranks} the others act normal to the planes of their loops"
+    else:
+        ending = f"; any one of {names} could go" if len(redundant) > 1 else f"; {names} could go"
+        message = f"{ranks} {extra} of them repeat others{ending if names else ''}"
     remedy = "harmless if the linkage is planar or spherical: repeated equations only share forces unevenly"
     yield Finding(
         kind="redundant",
@@ -148,11 +130,11 @@ def _joins_points(scene: Inspected, loop: Loop) -> bool:
     return loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0
 
 
-def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:
+def _adds_nothing(scene: Inspected, loop: Loop, loops: list[Loop]) -> bool:
+    """Return whether a loop adds no rank to the other loops."""
     jacobian, loop_of = scene.generic
-    rest = jacobian[np.isin(loop_of, [other.number for other in others])]
-    both = jacobian[np.isin(loop_of, [loop.number, *(other.number for other in others)])]
-    return loop_rank(rest) == loop_rank(both)
+    rows = np.isin(loop_of, [each.number for each in loops])
+    return loop_rank(jacobian[rows & (loop_of != loop.number)]) == loop_rank(jacobian[rows])
 
 
 # component of a unit free direction above which a joint moves
@@ -167,12 +149,10 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
     if not (scene.drivers and _has_undetermined(scene)):
         return
     model, (jacobian, _) = scene.model, scene.generic
-    locked = [*scene.drivers, *scene.read.mechanism.locked]
-    free = _free_directions(scene)
-    count, names = _representative_joints(scene, free)
+    count, names = _representative_joints(scene)
     if not count:
         # a tracked point moves by balls alone
-        count, names = _representative_joints(scene, free, balls=True)
+        count, names = _representative_joints(scene, balls=True)
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     listed = ", ".join(names[:MAX_LISTED]) + more
     floats = " or --fix-base" if free_bodies(model) else ""
@@ -181,32 +161,30 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         object=listed,
         value=count,
         message=f"{model.nv - loop_rank(jacobian)} degrees of freedom, {count} of them undetermined with "
-        f"{', '.join(locked)} locked: {listed} can still move; springs, weight, friction and contacts "
-        "decide how",
+        f"{', '.join(_locked(scene))} locked: {listed} can still move; springs, weight, friction and "
+        "contacts decide how",
         remedy=f"drive, lock or couple them (--drive, --lock{floats})",
     )
 
 
-def _free_directions(scene: Inspected) -> Array:
-    """Return a basis of the motions with locked drivers, (k, nv)."""
-    locked = [*scene.drivers, *scene.read.mechanism.locked]
-    rows = np.eye(scene.model.nv)[[int(scene.model.joint(name).dofadr[0]) for name in locked]]
-    return null_space(np.vstack([scene.generic[0], rows]))
+def _locked(scene: Inspected) -> list[str]:
+    return [*scene.drivers, *scene.read.mechanism.locked]
 
 
-def _representative_joints(scene: Inspected, free: Array, balls: bool = False) -> tuple[int, list[str]]:
-    """Return the number of undetermined DOFs in a null-space basis (k, nv), and a moving joint for each.
+def _representative_joints(scene: Inspected, balls: bool = False) -> tuple[int, list[str]]:
+    """Return the number of undetermined DOFs with locked drivers, and a moving joint for each.
 
     Without `balls`, ball joints are omitted: mostly their motion is the spin of a rod about its axis.
     """
-    model, chosen, names = scene.model, list[int](), list[str]()
+    model, chosen = scene.model, list[int]()
+    locked = np.eye(model.nv)[[int(model.joint(name).dofadr[0]) for name in _locked(scene)]]
+    free = null_space(np.vstack([scene.generic[0], locked]))
     for dof in range(model.nv):
-        joint = int(model.dof_jntid[dof])
-        if not balls and int(model.jnt_type[joint]) == BALL:
+        if not balls and model.jnt_type[model.dof_jntid[dof]] == BALL:
             continue
         if np.linalg.matrix_rank(free[:, [*chosen, dof]], tol=SIGNIFICANT) > len(chosen):
             chosen.append(dof)
-            names.append(str(model.joint(joint).name))
+    names = [str(model.joint(int(joint)).name) for joint in model.dof_jntid[chosen]]
     return len(chosen), list(dict.fromkeys(names))
 
 
@@ -219,4 +197,4 @@ def _has_undetermined(scene: Inspected) -> bool:
     try:
         return residual_mobility(from_file(start, scene.drivers)).undetermined != ()
     except (MechsimError, np.linalg.LinAlgError):
-        return scene.closed is not None and _representative_joints(scene, _free_directions(scene))[0] > 0
+        return scene.closed is not None and _representative_joints(scene)[0] > 0

@@ -31,14 +31,9 @@ def damping(model: mujoco.MjModel, moment_arms: Array) -> Array:
         model: the model.
         moment_arms: moment arms of the actuators in the DOFs, (nu, nv).
     """
-    integrator, none = int(model.opt.integrator), np.zeros((model.nv, model.nv))
-    if integrator != EULER and integrator not in IMPLICIT:
-        return none
-    if is_disabled(model, OFF.mjDSBL_DAMPER) or (
-        integrator == EULER and is_disabled(model, OFF.mjDSBL_EULERDAMP)
-    ):
-        result = none
-    else:
+    integrator, result = int(model.opt.integrator), np.zeros((model.nv, model.nv))
+    by_euler = integrator == EULER and not is_disabled(model, OFF.mjDSBL_EULERDAMP)
+    if (by_euler or integrator in IMPLICIT) and not is_disabled(model, OFF.mjDSBL_DAMPER):
         # damping may be a polynomial, whose first coefficient dominates at low speed
         result = np.diag(np.reshape(model.dof_damping, (model.nv, -1))[:, 0])
     if integrator in IMPLICIT and not is_disabled(model, OFF.mjDSBL_ACTUATION):
@@ -97,10 +92,9 @@ def drive_directions(scene: Inspected) -> Array:
     model, arms = scene.loops_only, moment_arms(scene, scene.read.qpos)
     rows: list[Array] = []
     for name in (*scene.drivers, *scene.read.mechanism.locked):
-        own = np.zeros(model.nv)
-        own[int(model.joint(name).dofadr[0])] = 1.0
-        acting = [a for a in range(actuator_count(model)) if name in actuated_joints(model, a)]
-        rows.append(arms[acting[0]] if acting else own)
+        own = np.eye(model.nv)[int(model.joint(name).dofadr[0])]
+        acting = (arms[a] for a in range(actuator_count(model)) if name in actuated_joints(model, a))
+        rows.append(next(acting, own))
     return np.array(rows).reshape(-1, model.nv)
 
 
@@ -202,12 +196,8 @@ def impedance(solimp: Array, gap: float) -> float:
     if low == high or width <= 1e-15:
         return 0.5 * (low + high)
     x = min(abs(gap) / width, 1.0)
-    if x in (0.0, 1.0):
-        return high if x else low
     power, middle = max(power, 1.0), min(max(middle, 1e-4), 0.9999)
-    if power == 1.0:
-        y = x
-    elif x <= middle:
+    if x <= middle:
         y = (x / middle) ** power * middle
     else:
         y = 1.0 - ((1.0 - x) / (1.0 - middle)) ** power * (1.0 - middle)

@@ -8,7 +8,12 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.mechanism.finding import HARMLESS, Finding, by_severity
-from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
+from mechsim.simulation.closed_configurations import (
+    StraightPath,
+    driver_ranges,
+    outside_limits,
+    straight_path,
+)
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.damping import LOSSES
@@ -34,10 +39,8 @@ def violations(read: MjcfModel) -> list[Finding]:
         path, reported = _closed_path(scene), list(findings_in(scene))
         if path is not None:
             fighting = {finding.object for finding in reported if finding.kind == "actuator"}
-            passive = [
-                finding for finding in _passive_actuators(scene, path) if finding.object not in fighting
-            ]
-            reported += [*passive, *_passive_limits(path), *_loop_joints(path)]
+            reported += [each for each in _passive_actuators(scene, path) if each.object not in fighting]
+            reported += [*_passive_limits(path), *_loop_joints(path)]
         reported += [*_unchecked(scene), *read.unread]
     return [
         replace(finding, file=finding.file or read.path)
@@ -70,14 +73,14 @@ def _actuated(path: StraightPath) -> bool:
 def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding]:
     """Yield motors on joints that the loops determine from other actuated joints."""
     model = path.loops.model
-    on_joint = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist()
-    passive = {int(model.dof_jntid[dof]) for dof in path.passive}
-    actuated = {int(model.jnt_dofadr[int(model.actuator_trnid[a, 0])]) for a in on_joint}
-    for a in on_joint:
-        joint = int(model.actuator_trnid[a, 0])
-        if joint in passive and _determined(scene, int(model.jnt_dofadr[joint]), actuated):
+    on_joint = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    joints, passive = model.actuator_trnid[on_joint, 0], model.dof_jntid[path.passive]
+    actuated = {*model.jnt_dofadr[joints].tolist()}
+    for a, joint in zip(on_joint.tolist(), joints.tolist(), strict=True):
+        dof = int(model.jnt_dofadr[joint])
+        if joint in passive and _determined(scene, dof, actuated):
             name, joint_name = actuator_names(model)[a], model.joint(joint).name
-            locked = _determined(scene, int(model.jnt_dofadr[joint]), set())
+            locked = _determined(scene, dof, set())
             reason = "equalities lock" if locked else "loops determine from the other actuators"
             message = f"actuator {name} acts on {joint_name}, which the {reason}"
             remedy = f"leave {name} out, or give all of them forces that agree"
@@ -104,16 +107,15 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     qpos, closed = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
     if not closed.any():
         return
-    rejected = path.outside(qpos[closed]).mean(0)
+    rejected = outside_limits(model, qpos[closed]).mean(0)
     for joint in limited.tolist():
-        if rejected[joint] > REJECTED:
-            name = model.joint(joint).name
+        by, name = float(rejected[joint]), model.joint(joint).name
+        if by > REJECTED:
             message = (
-                f"the limits of passive joint {name} reject {rejected[joint]:.0%} of the closed "
-                "configurations within the limits of the drivers"
+                f"the limits of passive joint {name} reject {by:.0%} of the closed configurations within the "
+                "limits of the drivers"
             )
             remedy = "move the limit to the drivers, or keep it on purpose"
-            by = float(rejected[joint])
             yield Finding(kind="passive-limit", object=name, value=by, message=message, remedy=remedy)
 
 
@@ -135,11 +137,10 @@ def _loop_joints(path: StraightPath) -> Iterator[Finding]:
     }
     if any(has.values()):
         listed = ", ".join(name for name, is_present in has.items() if is_present)
-        names, remedy = ", ".join(closing), "add them to a joint next to the closure"
+        names, by = ", ".join(closing), float(len(closing))
         message = f"loop closures have no {listed}, which other passive joints have: {names}"
-        yield Finding(
-            kind="loop-joint", object=names, value=float(len(closing)), message=message, remedy=remedy
-        )
+        remedy = "add them to a joint next to the closure"
+        yield Finding(kind="loop-joint", object=names, value=by, message=message, remedy=remedy)
 
 
 def _unchecked(scene: Inspected) -> Iterator[Finding]:
@@ -148,10 +149,8 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
     for i in np.flatnonzero(model.eq_active0).tolist():
         if not is_readable(model, i):
             equality = scene.read.spec.equalities[i]
-            message = (
-                f"{equality.name} is no connect, weld, joint or fixed-tendon equality and was not checked"
-            )
-            yield scene.finding("unchecked", equality, 1.0, message, HARMLESS)
+            what = "is no connect, weld, joint or fixed-tendon equality and was not checked"
+            yield scene.finding("unchecked", equality, 1.0, f"{equality.name} {what}", HARMLESS)
 
 
 def fixed_text(text: str, read: MjcfModel, findings: Sequence[Finding]) -> tuple[str, list[str]]:
@@ -161,20 +160,18 @@ def fixed_text(text: str, read: MjcfModel, findings: Sequence[Finding]) -> tuple
     become two of the file's steps, to which MuJoCo raises them, and impedances its maximum. Negative losses
     become zero. Repeated loops go.
     """
-    edited, repaired = EditedText(text), set[str]()
-    options: dict[str, str] = {}
-    step = float(read.spec.option.timestep)
+    edited, repaired, options = EditedText(text), set[str](), dict[str, str]()
+    own = step = float(read.spec.option.timestep)
     for finding in findings:
         if finding.remedy.startswith('take integrator="implicitfast"'):
             options["integrator"] = "implicitfast"
         elif finding.rule in ("MS101", "MS114"):
-            step = min(step, float(read.spec.option.timestep) / finding.value)
+            step = min(step, own / finding.value)
             options["timestep"] = f"{step:.6g}"
         else:
             continue
         repaired.add(finding.rule)
-    if options:
-        set_options(edited, options, {})
+    set_options(edited, options, {})
     losses = {finding.object for finding in findings if finding.rule == "MS113"}
     for element in edited.root.every("joint", "freejoint", "fixed", "spatial"):
         if element.attributes.get("name") in losses:
@@ -197,18 +194,18 @@ def _repair_loops(edited: EditedText, read: MjcfModel, findings: Sequence[Findin
     elements, names = equality_elements(edited.root), [equality.name for equality in read.spec.equalities]
     # loop -> the rules that repair it; included files have further loops
     rules: dict[str, set[str]] = {}
-    for finding in findings:
+    for finding in findings if len(elements) == len(names) else ():
         repeats = finding.remedy == f"leave out {finding.object}"
         if repeats or finding.rule in ("MS109", "MS110"):
-            for name in finding.object.split(", "):
-                if name in names and len(elements) == len(names):
-                    rules.setdefault(name, set()).add(finding.rule)
+            for name in {*finding.object.split(", ")}.intersection(names):
+                rules.setdefault(name, set()).add(finding.rule)
+    repaired = set[str]().union(*rules.values())
     for name, own in rules.items():
         element = elements[names.index(name)]
         if "MS107" in own:
             edited.remove(element)
             continue
         edited.set(element, "solref", f"{MIN_STEPS * read.spec.option.timestep:.6g} 1")
-        if "MS110" in {rule for each in rules.values() for rule in each}:
+        if "MS110" in repaired:
             edited.set(element, "solimp", f"{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2")
-    return {rule for each in rules.values() for rule in each}
+    return repaired

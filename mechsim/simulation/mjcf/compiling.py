@@ -78,10 +78,8 @@ def compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mujoco.MjM
     for kind in ("site", "geom"):
         same_frame, positions = getattr(model, f"{kind}_sameframe"), getattr(model, f"{kind}_pos")
         centre = model.body_ipos[getattr(model, f"{kind}_bodyid")]
-        distinct = (same_frame == BODY) & (positions != 0.0).any(1) | (same_frame == INERTIA) & (
-            positions != centre
-        ).any(1)
-        same_frame[distinct] = NONE
+        for frame, origin in ((BODY, 0.0), (INERTIA, centre)):
+            same_frame[(same_frame == frame) & (positions != origin).any(1)] = NONE
     model.body_sameframe[(model.body_sameframe == BODY) & np.any(model.body_ipos != 0.0, axis=1)] = NONE
     return model
 
@@ -164,13 +162,13 @@ def _rewrite(
 def _rewrite_inertial(inertial: ET.Element, owner: mujoco.MjsBody) -> None:
     """Write principal moments with their axes, or all six moments, as the specification does."""
     full = np.asarray(owner.fullinertia)
-    if not np.isfinite(full).all():
+    if np.isfinite(full).all():
+        _rewrite(inertial, owner, ("pos", "mass"), INERTIAL)
+        for attribute in ("quat", "diaginertia"):
+            inertial.attrib.pop(attribute, None)
+        inertial.set("fullinertia", _text(full))
+    else:
         _rewrite(inertial, owner, [*INERTIAL], INERTIAL)
-        return
-    _rewrite(inertial, owner, ("pos", "mass"), INERTIAL)
-    for attribute in ("quat", "diaginertia"):
-        inertial.attrib.pop(attribute, None)
-    inertial.set("fullinertia", _text(full))
 
 
 def _text(values: Any) -> str:

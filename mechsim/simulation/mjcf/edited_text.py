@@ -1,7 +1,7 @@
 """An MJCF text and edits of it: attributes set, elements added or removed."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
@@ -43,6 +43,10 @@ class Element:
         """Whether the element consists of its start tag only."""
         return self.close == self.end
 
+    def tagged(self, *tags: str) -> list["Element"]:
+        """Return the children with one of these tags."""
+        return [child for child in self.children if child.tag in tags]
+
     def every(self, *tags: str) -> Iterator["Element"]:
         """Yield the elements at all depths in the order of the text, with these tags if any are given."""
         for child in self.children:
@@ -64,12 +68,13 @@ def elements_of(text: str, where: str = "the text") -> Element:
     Raises:
         InputError: for text that is not XML.
     """
-    data = text.encode()
-    # the parser counts bytes
-    index_of = _indices(text, data)
-    stack: list[Element] = []
-    roots: list[Element] = []
-    parser = expat.ParserCreate("utf-8")
+    data, parser = text.encode(), expat.ParserCreate("utf-8")
+    stack, roots = list[Element](), list[Element]()
+    # the parser counts bytes; in UTF-8 all bytes but the first of a character are 10xxxxxx
+    starts = np.cumsum((np.frombuffer(data, np.uint8) & 0b11000000) != 0b10000000)
+
+    def index_of(byte: int) -> int:
+        return int(starts[byte]) - 1
 
     def started(tag: str, attributes: dict[str, str]) -> None:
         start, parent = index_of(parser.CurrentByteIndex), stack[-1] if stack else None
@@ -97,15 +102,6 @@ def elements_of(text: str, where: str = "the text") -> Element:
     except expat.ExpatError as error:
         raise InputError(f"{where} is not XML: {error}; correct it") from None
     return roots[0]
-
-
-def _indices(text: str, data: bytes) -> Callable[[int], int]:
-    """Return a function from the index of a byte to the index of its character."""
-    if len(data) == len(text):
-        return lambda byte: byte
-    # in UTF-8 all bytes but the first of a character are 10xxxxxx
-    starts = np.cumsum((np.frombuffer(data, np.uint8) & 0b11000000) != 0b10000000)
-    return lambda byte: int(starts[byte]) - 1
 
 
 def value_span(text: str, element: Element, name: str) -> tuple[int, int] | None:
@@ -212,8 +208,8 @@ MAX_REPEATED = 2
 
 def set_options(edited: EditedText, options: Mapping[str, str], flags: Mapping[str, bool]) -> None:
     """Set options and flags in the elements that have them, else in the last `option` or a new one."""
-    sections = [element for element in edited.root.children if element.tag == "option"]
-    flag_elements = [element for section in sections for element in section.children if element.tag == "flag"]
+    sections = edited.root.tagged("option")
+    flag_elements = [element for section in sections for element in section.tagged("flag")]
     words = {name: "enable" if on else "disable" for name, on in flags.items()}
     options = _set_where_present(edited, sections, options)
     words = _set_where_present(edited, flag_elements, words)
@@ -246,8 +242,7 @@ def _set_where_present(
 
 def _put_section(edited: EditedText, text: str, after: Sequence[str]) -> None:
     """Add a section after the last one with one of these tags, or as the first."""
-    before = [element for element in edited.root.children if element.tag in after]
-    if before:
+    if before := edited.root.tagged(*after):
         edited.put_after(before[-1], text)
     else:
         edited.put_first(edited.root, text)
@@ -259,9 +254,7 @@ def _attributes(values: Mapping[str, str]) -> str:
 
 def equality_elements(root: Element) -> list[Element]:
     """Return the equality constraints of a text in order."""
-    return [
-        equality for section in root.children if section.tag == "equality" for equality in section.children
-    ]
+    return [equality for section in root.tagged("equality") for equality in section.children]
 
 
 def set_compliance(edited: EditedText, values: Mapping[str, str]) -> None:
@@ -269,39 +262,25 @@ def set_compliance(edited: EditedText, values: Mapping[str, str]) -> None:
     equalities = equality_elements(edited.root)
     plain: list[str] = []
     for name, value in values.items():
-        unset = [
-            equality
-            for equality in equalities
-            if name not in equality.attributes and "class" not in equality.attributes
-        ]
+        unset = [equality for equality in equalities if not {name, "class"} & equality.attributes.keys()]
+        by_default = unset and (len(unset) > MAX_REPEATED or _default(edited.root) is not None)
         for equality in equalities:
-            if equality not in unset:
+            if equality not in unset or not by_default:
                 edited.set(equality, name, value)
-        if len(unset) <= MAX_REPEATED and _default(edited.root) is None:
-            for equality in unset:
-                edited.set(equality, name, value)
-        elif unset:
+        if by_default:
             plain.append(name)
     if plain:
         _set_default(edited, {name: values[name] for name in plain})
 
 
 def _main_defaults(root: Element) -> Sequence[Element]:
-    return [
-        section_
-        for section_ in root.children
-        if section_.tag == "default" and section_.attributes.get("class", "main") == "main"
-    ]
+    sections = root.tagged("default")
+    return [section for section in sections if section.attributes.get("class", "main") == "main"]
 
 
 def _default(root: Element) -> Element | None:
     """Return the `equality` element of the main default; None without one."""
-    defaults = [
-        element
-        for section in _main_defaults(root)
-        for element in section.children
-        if element.tag == "equality"
-    ]
+    defaults = [element for section in _main_defaults(root) for element in section.tagged("equality")]
     return defaults[-1] if defaults else None
 
 
@@ -324,7 +303,7 @@ def put_comment(edited: EditedText, lines: Sequence[str]) -> None:
 
 def put_key(edited: EditedText, name: str, states: Mapping[str, str]) -> None:
     """Add a keyframe."""
-    section = [element for element in edited.root.children if element.tag == "keyframe" and not element.empty]
+    section = [element for element in edited.root.tagged("keyframe") if not element.empty]
     new = f'<key name="{name}"{_attributes(states)}/>'
     if section:
         edited.put_last(section[-1], new)

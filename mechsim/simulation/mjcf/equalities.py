@@ -1,6 +1,6 @@
 """Equality constraints of a MuJoCo model: their stiffness, rods and locked joints."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -13,16 +13,23 @@ from mechsim.simulation.mjcf.compiling import compiled
 TIME_CONSTANT_STEPS = 20.0
 
 
-def add_equality(
-    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, object_type: mujoco.mjtObj, pair: Sequence[str]
-) -> mujoco.MjsEquality:
+# kind of equality -> kind of its objects
+OBJECTS = {
+    mujoco.mjtEq.mjEQ_CONNECT: mujoco.mjtObj.mjOBJ_SITE,
+    mujoco.mjtEq.mjEQ_WELD: mujoco.mjtObj.mjOBJ_SITE,
+    mujoco.mjtEq.mjEQ_JOINT: mujoco.mjtObj.mjOBJ_JOINT,
+    mujoco.mjtEq.mjEQ_TENDON: mujoco.mjtObj.mjOBJ_TENDON,
+}
+
+
+def add_equality(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtEq, *ends: str) -> mujoco.MjsEquality:
     """Add an equality; its stiffness was chosen by validation/choices/constraint_settings.py."""
     return spec.add_equality(
         name=name,
         type=kind,
-        objtype=object_type,
-        name1=pair[0],
-        name2=pair[1],
+        objtype=OBJECTS[kind],
+        name1=ends[0],
+        name2=ends[1] if len(ends) > 1 else "",
         solref=(TIME_CONSTANT_STEPS * spec.option.timestep, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
     )
@@ -38,15 +45,13 @@ def add_rod(
         bodies[end.link].add_site(name=name, pos=end.point)
         tendon.wrap_site(name)
     gap = np.subtract(*(frames[end.link].point(end.point) for end in ends))
-    kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
-    made = add_equality(spec, rod.name, kind, object_kind, (rod.name, ""))
+    made = add_equality(spec, rod.name, mujoco.mjtEq.mjEQ_TENDON, rod.name)
     made.data[:5] = [rod.length - float(np.linalg.norm(gap)), 0.0, 0.0, 0.0, 0.0]
 
 
 def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
     """Lock a hinge or slide at a value in [m] or [rad] relative to the reference configuration."""
-    kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
-    made = add_equality(spec, f"hold {joint}", kind, object_kind, (joint, ""))
+    made = add_equality(spec, f"hold {joint}", mujoco.mjtEq.mjEQ_JOINT, joint)
     made.data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
 
 

@@ -17,7 +17,7 @@ from mechsim.mechanism.forces import Forces, Friction, JointSpring, Location, Sp
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.link_poses import plane_normals
-from mechsim.mechanism.links import ORIGIN
+from mechsim.mechanism.links import ORIGIN, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring
@@ -114,9 +114,7 @@ class Actuators:
 
 def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
     """Return the indices of actuators by purpose; a load or a couple has three."""
-    turning = [
-        spring for spring in forces.joint_springs if not KINDS[mechanism.joint(spring.joint).kind].slides
-    ]
+    kinds = [KINDS[mechanism.joint(spring.joint).kind] for spring in forces.joint_springs]
     counts = (
         int(forces.motor is not None),
         int(forces.crank_torque is not None),
@@ -124,7 +122,7 @@ def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuato
         len(AXES) * len(forces.couples),
         len(forces.nonlinear_springs),
         2 * len(BUSHING_AXES) * len(forces.bushings),
-        len(turning),
+        sum(not kind.slides for kind in kinds),
     )
     ends = [0, *accumulate(counts), count - len(forces.actuators), count]
     return Actuators(*(slice(first, last) for first, last in pairwise(ends)))
@@ -247,11 +245,7 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
         model_joint.springref = spring.rest
         return
     # the frame contains the rest angle: the angle is relative to it and wraps opposite to it
-    rotated = End(joint.a.link, joint.a.point, joint.a.axis, _rotated_reference(joint.a, spring.rest))
-    name = f"spring in {joint.name}"
-    a = builder.site(f"{name}.a", rotated)
-    b = builder.site(f"{name}.b", joint.b)
-    _depend_on_state(_between(builder.spec, name, b, a, np.eye(6)[5]), -spring.stiffness, 0.0)
+    _depend_on_state(_about(builder, f"spring in {joint.name}", joint, spring.rest), -spring.stiffness, 0.0)
 
 
 def _add_spring(builder: Builder, name: str, spring: Spring) -> None:
@@ -278,11 +272,7 @@ def _add_nonlinear_spring(builder: Builder, name: str, spring: NonlinearSpring) 
         made = builder.spec.add_actuator(name=name, target=target, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     else:
         # the length is the angle from the reference, between -pi and pi
-        rotated = End(
-            joint.a.link, joint.a.point, joint.a.axis, _rotated_reference(joint.a, spring.law.reference)
-        )
-        a, b = builder.site(f"{name}.a", rotated), builder.site(f"{name}.b", joint.b)
-        made = _between(builder.spec, name, b, a, np.eye(6)[5])
+        made = _about(builder, name, joint, spring.law.reference)
     made.gainprm[0] = -1.0
 
 
@@ -295,9 +285,11 @@ def _add_bushings(builder: Builder, bushings: Sequence[Bushing]) -> None:
                 _between(builder.spec, f"{site}.{axis}", site, "ground axes", gear)
 
 
-def _rotated_reference(end: End, angle: float) -> tuple[float, float, float]:
-    reference = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
-    return float(reference[0]), float(reference[1]), float(reference[2])
+def _about(builder: Builder, name: str, joint: Joint, angle: float) -> mujoco.MjsActuator:
+    """Add a couple about the axis of a joint, whose length is the joint's angle relative to an angle."""
+    reference = vector(joint.a.frame @ np.array([np.cos(angle), np.sin(angle), 0.0]))
+    a = builder.site(f"{name}.a", End(joint.a.link, joint.a.point, joint.a.axis, reference))
+    return _between(builder.spec, name, builder.site(f"{name}.b", joint.b), a, np.eye(6)[5])
 
 
 def _add_friction(builder: Builder, friction: Friction) -> None:

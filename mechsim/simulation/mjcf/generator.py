@@ -149,9 +149,7 @@ def _add_links(
 
 def with_revolutions(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
     """Return joint coordinates of a pose with the revolutions of the mechanism's start."""
-    stated = initial_coordinates(mechanism)
-    kind = KINDS[joint.kind]
-    slides = len(kind.slides)
+    stated, slides = initial_coordinates(mechanism), len(KINDS[joint.kind].slides)
     return tuple(
         value + REVOLUTION * float(np.round((stated[name] - value) / REVOLUTION))
         if i >= slides and name in stated
@@ -166,28 +164,21 @@ def _close(
     """Close each cut: point on point, and for a revolute joint in space a second point along its axis."""
     planar = plane_normals(mechanism) is not None
     for joint in tree.cuts:
-        heights = coincident_points(KINDS[joint.kind])
+        points = coincident_points(KINDS[joint.kind])
+        # a fixed joint closes frame on frame
+        kind, heights = mujoco.mjtEq.mjEQ_CONNECT, points
         if heights is None:
-            # a fixed joint: frame on frame
-            names = []
-            for end in (joint.a, joint.b):
-                names.append(f"{joint.name}@{end.link}")
-                bodies[end.link].add_site(name=names[-1], pos=end.point, quat=quaternion(end.frame))
-            add_equality(spec, joint.name, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_SITE, names)
-            continue
+            kind, heights = mujoco.mjtEq.mjEQ_WELD, [0.0]
         # in a planar mechanism one point is sufficient: no link can leave the plane
         for suffix, height in zip(("", "+"), heights[:1] if planar else heights, strict=False):
-            names = []
+            offset, names = height * mechanism.characteristic_length, list[str]()
             for end in (joint.a, joint.b):
-                name = f"{joint.name}@{end.link}{suffix}"
-                position = np.asarray(end.point) + height * mechanism.characteristic_length * np.asarray(
-                    end.axis
-                )
-                bodies[end.link].add_site(name=name, pos=position)
-                names.append(name)
-            add_equality(
-                spec, joint.name + suffix, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE, names
-            )
+                names.append(f"{joint.name}@{end.link}{suffix}")
+                position = np.asarray(end.point) + offset * np.asarray(end.axis)
+                site = bodies[end.link].add_site(name=names[-1], pos=position)
+                if points is None:
+                    site.quat = quaternion(end.frame)
+            add_equality(spec, joint.name + suffix, kind, *names)
 
 
 def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
@@ -212,13 +203,15 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         shifted[0] += zeros[0]
         if law.turns:
             shifted[0] -= REVOLUTION * np.round(shifted[0] / REVOLUTION)
-        kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
-        names = [name for side in sides for name in side]
+        kind, names = mujoco.mjtEq.mjEQ_JOINT, [name for side in sides for name in side]
         if any(list(side.values()) != [1.0] for side in sides):
-            kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
-            names = [_tendon(spec, f"{law.name} {i}", side) for i, side in enumerate(sides)]
-        made = add_equality(spec, equality_name, kind, object_kind, [*names, ""][:2])
-        made.data[:5] = shifted
+            kind, names = mujoco.mjtEq.mjEQ_TENDON, list[str]()
+            for i, side in enumerate(sides):
+                names.append(f"{law.name} {i}")
+                tendon = spec.add_tendon(name=names[-1])
+                for name, weight in side.items():
+                    tendon.wrap_joint(name, weight)
+        add_equality(spec, equality_name, kind, *names).data[:5] = shifted
     for name, value in mechanism.locked.items():
         lock_joint(spec, name_of[name], value - float(spec.joint(name_of[name]).ref))
 
@@ -227,14 +220,6 @@ def _taylor(law: Coupling, argument: float) -> tuple[float, ...]:
     """Return the Taylor polynomial of the function of a coupling about an argument, constant first."""
     value, rate, second = (float(entry[0]) for entry in law.polynomial(np.array([argument + law.zeros[1]])))
     return value, rate, 0.5 * second
-
-
-def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:
-    """Add a fixed tendon, a weighted sum of joints, and return its name."""
-    tendon = spec.add_tendon(name=name)
-    for joint, weight in side.items():
-        tendon.wrap_joint(joint, weight)
-    return name
 
 
 def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:

@@ -47,9 +47,9 @@ def with_included(
         path = find_include(include.attributes.get("file", ""), folder, base)
         if path is None:
             continue
-        inner = read_text(path)
-        root = elements_of(inner, str(path))
-        inner, more = with_included(inner, folder, selected, path.parent, depth + 1)
+        original = read_text(path)
+        root = elements_of(original, str(path))
+        inner, more = with_included(original, folder, selected, path.parent, depth + 1)
         if not more and not selected(root):
             continue
         root = elements_of(inner, str(path))
@@ -89,7 +89,7 @@ def moved_to(text: str, folder: Path, target: Path) -> str:
     if not any("file" in element.attributes for element in edited.root.every()):
         return edited.result
     folders = ("assetdir", "meshdir", "texturedir")
-    compilers = [element for element in edited.root.children if element.tag == "compiler"]
+    compilers = edited.root.tagged("compiler")
     settings = [(element, name) for element in compilers for name in folders if name in element.attributes]
     for element, name in settings:
         edited.set(element, name, rebased(element.attributes[name]))
@@ -105,17 +105,12 @@ def moved_to(text: str, folder: Path, target: Path) -> str:
     return edited.result
 
 
+ACTUATORS = "general motor position velocity intvelocity damper cylinder muscle adhesion"
 # tags of equalities, actuators and tendons, by kind; others are kinds themselves
 KINDS = {
     **dict.fromkeys(("connect", "weld"), "equality"),
     **dict.fromkeys(("fixed", "spatial"), "tendon"),
-    **dict.fromkeys(
-        (
-            *("general", "motor", "position", "velocity", "intvelocity"),
-            *("damper", "cylinder", "muscle", "adhesion"),
-        ),
-        "actuator",
-    ),
+    **dict.fromkeys(ACTUATORS.split(), "actuator"),
     "freejoint": "joint",
 }
 
@@ -140,11 +135,8 @@ def _included(path: Path, folder: Path, depth: int = 0) -> Iterator[tuple[str, s
     for include in elements_of(read_text(path), str(path)).every("include"):
         inner = find_include(include.attributes.get("file", ""), folder, path.parent)
         if inner is not None:
-            text = read_text(inner)
-            yield from (
-                (include.attributes["file"], text, inner_element)
-                for inner_element in elements_of(text).every()
-            )
+            text, name = read_text(inner), include.attributes["file"]
+            yield from ((name, text, element) for element in elements_of(text).every())
             yield from _included(inner, folder, depth + 1)
 
 

@@ -64,11 +64,8 @@ def cut_loops(
     }
     requested, needed = set(cut or ()), set[str]().union(*reasons.values())
     _require_cuttable(mechanism, requested, reasons)
-    joined = components(
-        [GROUND, *(link.name for link in mechanism.links)],
-        [(joint.a.link, joint.b.link) for joint in mechanism.joints],
-    )
-    require_placed(mechanism, joined[0])
+    links, edges = [link.name for link in mechanism.links], [(j.a.link, j.b.link) for j in mechanism.joints]
+    require_placed(mechanism, components([GROUND, *links], edges)[0])
     # the joints in the order in which they stay in the tree
     distance = _distance_from_crank(mechanism)
 
@@ -164,12 +161,9 @@ def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, floa
 
     sums: dict[str, dict[str, float]] = {GROUND: {}}
     for branch in tree.branches:
-        own = (
-            {branch.joint.name: branch.direction * along(branch.child)}
-            if KINDS[branch.joint.kind].turns
-            else {}
-        )
-        sums[branch.child.link] = {**sums[branch.parent.link], **own}
+        own = sums[branch.child.link] = dict(sums[branch.parent.link])
+        if KINDS[branch.joint.kind].turns:
+            own[branch.joint.name] = branch.direction * along(branch.child)
     a, b, sign = sums[cut.a.link], sums[cut.b.link], along(cut.b)
     shares = {name: sign * (b.get(name, 0.0) - a.get(name, 0.0)) for name in sorted({*a, *b})}
     return {name: share for name, share in shares.items() if share}

@@ -47,16 +47,15 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
     names = [*scalar_joints(model)]
     if name not in names:
         kinds = {model.joint(j).name: int(model.jnt_type[j]) for j in range(model.njnt)}
+        lock = f"hold it where it starts with --lock {name}"
         if kinds.get(name) == FREE:
-            raise InputError(
-                f"{what} names {name!r}, a free joint, which no one value places; hold it where it starts "
-                f"with --lock {name} or --fix-base"
-            )
+            message = f"a free joint, which no one value places; {lock} or --fix-base"
+            raise InputError(f"{what} names {name!r}, {message}")
         if kinds.get(name) == BALL:
-            raise InputError(
-                f"{what} names {name!r}, a ball joint, which no one value turns; hold it where it starts "
-                f"with --lock {name}, or write three hinges across each other in its place and name them"
+            message = (
+                f"a ball joint, which no one value turns; {lock}, or write three hinges across each other"
             )
+            raise InputError(f"{what} names {name!r}, {message} in its place and name them")
         raise InputError(
             f"{what} names {name!r}{did_you_mean(name, names)}; "
             f"hinges and slides of the model are {listed(names)}"
@@ -82,13 +81,9 @@ def driven(
     if requested:
         return tuple(dict.fromkeys(requested))
     candidates = [name for name in scalar_joints(model) if name not in locked]
-    actuated = [
-        name
-        for a in range(len(model.actuator_trntype))
-        for name in actuated_joints(model, a)[:1]
-        if name in candidates
-    ]
-    drivers = tuple(dict.fromkeys(actuated)) or ((CRANK,) if CRANK in candidates else ())
+    first = [name for a in range(len(model.actuator_trntype)) for name in actuated_joints(model, a)[:1]]
+    actuated = tuple(dict.fromkeys(name for name in first if name in candidates))
+    drivers = actuated or ((CRANK,) if CRANK in candidates else ())
     if candidates and not (drivers or describe_only):
         raise InputError(
             "nothing says what is driven: no actuator acts on a joint, and no hinge is called crank; "
@@ -103,9 +98,7 @@ def actuated_joints(model: mujoco.MjModel, actuator: int) -> list[str]:
     target, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
     if kind in ON_JOINT:
         return [model.joint(target).name]
-    if kind == ON_TENDON and int(model.wrap_type[model.tendon_adr[target]]) == int(
-        mujoco.mjtWrap.mjWRAP_JOINT
-    ):
+    if kind == ON_TENDON and model.wrap_type[model.tendon_adr[target]] == mujoco.mjtWrap.mjWRAP_JOINT:
         return list(tendon_weights(model, target))
     return []
 

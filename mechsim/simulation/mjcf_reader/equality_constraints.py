@@ -93,16 +93,11 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
         return None
     # a weld with torquescale 0 constrains the point only
     kind = FRAMES if int(model.eq_type[i]) == WELD and model.eq_data[i, 10] != 0.0 else POINTS
-    ends = [
-        End(
-            carrier.link,
-            carrier.point(point),
-            carrier.direction(rotation_[:, 2]),
-            carrier.direction(rotation_[:, 0]),
-        )
-        for carrier, point, rotation_ in zip(carriers, points, rotations, strict=True)
-    ]
-    return Joint(name, kind, ends[0], ends[1])
+    a, b = (
+        End(carrier.link, carrier.point(point), *(carrier.direction(axes[:, column]) for column in (2, 0)))
+        for carrier, point, axes in zip(carriers, points, rotations, strict=True)
+    )
+    return Joint(name, kind, a, b)
 
 
 def _rod_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
@@ -114,11 +109,16 @@ def _rod_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: 
 
 def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:
     """Return a joint or tendon equality, both sides relative to the reference configuration."""
-    tendons = int(model.eq_type[i]) == TENDON
-    sides = [
-        (_tendon if tendons else _one_joint)(model, int(ids[i])) for ids in (model.eq_obj1id, model.eq_obj2id)
-    ]
-    (dependent, first), (independent, second) = sides
+
+    def side(number: int) -> tuple[dict[str, float], float]:
+        """Return the weights of coordinates, and their sum in the reference configuration."""
+        if number < 0:
+            return {}, 0.0
+        if int(model.eq_type[i]) == TENDON:
+            return tendon_weights(model, number), float(model.tendon_length0[number])
+        return {model.joint(number).name: 1.0}, float(model.qpos0[model.jnt_qposadr[number]])
+
+    (dependent, first), (independent, second) = side(model.eq_obj1id[i]), side(model.eq_obj2id[i])
     return Coupling(name, dependent, independent, coefficients(model.eq_data[i, :5]), (first, second))
 
 
@@ -126,18 +126,6 @@ def coefficients(polynomial: Array) -> tuple[float, ...]:
     """Return the coefficients of a polynomial without trailing zeros."""
     last = int(np.flatnonzero(polynomial).max(initial=0))
     return tuple(polynomial[: last + 1].tolist())
-
-
-def _one_joint(model: mujoco.MjModel, j: int) -> tuple[dict[str, float], float]:
-    if j < 0:
-        return {}, 0.0
-    return {model.joint(j).name: 1.0}, float(model.qpos0[model.jnt_qposadr[j]])
-
-
-def _tendon(model: mujoco.MjModel, t: int) -> tuple[dict[str, float], float]:
-    if t < 0:
-        return {}, 0.0
-    return tendon_weights(model, t), float(model.tendon_length0[t])
 
 
 def tendon_weights(model: mujoco.MjModel, t: int) -> dict[str, float]:

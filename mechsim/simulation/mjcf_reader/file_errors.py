@@ -45,8 +45,7 @@ def readable_error(path: str, error: Exception) -> InputError:
             "put the inner bodies into a file of their own and <include> it in their place"
         )
     message = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
-    message = _ELEMENT.sub(r" (element \1)", message)
-    message = cut(message, MAX_SHOWN)
+    message = cut(_ELEMENT.sub(r" (element \1)", message), MAX_SHOWN)
     remedy = "take the plugin out of a copy" if _PLUGIN.search(message) else "correct the file"
     return InputError(f"{location}: MuJoCo refuses it: {message}; {remedy}")
 
@@ -91,11 +90,8 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
             raise _error(path, what, element, "numbers that are not finite")
         if len(invalid):
             raise _error(path, what, element, f"{invalid[0]:g}; give {limit:g} in SI at most")
-    body_welds = [
-        each
-        for each in spec.equalities
-        if each.type == mujoco.mjtEq.mjEQ_WELD and each.objtype == mujoco.mjtObj.mjOBJ_BODY
-    ]
+    welds = [each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_WELD]
+    body_welds = [weld for weld in welds if weld.objtype == mujoco.mjtObj.mjOBJ_BODY]
     for what, elements, quaternions in (
         ("body", spec.bodies, model.body_quat),
         ("site", spec.sites, model.site_quat),
@@ -124,35 +120,26 @@ def _error(path: str, what: str, element: Any, content: str) -> InputError:
 def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:
     """Yield the kind of an element, the element, its numbers and their largest magnitude."""
     coordinates = np.append(model.jnt_qposadr, model.nq)
+
+    def numbers_in(kind: str, rows: Any, *names: str) -> Array:
+        """Return the numbers of an element in arrays of the model."""
+        return np.concatenate([np.ravel(getattr(model, f"{kind}_{name}")[rows]) for name in names])
+
     for body in spec.bodies:
-        i = body.id
-        yield "body", body, np.concatenate([model.body_pos[i], model.body_ipos[i]]), MAX_LENGTH
-        yield "body", body, np.array([*model.body_quat[i], model.body_mass[i], *model.body_inertia[i]]), HUGE
+        yield "body", body, numbers_in("body", body.id, "pos", "ipos"), MAX_LENGTH
+        yield "body", body, numbers_in("body", body.id, "quat", "mass", "inertia"), HUGE
     for joint in spec.joints:
         i, dofs = joint.id, model.dof_jntid == joint.id
         own = slice(coordinates[i], coordinates[i + 1])
         positions = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
         yield "joint", joint, np.concatenate(positions), MAX_LENGTH
-        rates = [model.dof_damping[dofs], model.dof_armature[dofs], model.dof_frictionloss[dofs]]
-        limit = [model.jnt_range[i], model.jnt_solref[i], model.jnt_solimp[i]]
-        single = [model.jnt_axis[i], *limit, model.jnt_stiffness[[i]].ravel()]
-        yield "joint", joint, np.concatenate([values_.ravel() for values_ in (*single, *rates)]), HUGE
+        yield "joint", joint, numbers_in("jnt", i, "axis", "range", "solref", "solimp", "stiffness"), HUGE
+        yield "joint", joint, numbers_in("dof", dofs, "damping", "armature", "frictionloss"), HUGE
     for tendon in spec.tendons:
-        values = (
-            model.tendon_stiffness,
-            model.tendon_damping,
-            model.tendon_lengthspring,
-            model.tendon_armature,
-        )
-        yield "tendon", tendon, np.concatenate([np.ravel(each[tendon.id]) for each in values]), HUGE
+        names = ("stiffness", "damping", "lengthspring", "armature")
+        yield "tendon", tendon, numbers_in("tendon", tendon.id, *names), HUGE
     for site in spec.sites:
         yield "site", site, model.site_pos[site.id], MAX_LENGTH
         yield "site", site, model.site_quat[site.id], HUGE
     for equality in spec.equalities:
-        i = equality.id
-        yield (
-            "equality",
-            equality,
-            np.concatenate([model.eq_data[i], model.eq_solref[i], model.eq_solimp[i]]),
-            HUGE,
-        )
+        yield "equality", equality, numbers_in("eq", equality.id, "data", "solref", "solimp"), HUGE

@@ -48,8 +48,7 @@ def root_of(path: str) -> str:
     if not text.strip():
         raise InputError(f"{path} is empty; name an MJCF or URDF file")
     bare = _without_comments(text)
-    match = _ROOT.match(bare)
-    root = match[1] if match else None
+    root = match[1] if (match := _ROOT.match(bare)) else None
     if root == "robot" and "<xacro:" in text:
         raise InputError(
             f"{path} contains macros of xacro; expand it into URDF (xacro IN -o OUT.urdf) and name that file"
@@ -106,11 +105,8 @@ def _with_included(path: str, bare: str, folder: str, visited: set[str]) -> Iter
         for inner in dict.fromkeys(os.path.join(directory, name) for directory in folders):
             if os.path.exists(inner) and not os.path.isfile(inner):
                 raise InputError(f"{path}: it names {inner}, which is no regular file; name another one")
-            if (
-                name.lower().endswith(".xml")
-                and os.path.isfile(inner)
-                and os.path.realpath(inner) not in visited
-            ):
-                visited.add(os.path.realpath(inner))
+            included, real = name.lower().endswith(".xml") and os.path.isfile(inner), os.path.realpath(inner)
+            if included and real not in visited:
+                visited.add(real)
                 text = _without_comments(read_text(inner, "an MJCF file", MAX_BYTES))
                 yield from _with_included(inner, text, folder, visited)

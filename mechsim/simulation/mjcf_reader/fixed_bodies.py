@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,8 +13,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.state import BALL, FREE, is_disabled, rotation_matrix
 
-# kind of joint -> number of coordinates and number of DOFs
-ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}
+# kind of joint that can be removed -> number of coordinates
+COORDINATES = {FREE: 7, BALL: 4}
 
 
 def free_bodies(model: mujoco.MjModel) -> list[str]:
@@ -68,34 +69,22 @@ def fix_bodies_in_scene(
     if "" in poses:
         raise InputError("a body with a free joint or a ball has no name; give it one in the file")
     qpos, qvel = _remaining(model, joints)
-    differs = start != model.qpos0
     moved = [
         model.body(body).name
         for j, body in _bodies(model, joints)
-        if differs[model.jnt_qposadr[j] :][: ROTATIONAL[int(model.jnt_type[j])][0]].any()
+        if (start != model.qpos0)[_coordinates(model, j)].any()
     ]
-    keys = [(key_, k) for k, key_ in enumerate(spec.keys)]
-    kept_keys = {
-        key_.name: (
-            float(key_.time),
-            *(
-                values[k].copy()
-                for values in (model.key_act, model.key_ctrl, model.key_mpos, model.key_mquat)
-            ),
-            model.key_qpos[k][qpos],
-            model.key_qvel[k][qvel],
-        )
-        for key_, k in keys
-    }
-    for key_, _ in keys:
-        spec.delete(key_)
+    keyframes: dict[str, dict[str, Any]] = {}
+    for k, keyframe in enumerate(list(spec.keys)):
+        state = {name: getattr(model, f"key_{name}")[k].copy() for name in ("act", "ctrl", "mpos", "mquat")}
+        state |= {"qpos": model.key_qpos[k][qpos], "qvel": model.key_qvel[k][qvel]}
+        keyframes[keyframe.name] = state | {"time": float(keyframe.time)}
+        spec.delete(keyframe)
     own_pairs = len(spec.excludes)
     fix_bodies(spec, model, joints, start)
     excluded = tuple((pair.bodyname1, pair.bodyname2) for pair in spec.excludes[own_pairs:])
-    for name, (time, act, ctrl, mpos, mquat, coordinates, rates) in kept_keys.items():
-        spec.add_key(
-            name=name, time=time, act=act, ctrl=ctrl, mpos=mpos, mquat=mquat, qpos=coordinates, qvel=rates
-        )
+    for name, state in keyframes.items():
+        spec.add_key(name=name, **state)
     order = {model.body(body).name: j - int(model.body_jntadr[body]) for j, body in _bodies(model, joints)}
     return FixedBodies(joints, poses, order, tuple(moved), qpos, qvel, excluded)
 
@@ -117,8 +106,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
     in_order = sorted(spec.joints, key=lambda joint: joint.id)
     bodies = {body: in_order[j].parent for j, body in _bodies(model, joints)}
     for j, body in _bodies(model, joints):
-        end = int(model.jnt_qposadr[j]) + ROTATIONAL[int(model.jnt_type[j])][0]
-        stated = qpos[end - 4 : end]
+        stated = qpos[_coordinates(model, j)][-4:]
         quaternion = stated / np.linalg.norm(stated)
         if int(model.jnt_type[j]) == BALL and quaternion[0] == 1.0:
             del poses[body]
@@ -131,12 +119,10 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
     spec.compiler.fusestatic = False  # of URDF files, which would remove the bodies
     base_model = compiled(spec)
     for body, pose in poses.items():
-        frame = base_model.body(body)
-        inverse = np.empty(4)
+        frame, inverse = base_model.body(body), np.empty(4)
         mujoco.mju_negQuat(inverse, frame.quat)
-        _set_pose(
-            bodies[body], rotation_matrix(frame.quat).T @ (pose[:3] - frame.pos), _product(inverse, pose[3:])
-        )
+        position = rotation_matrix(frame.quat).T @ (pose[:3] - frame.pos)
+        _set_pose(bodies[body], position, _product(inverse, pose[3:]))
     return qpos[_remaining(model, joints)[0]]
 
 
@@ -173,9 +159,8 @@ def _bodies(model: mujoco.MjModel, joints: Sequence[int]) -> list[tuple[int, int
 def _body_poses(model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> dict[int, Array]:
     """Return the poses of the bodies of some joints in their parents at qpos: index -> (7,)."""
     data = mujoco.MjData(model)
-    for j, _ in _bodies(model, joints):
-        own = slice(model.jnt_qposadr[j], model.jnt_qposadr[j] + ROTATIONAL[int(model.jnt_type[j])][0])
-        data.qpos[own] = qpos[own]
+    for j in joints:
+        data.qpos[_coordinates(model, j)] = qpos[_coordinates(model, j)]
     mujoco.mj_kinematics(model, data)
     return {body: pose_in_parent(model, data, body) for _, body in _bodies(model, joints)}
 
@@ -198,10 +183,14 @@ def _remaining(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np
     """Return masks of the coordinates, (nq,), and DOFs, (nv,), that remain without some joints."""
     qpos, qvel = np.ones(model.nq, dtype=np.bool_), np.ones(model.nv, dtype=np.bool_)
     for j in joints:
-        address, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
-        coordinates, dofs = ROTATIONAL[int(model.jnt_type[j])]
-        qpos[address : address + coordinates], qvel[dof : dof + dofs] = False, False
+        qpos[_coordinates(model, j)] = False
+    qvel[np.isin(model.dof_jntid, joints)] = False
     return qpos, qvel
+
+
+def _coordinates(model: mujoco.MjModel, j: int) -> slice:
+    """Return the entries of a ball or free joint in qpos."""
+    return slice(model.jnt_qposadr[j], model.jnt_qposadr[j] + COORDINATES[int(model.jnt_type[j])])
 
 
 def _set_pose(body: mujoco.MjsBody, position: Array, quaternion: Array) -> None:

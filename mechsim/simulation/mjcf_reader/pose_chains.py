@@ -43,11 +43,8 @@ def with_pose_chains(
     subjects: dict[str, bool] = {}
     for name in drivers:
         subject, _, suffix = name.rpartition(".")
-        if (
-            name not in joints
-            and suffix in (*POSITIONS, *ROTATIONS)
-            and site_or_body(model, subject) is not None
-        ):
+        added = name not in joints and suffix in (*POSITIONS, *ROTATIONS)
+        if added and site_or_body(model, subject) is not None:
             subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
     if not subjects:
         return model, start
@@ -113,5 +110,4 @@ def _add_joint(body: mujoco.MjsBody, name: str, kind: mujoco.mjtJoint, axis: Arr
     joint.limited = joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
     joint.pos, joint.range = np.zeros(3), np.zeros(2)
     joint.armature = joint.frictionloss = 0.0
-    for name in ("damping", "stiffness"):
-        setattr(joint, name, np.zeros_like(getattr(joint, name)))
+    joint.damping, joint.stiffness = np.zeros_like(joint.damping), np.zeros_like(joint.stiffness)

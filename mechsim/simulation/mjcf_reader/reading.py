@@ -16,7 +16,6 @@ from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader.coordinates import (
-    BodyPoint,
     actuated_joints,
     actuator_names,
     driven,
@@ -24,10 +23,10 @@ from mechsim.simulation.mjcf_reader.coordinates import (
     require_coordinate,
     tracked,
 )
-from mechsim.simulation.mjcf_reader.equality_constraints import Equalities, equalities
+from mechsim.simulation.mjcf_reader.equality_constraints import equalities
 from mechsim.simulation.mjcf_reader.file_errors import readable_error, require_numbers
 from mechsim.simulation.mjcf_reader.fixed_bodies import (
-    ROTATIONAL,
+    COORDINATES,
     fix_bodies,
     free_bodies,
     free_joints,
@@ -163,8 +162,25 @@ def read_model(
     points = tracked(model, tree.carriers, track)
     locked = _locked(model, start, locks)
     names = driven(model, drivers, list(locked), describe_only or lint)
-    mechanism = _mechanism(spec, model, start, tree, loops, points, locked, names)
-    links = with_inertias(model, mechanism.links, tree.carriers, minimum_mass(remarks))
+    carrier_of = {model.body(b).name: carrier for b, carrier in enumerate(tree.carriers)}
+    values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
+    outlined = with_outlines(model, tree)
+    mechanism = Mechanism(
+        name=spec.modelname or "model",
+        links=with_inertias(model, outlined, tree.carriers, minimum_mass(remarks)),
+        joints=(*tree.joints, *loops.joints),
+        driver=names[0] if len(names) == 1 else names,
+        points={
+            name: (carrier_of[body].link, carrier_of[body].point(position))
+            for name, (body, position) in points.items()
+        },
+        guess=poses(model, tree, start),
+        couplings=tuple(loops.couplings),
+        locked=locked,
+        guess_coordinates=values,
+    )
+    if mechanism.has_crank:
+        mechanism = replace(mechanism, start=values[names[0]])
     # the linter reports negative damping instead of rejecting it, and needs no forces
     forces, left_out = (Forces(), ()) if lint else forces_of_model(model, tree.carriers, locked)
     # add a site at each tracked point that is not a site
@@ -181,7 +197,7 @@ def read_model(
     return MjcfModel(
         path=path,
         source=source,
-        mechanism=replace(mechanism, links=links),
+        mechanism=mechanism,
         spec=spec,
         qpos=start,
         gap=max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0),
@@ -198,36 +214,6 @@ def read_model(
         unread=tuple(unread),
         keyframes=keyframes,
     )
-
-
-def _mechanism(
-    spec: mujoco.MjSpec,
-    model: mujoco.MjModel,
-    start: Array,
-    tree: KinematicTree,
-    loops: Equalities,
-    points: Mapping[str, BodyPoint],
-    locked: Mapping[str, float],
-    drivers: tuple[str, ...],
-) -> Mechanism:
-    """Return the mechanism of a model, whose guess is the initial state, without inertias."""
-    carrier_of = {model.body(b).name: tree.carriers[b] for b in range(model.nbody)}
-    values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
-    mechanism = Mechanism(
-        name=spec.modelname or "model",
-        links=with_outlines(model, tree),
-        joints=(*tree.joints, *loops.joints),
-        driver=drivers[0] if len(drivers) == 1 else drivers,
-        points={
-            name: (carrier_of[body].link, carrier_of[body].point(position))
-            for name, (body, position) in points.items()
-        },
-        guess=poses(model, tree, start),
-        couplings=tuple(loops.couplings),
-        locked=locked,
-        guess_coordinates=values,
-    )
-    return replace(mechanism, start=values[drivers[0]]) if mechanism.has_crank else mechanism
 
 
 def _locked(model: mujoco.MjModel, start: Array, lock: Mapping[str, LockedAt]) -> dict[str, float]:
@@ -260,17 +246,15 @@ def _fixed_remarks(model: mujoco.MjModel, fixed: Sequence[int]) -> list[str]:
     """Return sentences on the ball and free joints that are removed."""
     free = [model.body(model.jnt_bodyid[j]).name for j in fixed if int(model.jnt_type[j]) == FREE]
     balls = [model.joint(j).name for j in fixed if int(model.jnt_type[j]) == BALL]
-    groups = (("a free joint", free), ("the ball", balls))
-    return [
-        f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
-    ]
+    groups, start = (("a free joint", free), ("the ball", balls)), "held where the model starts, without"
+    return [f"{start} {what}: {listed(names)}" for what, names in groups if names]
 
 
 def _fixed_joints(
     model: mujoco.MjModel, lock: Mapping[str, LockedAt], *, fix_base: bool
 ) -> tuple[tuple[int, ...], dict[str, LockedAt]]:
     """Return the indices of ball and free joints that are locked, and the other locked joints."""
-    rotational = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in ROTATIONAL}
+    rotational = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in COORDINATES}
     named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
     fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
     return fixed, {name: value for name, value in lock.items() if rotational.get(name) not in fixed}

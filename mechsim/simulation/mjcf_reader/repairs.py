@@ -55,8 +55,13 @@ def minimum_mass(remarks: Iterable[str]) -> float:
 _FILE = re.compile(r"(?:opening|open|find|load|read)\w* (?:file |resource )?'([^']+)'", re.IGNORECASE)
 # inertia of a body whose meshes are missing, in [kg] and [kg m2]
 PLACEHOLDER_MASS, PLACEHOLDER_INERTIA = 1.0, 1e-3
-# kinds of assets: name in messages -> list of the specification
-ASSETS = {"meshes": "meshes", "textures": "textures", "height fields": "hfields", "skins": "skins"}
+# kinds of assets: name in messages -> list of the specification, and attribute of geoms that have one
+ASSETS = {
+    "meshes": ("meshes", "meshname"),
+    "textures": ("textures", None),
+    "height fields": ("hfields", "hfieldname"),
+    "skins": ("skins", None),
+}
 
 
 def without_missing(spec: mujoco.MjSpec, message: str) -> str:
@@ -73,25 +78,20 @@ def without_missing(spec: mujoco.MjSpec, message: str) -> str:
     if not match:
         return ""
     missing = match[1]
-    for kind, attribute in ASSETS.items():
+    for kind, (attribute, reference) in ASSETS.items():
         assets = list(getattr(spec, attribute))
-        if any(_same_file(missing, name) for asset in assets for name in _files(asset)):
-            # remove the references to a kind of assets
-            if kind == "meshes":
-                _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
-            elif kind == "height fields":
-                _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
-            elif kind == "textures":
-                for material in spec.materials:
-                    material.textures = [""] * len(material.textures)
+        files = [name for asset in assets for name in (asset.file, *getattr(asset, "cubefiles", ())) if name]
+        if not any(_same_file(missing, name) for name in files):
+            continue
+        if reference:
+            _no_shapes(spec, [geom for geom in spec.geoms if getattr(geom, reference)])
+        if kind == "textures":
+            remove_textures(spec)
+        else:
             for asset in assets:
                 spec.delete(asset)
-            return f"file {missing} is missing: read without its {kind}"
+        return f"file {missing} is missing: read without its {kind}"
     return ""
-
-
-def _files(asset: Any) -> list[str]:
-    return [name for name in (asset.file, *getattr(asset, "cubefiles", ())) if name]
 
 
 def _same_file(missing: str, name: str) -> bool:
@@ -113,8 +113,8 @@ def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
             body.explicitinertial = True
             body.mass, body.inertia = PLACEHOLDER_MASS, np.full(3, PLACEHOLDER_INERTIA)
             body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    if spec.compiler.inertiafromgeom == int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE):
-        spec.compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
+    if spec.compiler.inertiafromgeom == FROM_GEOMS:
+        spec.compiler.inertiafromgeom = FROM_FILE
 
 
 # minimum half-length in [m] of a box in place of a mesh
@@ -142,20 +142,16 @@ def remove_meshes(spec: mujoco.MjSpec) -> list[int]:
     Each geom becomes a point. A body with inertia from its geoms gets a placeholder inertia, which
     `copy_shapes` replaces by that of the compiled model.
     """
-    geoms = [number for number, geom in enumerate(spec.geoms) if geom.meshname]
-    elements = list(spec.geoms)
-    for number in geoms:
-        geom = elements[number]
+    geoms = {number: geom for number, geom in enumerate(spec.geoms) if geom.meshname}
+    for geom in geoms.values():
         geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_SPHERE, ""
         geom.size = np.full(3, MIN_HALF_LENGTH)
         body = geom.parent
         if body.id and not body.explicitinertial:
             body.mass, body.inertia = PLACEHOLDER_MASS, np.full(3, PLACEHOLDER_INERTIA)
-    for skin in list(spec.skins):
-        spec.delete(skin)
-    for mesh in list(spec.meshes):
-        spec.delete(mesh)
-    return geoms
+    for asset in [*spec.skins, *spec.meshes]:
+        spec.delete(asset)
+    return list(geoms)
 
 
 def copy_shapes(spec: mujoco.MjSpec, model: mujoco.MjModel, geoms: list[int]) -> None:

@@ -9,7 +9,6 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -38,22 +37,6 @@ from mechsim.simulation.mjcf_reader.urdf_unread import unread_elements
 HINGE_LENGTH = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class UrdfCoupling:
-    """Coupled joints: `ratio` times the sum of the positions of `a` is the sum of the positions of `b`.
-
-    Attributes:
-        name: name of the coupling.
-        ratio: transmission ratio.
-        a, b: names of the joints from the common ancestor to the predecessor and to the successor.
-    """
-
-    name: str
-    ratio: float
-    a: tuple[str, ...]
-    b: tuple[str, ...]
-
-
 def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
     """Return the specification of a URDF file with closed loops, and findings on what is not read.
 
@@ -68,15 +51,13 @@ def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
         more, changes, ignored = read_sidecar(tree, file.loops)
         closures += more
         unread += ignored
-    couplings = list(_couplings(tree))
     for joint in tree.second:
         tree.root.remove(joint)
     spec = _specification(tree)
     changes.apply(spec, tree)
     for closure in closures:
         _close(spec, tree, closure)
-    for coupling in couplings:
-        _couple(spec, coupling)
+    _add_couplings(spec, tree)
     return spec, unread
 
 
@@ -85,39 +66,56 @@ def _second_parents(tree: UrdfTree) -> Iterator[LoopClosure]:
         name = joint.get("name", "")
         if joint.get("type") == "floating":
             continue
-        parent = tree.require_link(child_of(joint, "parent").get("link", ""), name)
-        child = tree.require_link(child_of(joint, "child").get("link", ""), name)
+        parent, child = (tree.link_of(child_of(joint, side), name) for side in ("parent", "child"))
         yield _closure(tree, joint, pose_of(tree, parent, joint.find("origin")), Frame(child))
 
 
 def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
     for loop in tree.root.findall("loop"):
-        sides = [loop.find(side) for side in ("predecessor", "successor")]
-        a, b = (_side(tree, loop, side, "predecessor and successor") for side in sides)
-        yield _closure(tree, loop, a, b)
+        frames = list[Frame]()
+        for tag in ("predecessor", "successor"):
+            side = loop.find(tag)
+            if side is None:
+                raise tree.error(
+                    f"loop {loop.get('name')!r} lacks one of predecessor and successor; give both"
+                )
+            link = tree.link_of(side, loop.get("name", ""))
+            frames.append(pose_of(tree, link, side.find("origin")))
+        yield _closure(tree, loop, frames[0], frames[1])
 
 
-def _couplings(tree: UrdfTree) -> Iterator[UrdfCoupling]:
-    """Yield the transmissions of URDF+.
+def _add_couplings(spec: mujoco.MjSpec, tree: UrdfTree) -> None:
+    """Add the transmissions of URDF+: equalities of two joints, or of a fixed tendon over more.
 
+    `ratio` times the sum of the positions of the joints `a`, from the common ancestor to the predecessor, is
+    the sum of the positions of `b`, from there to the successor.
     Source: Chignoli, Adrian, Kim, Wensing (2024), URDF+: an enhanced URDF for robots with kinematic loops,
     arXiv 2411.19753; signs as its authors' program generalized_rbda reads them.
     """
     for element in tree.root.findall("coupling"):
         name = element.get("name", "")
-        a, b = (
-            tree.joints_to(tree.require_link(child_of(element, side).get("link", ""), name))
-            for side in ("predecessor", "successor")
-        )
-        shared = set(a) & set(b)
-        a, b = (tuple(joint for joint in side if joint not in shared) for side in (a, b))
+        sides = [child_of(element, side) for side in ("predecessor", "successor")]
+        joints_a, joints_b = (tree.joints_to(tree.link_of(side, name)) for side in sides)
+        a = [joint for joint in joints_a if joint not in joints_b]
+        b = [joint for joint in joints_b if joint not in joints_a]
         if not a or not b:
             raise tree.error(
                 f"coupling {name!r} has no joint between its predecessor or successor and their common "
                 "ancestor; name links on two branches"
             )
-        (ratio,) = numbers_of(tree, name, child_of(element, "ratio").get("value", "1"), 1)
-        yield UrdfCoupling(name, float(ratio), a, b)
+        (ratio,) = numbers_of(tree, name, child_of(element, "ratio").get("value", "1"), 1).tolist()
+        kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+        name1, name2, factor = b[0], a[0], ratio
+        if len(a) > 1 or len(b) > 1:
+            tendon = spec.add_tendon(name=name)
+            for joint in a:
+                tendon.wrap_joint(joint, ratio)
+            for joint in b:
+                tendon.wrap_joint(joint, -1.0)
+            kind, object_kind = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+            name1, name2, factor = name, "", 0.0
+        equality = spec.add_equality(name=name, type=kind, objtype=object_kind, name1=name1, name2=name2)
+        equality.data[:2] = 0.0, factor
 
 
 def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -126,10 +124,7 @@ def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
         sides = [element for element in loop if element.tag in ("link1", "link2")]
         if len(sides) != 2:
             raise tree.error(f"loop_joint {loop.get('name')!r} has {len(sides)} links; give link1 and link2")
-        a, b = (
-            pose_of(tree, tree.require_link(side.get("link", ""), loop.get("name", "")), side)
-            for side in sides
-        )
+        a, b = (pose_of(tree, tree.link_of(side, loop.get("name", "")), side) for side in sides)
         yield _closure(tree, loop, a, b)
 
 
@@ -154,14 +149,14 @@ def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
             named_frame(tree, child_of(bushing, f"drake_bushing_frame{side}").get("name", ""), name)
             for side in "AC"
         ]
-        stiff = (
-            numbers_of(tree, name, child_of(bushing, "drake_bushing_torque_stiffness").get("value", "")) > 0.0
-        )
-        if stiff.sum() == 1:
+        stiffness = child_of(bushing, "drake_bushing_torque_stiffness").get("value", "")
+        stiff = numbers_of(tree, name, stiffness) > 0.0
+        kinds: dict[int, Kind] = {0: "point", 2: "hinge", 3: "weld"}
+        kind = kinds.get(int(stiff.sum()))
+        if kind is None:
             raise tree.error(
                 f"bushing {number} is stiff about one axis; no closure of two free axes is known"
             )
-        kind: Kind = {0: "point", 2: "hinge", 3: "weld"}[int(stiff.sum())]  # type: ignore[assignment]
         axis = np.eye(3)[int(np.argmin(stiff))]
         yield LoopClosure(name, kind, frames[0], frames[1], axis)
 
@@ -221,13 +216,6 @@ def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | N
     return LoopClosure(name, KINDS[kind], a, b, direction / (length or 1.0))
 
 
-def _side(tree: UrdfTree, loop: Element, side: Element | None, names: str) -> Frame:
-    if side is None:
-        raise tree.error(f"loop {loop.get('name')!r} lacks one of {names}; give both")
-    link = tree.require_link(side.get("link", ""), loop.get("name", ""))
-    return pose_of(tree, link, side.find("origin"))
-
-
 def _specification(tree: UrdfTree) -> mujoco.MjSpec:
     """Return the specification of the tree without the joints that close loops."""
     if not tree.second:
@@ -259,29 +247,3 @@ def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
         spec.add_equality(
             name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=sites[0], name2=sites[1]
         )
-
-
-def _couple(spec: mujoco.MjSpec, coupling: UrdfCoupling) -> None:
-    """Add the equality of two joints, or of a fixed tendon over more."""
-    if len(coupling.a) == len(coupling.b) == 1:
-        equality = spec.add_equality(
-            name=coupling.name,
-            type=mujoco.mjtEq.mjEQ_JOINT,
-            objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=coupling.b[0],
-            name2=coupling.a[0],
-        )
-        equality.data[:2] = 0.0, coupling.ratio
-        return
-    tendon = spec.add_tendon(name=coupling.name)
-    for joint in coupling.a:
-        tendon.wrap_joint(joint, coupling.ratio)
-    for joint in coupling.b:
-        tendon.wrap_joint(joint, -1.0)
-    equality = spec.add_equality(
-        name=coupling.name,
-        type=mujoco.mjtEq.mjEQ_TENDON,
-        objtype=mujoco.mjtObj.mjOBJ_TENDON,
-        name1=coupling.name,
-    )
-    equality.data[:2] = 0.0, 0.0

@@ -56,9 +56,8 @@ class JointChanges:
                 joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
                 body.add_joint(name=f"{name}_second", type=mujoco.mjtJoint.mjJNT_HINGE, axis=second)
             else:
-                raise tree.error(
-                    f"joint_type of {name!r} is {kind!r}; it can be SPHERICAL, FIXED or UJOINT_XY"
-                )
+                choice = "it can be SPHERICAL, FIXED or UJOINT_XY"
+                raise tree.error(f"joint_type of {name!r} is {kind!r}; {choice}")
 
 
 @dataclass(frozen=True)
@@ -95,9 +94,8 @@ class Sidecar:
     def text(self, key: str, value: object) -> str:
         """Return a name or number of a list."""
         if not isinstance(value, str):
-            raise self.error(
-                key, f"{key} contains {_shown(value)} where a name or a number belongs; correct it"
-            )
+            message = f"{key} contains {_shown(value)} where a name or a number belongs; correct it"
+            raise self.error(key, message)
         return value
 
 
@@ -123,9 +121,8 @@ def read_sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointCha
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         where = "" if line is None else f", line {line + 1}"
         raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
-    file = Sidecar(
-        path, content, {key.value: key.start_mark.line + 1 for key, _ in (root.value if content else ())}
-    )
+    lines = {key.value: key.start_mark.line + 1 for key, _ in (root.value if content else ())}
+    file = Sidecar(path, content, lines)
     for (name, *more), reader in SIDECARS.items():
         if isinstance(file.content.get(name), list):
             closures, changes = reader(tree, file)
@@ -162,12 +159,10 @@ def _scikit_robot(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], Joi
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise file.error("closures", f"the axis of {name} has length 0; give a direction")
-        sides = [
-            tree.fixed_to(tree.require_link(file.text("closures", entry[key]), name), Frame("", point))
-            for key in ("link_a", "link_b")
-        ]
+        links = [tree.require_link(file.text("closures", entry[key]), name) for key in ("link_a", "link_b")]
         # both frames are parallel to the root frame at zero joint values
-        closures.append(LoopClosure(name, "hinge", sides[0], sides[1], axis / length))
+        a, b = (tree.fixed_to(link, Frame("", point)) for link in links)
+        closures.append(LoopClosure(name, "hinge", a, b, axis / length))
     return closures, JointChanges(motors=tuple(file.texts("independent")))
 
 
@@ -180,9 +175,8 @@ def _gepetto(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], JointCha
     pairs = file.list_of("closed_loop")
     types = file.texts("type") or ["6d"] * len(pairs)
     if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise file.error(
-            "closed_loop", "closed_loop needs two frames a loop, and type one entry a loop; correct them"
-        )
+        message = "closed_loop needs two frames a loop, and type one entry a loop; correct them"
+        raise file.error("closed_loop", message)
     closures: list[LoopClosure] = []
     for number, (pair, kind) in enumerate(zip(pairs, types, strict=True), 1):
         name = f"closed_loop{number}"
@@ -192,9 +186,8 @@ def _gepetto(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], JointCha
         closures.append(LoopClosure(name, KINDS[kind.lower()], a, b))
     names, kinds = file.texts("joint_name"), file.texts("joint_type")
     if len(names) != len(kinds):
-        raise file.error(
-            "joint_name", f"joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
-        )
+        message = f"joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
+        raise file.error("joint_name", message)
     return closures, JointChanges(dict(zip(names, kinds, strict=True)), tuple(file.texts("name_mot")))
 
 

@@ -91,6 +91,10 @@ class UrdfTree:
             )
         return name
 
+    def link_of(self, element: Element, joint: str) -> str:
+        """Return the link that an element names; raise InputError if the file has no such link."""
+        return self.require_link(element.get("link", ""), joint)
+
     def joints_to(self, link: str) -> list[str]:
         """Return the names of the movable joints from the root to a link, the last joint first."""
         names: list[str] = []
@@ -112,9 +116,8 @@ class UrdfTree:
     def fixed_to(self, link: str, placed: Frame) -> Frame:
         """Return the frame on a link that coincides with a frame in the root link at zero joint values."""
         own = self.in_root(Frame(link))
-        return Frame(
-            link, own.rotation.T @ (placed.position - own.position), own.rotation.T @ placed.rotation
-        )
+        position = own.rotation.T @ (placed.position - own.position)
+        return Frame(link, position, own.rotation.T @ placed.rotation)
 
     def in_root(self, frame: Frame) -> Frame:
         """Return a frame in the root link at zero joint values."""
@@ -142,10 +145,8 @@ def read_urdf(path: str) -> UrdfTree:
         if child in parents:
             second.append(joint)
         else:
-            parents[child] = (
-                joint,
-                pose_of(tree, child_of(joint, "parent").get("link", ""), joint.find("origin")),
-            )
+            parent = child_of(joint, "parent").get("link", "")
+            parents[child] = joint, pose_of(tree, parent, joint.find("origin"))
     return UrdfTree(path, root, lines, parents, tuple(second))
 
 

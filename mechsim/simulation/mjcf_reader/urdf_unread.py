@@ -38,9 +38,8 @@ def unread_elements(tree: UrdfTree) -> Iterator[Finding]:
     yield from _mimics(tree)
     lines_of: dict[tuple[str, str, bool], list[int]] = {}
     for parent, child in _unread_in(tree.root):
-        lines_of.setdefault((parent.tag, child.tag, _describes_motion(parent, child)), []).append(
-            tree.lines[child]
-        )
+        key = parent.tag, child.tag, _describes_motion(parent, child)
+        lines_of.setdefault(key, []).append(tree.lines[child])
     for (parent, tag, motion), lines in lines_of.items():
         tag = tag.replace("drake_", "drake:")
         message = f"<{tag}> in <{parent}> is not read{_times(lines)}"

@@ -107,8 +107,8 @@ def interpolated_motion(
         residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
         closure[rows] = np.abs(residual[:-1, loops.point_rows]).max(1, initial=0.0)
         conditioning[rows] = loop_jacobian.conditioning(loops, jacobian)[:-1]
-    addresses = {
-        track.name(loops.model.joint(i).name)[0]: int(address)
+    values = {
+        track.name(loops.model.joint(i).name)[0]: qpos[:, address]
         for i, address in enumerate(loops.model.jnt_qposadr)
     }
     return replace(
@@ -117,9 +117,7 @@ def interpolated_motion(
         speed=rates[0],
         acceleration=rates[1],
         time=time,
-        joints={
-            name: replace(joint, value=qpos[:, addresses[name]]) for name, joint in motion.joints.items()
-        },
+        joints={name: replace(joint, value=values[name]) for name, joint in motion.joints.items()},
         closure=closure,
         conditioning=conditioning,
     )

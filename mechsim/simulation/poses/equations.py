@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.state import BALL, FREE, SCALAR, cross_matrices
+from mechsim.simulation.state import BALL, FREE, SCALAR, cross_matrices, quaternion_addresses
 
 # displacement, in [rad] or characteristic lengths, of the pose at which DOFs without effect on the equations
 # are detected; not a round number, so that no effect vanishes in that pose alone
@@ -128,24 +128,18 @@ class ModelEquations:
     def _quaternions(self) -> list[tuple[int, int]]:
         """Address of each quaternion in qpos, and its first DOF."""
         model = self.closure.model
-        joints = zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True)
-        offsets = [
-            (int(address), int(dof), 3 if kind == FREE else 0)
-            for kind, address, dof in joints
-            if kind in (FREE, BALL)
-        ]
-        return [(address + offset, dof + offset) for address, dof, offset in offsets]
+        first = model.jnt_dofadr[np.isin(model.jnt_type, (FREE, BALL))]
+        dofs = first + np.where(model.jnt_type[model.dof_jntid[first]] == FREE, 3, 0)
+        return list(zip(quaternion_addresses(model), dofs.tolist(), strict=True))
 
     @cached_property
     def _scalar_entries(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Addresses in qpos and DOFs of the angles and displacements."""
         model = self.closure.model
-        entries: list[tuple[int, int]] = []
-        for kind, address, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
-            width = 3 if kind == FREE else int(kind in SCALAR)
-            entries += [(int(address) + k, int(dof) + k) for k in range(width)]
-        addresses, dofs = np.array(entries, dtype=np.intp).reshape(-1, 2).T
-        return addresses, dofs
+        order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
+        kinds = model.jnt_type[model.dof_jntid]
+        dofs = np.flatnonzero(np.isin(kinds, SCALAR) | ((kinds == FREE) & (order < 3)))
+        return (model.jnt_qposadr[model.dof_jntid] + order)[dofs].astype(np.intp), dofs
 
     @cached_property
     def _determined(self) -> NDArray[np.bool_]:

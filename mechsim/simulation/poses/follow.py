@@ -80,11 +80,9 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
     singular_fraction = 0.15
 
     def __init__(self, closure: ModelLoops, start: Array):
-        names = (
-            PathNames("the crank", lambda s: f"{s:.7g} rad", closure.driver_text)
-            if closure.drivers is None
-            else PathNames("the drivers", closure.driver_text, closure.driver_text)
-        )
+        names = PathNames("the drivers", closure.driver_text, closure.driver_text)
+        if closure.drivers is None:
+            names = PathNames("the crank", lambda s: f"{s:.7g} rad", closure.driver_text)
         first = loop_solver(ModelEquations(closure, start), ModelStates(start[None]))
         initial = float(start[closure.crank_address])
         super().__init__(first, lambda s: s[None], initial, closure.change_point, names)
@@ -92,10 +90,8 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
 
     def require_travel(self, start: float, target: float) -> None:
         """Reject a path that is too long for one motion."""
-        position = self.words.position
-        require_travel(
-            f"{self.name}: {self.words.mover}", position(start), position(target), abs(target - start)
-        )
+        what, position = f"{self.name}: {self.words.mover}", self.words.position
+        require_travel(what, position(start), position(target), abs(target - start))
 
     def revolutions(self, angles: Array) -> Array:
         """Return the whole revolutions between crank angles and the traced revolution, (n,)."""
@@ -244,11 +240,7 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
     start = state.copy()
     start[loops.crank_address] = 0.0
     current = start[drivers.addresses]
-    distance = float(
-        np.abs((target - current) / np.where(drivers.slides, loops.characteristic_length, 1.0)).max(
-            initial=0.0
-        )
-    )
+    distance = float(np.abs((target - current) / loops.units[drivers.dofs]).max(initial=0.0))
     if distance > 0.0:
 
         def straight(angle: Array) -> tuple[Array, Array, Array]:
@@ -258,12 +250,10 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
             return current[:, None] + displacement * fraction, displacement / distance + none, none
 
         def along(angle: float) -> str:
-            values = straight(np.array([angle]))[0][:, 0]
-            text = ", ".join(
-                f"{name} = {value:.6g}" for name, value in zip(drivers.names, values, strict=True)
-            )
-            return f"{text} on the way to {target_text}"
+            values = straight(np.array([angle]))[0]
+            return f"{drivers.locked_at(values).text(angle)} on the way to {target_text}"
 
-        start = follow(replace(loops, drivers=drivers.with_law(straight, along)), start, [distance])[0]
+        moving = replace(drivers, law=straight, text=along)
+        start = follow(replace(loops, drivers=moving), start, [distance])[0]
     start[loops.crank_address], start[drivers.addresses] = 0.0, target
     return start

@@ -15,7 +15,8 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import Progress, no_progress
-from mechsim.simulation.joint_map import AXES, STEP, JointMap, map_over_grid
+from mechsim.simulation.joint_map import STEP, JointMap, map_over_grid
+from mechsim.simulation.mjcf_reader.pose_chains import POSITIONS
 from mechsim.simulation.state import rotation_vector_rates
 from mechsim.studies.robots.mujoco_models import ranges_in_si, started_model
 
@@ -164,12 +165,12 @@ def _outputs(motion: Motion, still: Motion, mechanism: Mechanism, names: Sequenc
             joint = motion.joints[name]
             columns.append(np.stack([joint.value, joint.rate, joint.acceleration]))
             continue
-        if suffix in AXES:
+        if suffix in POSITIONS:
             point = motion.points[subject]
             vectors = np.stack([point.position, point.velocity, point.acceleration])
         else:
             vectors = _rotation_vectors(motion, still, mechanism.points[subject][0])
-        columns.append(vectors[:, :, AXES.index(suffix[-1])])
+        columns.append(vectors[:, :, POSITIONS.index(suffix[-1])])
     return np.stack(columns, -1)
 
 

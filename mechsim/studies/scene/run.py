@@ -161,8 +161,9 @@ def run_scene(
         interval,
         lambda steps: scene.controls(model, steps.start, steps.stop - steps.start, phase)[None],
     )
-    broken = f"MuJoCo's state became invalid after {run.time[-1]:.6g} s" if run.diverged else ""
-    return SceneRun(scene, model, run.time, run.qpos, run.qvel, run.processor, run.count, broken)
+    states = run.states
+    broken = f"MuJoCo's state became invalid after {states.time[-1]:.6g} s" if run.diverged else ""
+    return SceneRun(scene, model, states.time, states.qpos, states.qvel, run.processor, run.count, broken)
 
 
 def step_times(
