@@ -28,7 +28,6 @@ GATES = {
     ("io.prescription", "kinematics.loops.rounded_geometry"): "a mechanism without formulas",
     ("io.readers", "io.pose_drivers"): "drivers with motion laws",
     ("io.toml_coordinates", "io.law_text"): "motion laws in TOML",
-    ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
     ("cli.simulate", "cli.scene_run"): "--ctrl",
     ("cli.validate", "cli.earlier"): "--compare-to",
     ("cli.validate", "report.dossier"): "--dossier",

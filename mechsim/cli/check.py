@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +12,7 @@ import typer
 from mechsim._version import __version__
 from mechsim.cli.command import Result, Stated, command, output_file
 from mechsim.cli.output import in_colour, print_json, wrapped
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.files import atomic_path
 from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.simulation.findings.rule_table import RULES
@@ -48,20 +49,13 @@ def check_files(
     stated.exclude(["output_format"], "with --json", "as_json" in stated.options)
     if output_format not in FORMATS:
         raise InputError(f"there is no output format {output_format!r}; choose from {', '.join(FORMATS)}")
-    if fix is not None and len(models) != 1:
-        raise InputError(f"--fix repairs one file, and there are {len(models)}; check them one by one")
-    if loops is not None and len(models) != 1:
-        raise InputError(
-            f"--loops closes the loops of one file, and there are {len(models)}; check them one by one"
-        )
+    for path, use in ((fix, "--fix repairs one file"), (loops, "--loops closes the loops of one file")):
+        if path is not None and len(models) != 1:
+            raise InputError(f"{use}, and there are {len(models)}; check them one by one")
     codes = [text.split(",") if text else [] for text in (select, ignore)]
     violations = check_each(models, select=codes[0], ignore=codes[1], loops=loops)
     errors = sum(violation.severity == "error" for violation in violations)
-    data: dict[str, Any] = {
-        "files": len(models),
-        "errors": errors,
-        "findings": violations,
-    }
+    data: dict[str, Any] = {"files": len(models), "errors": errors, "findings": violations}
     repaired: list[str] = []
     if fix is not None:
         copy, repaired = fixed_copy(models[0], Path(fix), violations)
@@ -99,11 +93,9 @@ def _print(violations: Sequence[Finding], output_format: str, data: dict[str, An
             if _remedy(violation):
                 indented = f"    {_remedy(violation)}"
                 typer.echo("\n".join(wrapped(indented, "", "    ")) if in_terminal else indented)
-        counts = {
-            severity: sum(violation.severity == severity for violation in violations) for severity in COLOURS
-        }
-        total = ", ".join(f"{count} {severity}{'s' * (count != 1)}" for severity, count in counts.items())
-        typer.echo(f"{data['files']} file{'s' * (data['files'] != 1)}: {total}")
+        counts = Counter(violation.severity for violation in violations)
+        total = ", ".join(several(counts[severity], severity) for severity in COLOURS)
+        typer.echo(f"{several(data['files'], 'file')}: {total}")
 
 
 def _remedy(violation: Finding) -> str:
@@ -111,13 +103,17 @@ def _remedy(violation: Finding) -> str:
     return "" if violation.remedy == HARMLESS else violation.remedy
 
 
+def _message(violation: Finding) -> str:
+    """Return the message and the remedy."""
+    return f"{violation.message}; {_remedy(violation)}".removesuffix("; ")
+
+
 def _github(violation: Finding) -> str:
     """Return a workflow command of GitHub Actions."""
-    kind = {"error": "error", "warning": "warning", "note": "notice"}[violation.severity]
+    kind = "notice" if violation.severity == "note" else violation.severity
     line = "" if violation.line is None else f",line={violation.line}"
-    message = f"{violation.message}; {_remedy(violation)}".removesuffix("; ")
     name = _escaped(violation.file).replace(":", "%3A").replace(",", "%2C")
-    return f"::{kind} file={name}{line},title={violation.rule}::{_escaped(message)}"
+    return f"::{kind} file={name}{line},title={violation.rule}::{_escaped(_message(violation))}"
 
 
 def _escaped(text: str) -> str:
@@ -145,7 +141,7 @@ def _sarif(violations: Sequence[Finding]) -> dict[str, Any]:
         {
             "ruleId": violation.rule,
             "level": violation.severity,
-            "message": {"text": f"{violation.message}; {_remedy(violation)}".removesuffix("; ")},
+            "message": {"text": _message(violation)},
             "locations": [
                 {
                     "physicalLocation": {
@@ -158,8 +154,5 @@ def _sarif(violations: Sequence[Finding]) -> dict[str, Any]:
         for violation in violations
     ]
     driver = {"name": "mechsim", "version": __version__, "rules": rules}
-    return {
-        "$schema": SARIF_SCHEMA,
-        "version": "2.1.0",
-        "runs": [{"tool": {"driver": driver}, "results": results}],
-    }
+    runs = [{"tool": {"driver": driver}, "results": results}]
+    return {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": runs}

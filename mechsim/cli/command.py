@@ -80,11 +80,6 @@ def _stated(context: typer.Context) -> Stated:
     return Stated({parameter.name or "": max(parameter.opts, key=len) for parameter in parameters})
 
 
-def option_names(options: type) -> list[str]:
-    """Return the parameters of a dataclass of options."""
-    return [field.name for field in fields(options)]
-
-
 def command(function: Callable[..., Any]) -> Callable[..., None]:
     """Return a function whose parameters are options of the command line.
 

@@ -60,15 +60,18 @@ def compile_solver(
     mechsim compile four_bar --dynamics -o four_bar.h --test four_bar_test.c
     """
     path = Path(output)
+    in_c = path.suffix.lower() == ".h"
     if path.suffix.lower() == ".fmu":
         stated.exclude(["test"], "on an FMU")
         stated.exclude(["initial"], "without --dynamics", not dynamics)
         stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs", dynamics)
-        return _fmu(options, initial if dynamics else None, output, _standard(fmi))
+        if fmi not in (None, "2", "3"):
+            raise InputError(f"--fmi is {fmi!r}; it can be 2 or 3")
+        return _fmu(options, initial if dynamics else None, output, 2 if fmi == "2" else 3)
     stated.exclude(["fmi"], "on a solver that is no FMU")
-    stated.exclude(["dynamics"], "on JavaScript", path.suffix.lower() == ".js")
+    stated.exclude(["dynamics"], "on JavaScript", not in_c)
     stated.exclude(["initial"], "without --dynamics", not dynamics)
-    test_path = None if test is None else writable(test, ".c" if path.suffix.lower() == ".h" else ".js")
+    test_path = None if test is None else writable(test, ".c" if in_c else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
     if dynamics:
@@ -76,7 +79,6 @@ def compile_solver(
         return _dynamics(released_model(options), dict(initial.initial), path, test_path)
     require_other_drivers(options.model, options.sets, options)
     code = solver_code(assembly(options.load()))
-    in_c = path.suffix.lower() == ".h"
     text = c_header(code) if in_c else javascript(code)
     _write(path, text)
     if test_path is not None:
@@ -93,12 +95,6 @@ def compile_solver(
         "test": test,
     }
     return Result(data, lambda: _print(data, code.prefix), files=(output, test))
-
-
-def _standard(text: str | None) -> Standard:
-    if text not in (None, "2", "3"):
-        raise InputError(f"--fmi is {text!r}; it can be 2 or 3")
-    return 2 if text == "2" else 3
 
 
 def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, standard: Standard) -> Result:

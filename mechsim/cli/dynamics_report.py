@@ -1,12 +1,13 @@
 """What `mechsim dynamics` reports: JSON, peaks, masses, tolerances and comparisons."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result
+from mechsim import files
+from mechsim.cli.command import PLOTS, TABLES, Result, one_of_each
 from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
@@ -15,14 +16,17 @@ from mechsim.errors import FrictionError, InputError
 from mechsim.kinetics import DynamicModel, InverseDynamics
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.motion_laws import MIN_TURNS
+from mechsim.numerics.arrays import Array
+from mechsim.pictures import plots
 from mechsim.report.facts import study_facts
 
 # limits of rows and turns
 MAX_ROWS, MAX_TURNS = 10_000_000, 1e4
 # after the names of forces that rigid links leave undetermined
 UNDETERMINED = " *"
-
-
+UNITS = {"force": "N", "moment": "N m"}
+# name of a quantity, its peak as in JSON, and its unit
+Peak = tuple[str, dict[str, Any], str]
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks and all masses.")]
 
 
@@ -42,6 +46,17 @@ def require_turns(turns: float) -> None:
     """Raise InputError for an invalid number of turns of the crank."""
     if not MIN_TURNS <= abs(turns) < MAX_TURNS:
         raise InputError(f"--turns is {turns:g}; give {MIN_TURNS:g} to {MAX_TURNS:g} either way")
+
+
+def write_outputs(
+    paths: Sequence[str] | None, columns: Callable[[], Mapping[str, Array]], figure: Callable[[], Any]
+) -> None:
+    """Write the table and the plot for which -o names a path."""
+    table, plot = one_of_each(paths, TABLES, PLOTS)
+    if table is not None:
+        files.write_table(table, columns())
+    if plot is not None:
+        plots.write(plot, figure())
 
 
 def verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
@@ -87,9 +102,7 @@ def print_peaks(name: str, study: InverseDynamics) -> None:
     drives = {f"drive of {joint}{alone}": effort for joint, effort in facts["drives"].items()}
     drives = drives or {f"drive torque{alone}": facts["torque"] | {"unit": "N m"}}
     drives |= {f"actuator {joint}": effort for joint, effort in facts["actuators"].items()}
-    peaks: list[tuple[str, dict[str, Any], str]] = [
-        (what, peak, peak["unit"]) for what, peak in drives.items()
-    ]
+    peaks: list[Peak] = [(what, peak, peak["unit"]) for what, peak in drives.items()]
     notes: list[str] = []
     peaks += [
         peak
@@ -98,8 +111,8 @@ def print_peaks(name: str, study: InverseDynamics) -> None:
     ]
     for joints, reaction in facts["sums"].items():
         peaks += _reaction_peaks(f"sum of {joints}", reaction)
-        undetermined = reaction["not_determined"]
-        without = f"; without {', '.join(undetermined)}, which are undetermined" if undetermined else ""
+        undetermined = ", ".join(reaction["not_determined"])
+        without = f"; without {undetermined}, which are undetermined" if undetermined else ""
         notes.append(f"sum of {joints}: moment about the point of the first{without}")
     for coupling, effort in facts["couplings"].items():
         kind = "torque" if effort["unit"] == "N m" else "force"
@@ -114,12 +127,12 @@ def print_peaks(name: str, study: InverseDynamics) -> None:
     peaks.append(("shaking force on the frame", facts["shaking_force"], "N"))
     peaks.append(("shaking moment about the origin", facts["shaking_moment"], "N m"))
     largest = without_noise([peak["largest"] for _, peak, _ in peaks])
-    rows: list[list[Value]] = []
+    rows: list[tuple[Value, ...]] = []
     for (what, peak, unit), value in zip(peaks, largest, strict=True):
         instant = peak["at_time"] if "at_time" in peak else np.rad2deg(peak["at_angle"])
         mean, rms = without_noise([peak.get("mean", 0.0), peak.get("rms", 0.0)])
-        statistics: list[Value] = [mean, rms] if "rms" in peak else [None, None]
-        rows.append([what, value, unit, instant if value else None, *statistics])
+        statistics = (mean, rms) if "rms" in peak else (None, None)
+        rows.append((what, value, unit, instant if value else None, *statistics))
     kind, at_unit = ("drivers", "s") if facts["drives"] else ("crank", "deg")
     head = ("quantity", "largest", "unit", f"at [{at_unit}]", "mean", "rms")
     print_table(f"{name}: prescribed {kind}", head, rows)
@@ -129,13 +142,13 @@ def print_peaks(name: str, study: InverseDynamics) -> None:
         print_text(note)
 
 
-def _reaction_peaks(what: str, reaction: Mapping[str, Any]) -> list[tuple[str, dict[str, Any], str]]:
+def _reaction_peaks(what: str, reaction: Mapping[str, Any]) -> list[Peak]:
     """Return the rows of a force and moment; undetermined ones are marked."""
     # a joint may have the name of its link
     on = "the frame" if reaction["on"] == GROUND else f"link {reaction['on']}"
     return [
         (f"{kind} {what} on {on}{'' if reaction[kind]['determined'] else UNDETERMINED}", reaction[kind], unit)
-        for kind, unit in (("force", "N"), ("moment", "N m"))
+        for kind, unit in UNITS.items()
     ]
 
 

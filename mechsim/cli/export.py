@@ -17,7 +17,7 @@ from mechsim.cli.options import (
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation.settings import SettingOptions
-from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
+from mechsim.studies.export import LEVEL, SERIAL_FORMATS, require_compatible
 from mechsim.studies.export import export as export_model
 from mechsim.units import option
 
@@ -58,11 +58,6 @@ class ExportOptions:
         "Crank speed of a motor and a keyframe; a bare number is rad/s. [default: no motor]",
     )
 
-    @property
-    def is_twin(self) -> bool:
-        """Whether the serial twin is written."""
-        return self.file_format in SERIAL_FORMATS
-
 
 @command
 def export(
@@ -95,16 +90,17 @@ def export(
         if options != ExportOptions(cam=options.cam) or settings:
             raise InputError("--cam writes a profile; leave out the options of a model")
         return _cam(load_model(model, sets, driven), options.cam, output)
-    if not options.is_twin:
+    is_twin = options.file_format in SERIAL_FORMATS
+    if not is_twin:
         require_compatible(options.file_format, options.scene, settings, options.timestep, options.speed)
     if options.file_format != "toml":  # which contains the motion laws
         require_other_drivers(model, sets, driven)
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     result = export_model(
-        model if options.is_twin else load_model(model, sets, driven, still=True),
+        model if is_twin else load_model(model, sets, driven, still=True),
         path,
-        set=changed_parameters(sets) if options.is_twin else None,
+        set=changed_parameters(sets) if is_twin else None,
         independent=joint_ranges("--independent", options.independent) if options.independent else (),
         format=options.file_format,
         style=options.style,
@@ -113,13 +109,8 @@ def export(
         settings=settings,
         speed=options.speed,
         hole=options.hole,
-        **(driven.as_arguments() if options.is_twin else {}),
+        **(driven.as_arguments() if is_twin else {}),
     )
-    return _result(result, output)
-
-
-def _result(result: ExportedModel, output: str | None) -> Result:
-    """Return the text and data of an exported model."""
 
     def text() -> None:
         if output is None:
@@ -132,26 +123,20 @@ def _result(result: ExportedModel, output: str | None) -> Result:
             typer.echo(result.left_out, err=True)
 
     data: dict[str, Any] = {"mechanism": result.name, "format": result.format, "output": output}
-    data |= {"text": result.text if output is None else None}
-    data["left_out"] = result.left_out
-    data["couplings"] = result.twin.coupled if result.twin else ()
-    return Result(data, text)
+    data |= {"text": result.text if output is None else None, "left_out": result.left_out}
+    return Result(data | {"couplings": result.twin.coupled if result.twin else ()}, text)
 
 
 def _cam(solver: KinematicSolver, joint: str, output: str | None) -> Result:
     """Write the profile of a cam."""
     from mechsim.pictures.cam_files import EXTENSIONS, cam_on, cam_text, write_cam
 
-    cam = cam_on(solver.mechanism, joint)
-    path = None if output is None else writable(output, *EXTENSIONS)
-    if path is not None:
+    cam, kind, text = cam_on(solver.mechanism, joint), ".csv", None
+    if output is None:
+        text = cam_text(cam, kind)
+    else:
+        path = writable(output, *EXTENSIONS)
+        kind = path.suffix.lower()
         write_cam(path, cam)
-    text = cam_text(cam, ".csv") if path is None else None
-    kind: Any = ".csv" if path is None else path.suffix.lower()
-    data: dict[str, Any] = {
-        "mechanism": solver.mechanism.name,
-        "format": kind[1:],
-        "output": output,
-        "text": text,
-    }
+    data = {"mechanism": solver.mechanism.name, "format": kind[1:], "output": output, "text": text}
     return Result(data, lambda: typer.echo(text or f"wrote {output}", nl=text is None))

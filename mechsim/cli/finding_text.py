@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 
-import typer
-
-from mechsim.cli.output import print_table, wrapped
+from mechsim.cli.output import print_table, print_text
 from mechsim.errors import SingularStartError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.finding import Finding
@@ -50,5 +48,4 @@ def print_findings(findings: Sequence[Finding] | None) -> None:
 def print_finding_lines(findings: Sequence[Finding] | None) -> None:
     """Print findings before a verdict."""
     for finding in findings or ():
-        for line in wrapped(f"{finding.kind}: {finding.one_line}", "", "  "):
-            typer.echo(line)
+        print_text(f"{finding.kind}: {finding.one_line}")

@@ -10,7 +10,7 @@ import numpy as np
 from mechsim import files, units
 from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.options import SPEED, ModelOptions, changed_parameters
-from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
@@ -206,23 +206,13 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
 
 def _print_values(title: str, what: str, result: Fit | Identification, names: Sequence[str]) -> None:
     """Print a table of values with their deviations."""
-    within = result.within_95
-    rows = [
-        (
-            name,
-            _to_digit_of(result.values[name], result.deviations.get(name)),
-            _deviation(result.deviations.get(name)),
-            _deviation(within.get(name)),
-            result.start[name],
-            result.units[name],
-        )
-        for name in names
-    ]
+    rows: list[tuple[Value, ...]] = []
+    for name in names:
+        deviations = [own.get(name) for own in (result.deviations, result.within_95)]
+        texts = ["unknown" if value is None else number(value, 2) for value in deviations]
+        value = _to_digit_of(result.values[name], deviations[0])
+        rows.append((name, value, *texts, result.start[name], result.units[name]))
     print_table(title, (what, "value", "± (1 sigma)", "± (95 %)", "start", "unit"), rows)
-
-
-def _deviation(value: float | None) -> str:
-    return "unknown" if value is None else number(value, 2)
 
 
 def _to_digit_of(value: float, deviation: float | None) -> str:

@@ -7,16 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
-from mechsim.cli.command import (
-    PLOTS,
-    TABLES,
-    Result,
-    Stated,
-    Without,
-    command,
-    one_of_each,
-    table_or_plot_file,
-)
+from mechsim.cli.command import Result, Stated, Without, command, table_or_plot_file
 from mechsim.cli.dynamics_report import (
     Verbose,
     print_comparison,
@@ -25,6 +16,7 @@ from mechsim.cli.dynamics_report import (
     require_turns,
     with_masses,
     without_solution,
+    write_outputs,
 )
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
@@ -137,16 +129,14 @@ def forward(
     except FrictionError as error:
         return with_masses(model, without_solution(error), verbose)
     values = release.values(result, options.quantities)
-    table, plot = one_of_each(options.output, TABLES, PLOTS)
-    if table is not None:
-        more = {quantity.name: column for quantity, column in values.items()}
-        files.write_table(table, dict(result.columns()) | more)
-    if plot is not None:
-        shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
-        plots.write(plot, plots.history_plot(result, shown))
-    extents = {
-        quantity.name: _extent(column) | {"unit": quantity.unit} for quantity, column in values.items()
-    }
+    shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
+    energies = files.attributes(result, "kinetic", "potential", "work", "lost")
+    write_outputs(
+        options.output,
+        lambda: dict(result.columns()) | {quantity.name: column for quantity, column in values.items()},
+        lambda: plots.history_plot(result.motion, energies, shown),
+    )
+    extents = {quantity.name: _extent(column, quantity.unit) for quantity, column in values.items()}
     reported = _result(release, result, extents, verdict, verbose, drawn=options.output is not None)
     return with_masses(model, reported, verbose)
 
@@ -178,7 +168,11 @@ def _result(
         "duration": float(result.time[-1]),
         "work": float(result.work[-1]),
         "lost": float(result.lost[-1]),
-        "final": _final(result),
+        "final": {
+            f"{name}.{key}": float(values[-1])
+            for name, joint in result.motion.joints.items()
+            for key, values in (("q", joint.value), ("v", joint.rate))
+        },
         "quantities": dict(quantities),
         "passed": None if verdict is None else verdict.passed,
         "checks": () if verdict is None else verdict.checks,
@@ -221,9 +215,7 @@ def _result(
 def _print_extents(model: DynamicModel, result: DynamicRun, quantities: Mapping[str, dict[str, Any]]) -> None:
     """Print the ranges of coordinates, quantities and drive forces."""
     joints = result.motion.written_joints
-    extents: dict[str, dict[str, Any]] = {
-        name: _extent(joint.value) | {"unit": joint.unit} for name, joint in joints.items()
-    }
+    extents = {name: _extent(joint.value, joint.unit) for name, joint in joints.items()}
     ends = {name: float(joint.rate[-1]) for name, joint in joints.items()}
     rows: list[tuple[Value, ...]] = []
     for quantity, extent in [*extents.items(), *quantities.items()]:
@@ -259,14 +251,7 @@ def _comparison(result: DynamicRun, compared: bool) -> str:
     return f"compared with MuJoCo in {', '.join(spans)}: {soft}"
 
 
-def _extent(values: Array) -> dict[str, Any]:
-    """Return minimum, maximum and last value of a quantity over a run."""
-    return {"least": float(values.min()), "largest": float(values.max()), "final": float(values[-1])}
-
-
-def _final(result: DynamicRun) -> dict[str, float]:
-    """Return the coordinates and rates at the end."""
-    final: dict[str, float] = {}
-    for name, joint in result.motion.joints.items():
-        final |= {f"{name}.q": float(joint.value[-1]), f"{name}.v": float(joint.rate[-1])}
-    return final
+def _extent(values: Array, unit: str) -> dict[str, Any]:
+    """Return minimum, maximum and last value of a quantity over a run, and its unit."""
+    numbers = {"least": values.min(), "largest": values.max(), "final": values[-1]}
+    return {name: float(value) for name, value in numbers.items()} | {"unit": unit}

@@ -6,17 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mechsim import files
-from mechsim.cli.command import (
-    PLOTS,
-    TABLES,
-    Result,
-    Stated,
-    Without,
-    command,
-    one_of_each,
-    table_or_plot_file,
-)
+from mechsim.cli.command import Result, Stated, Without, command, table_or_plot_file
 from mechsim.cli.dynamics_report import (
     Verbose,
     print_comparison,
@@ -27,6 +17,7 @@ from mechsim.cli.dynamics_report import (
     verdict_data,
     with_masses,
     without_solution,
+    write_outputs,
 )
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
@@ -38,6 +29,7 @@ from mechsim.kinetics import DynamicModel, actuated, fluctuation
 from mechsim.kinetics.contact_forces import contact_forces
 from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.force_record import Fluctuation
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import study_facts
@@ -93,9 +85,10 @@ class InverseOptions:
             name: parse(weight, "1", f"the weight of {name}") if sign else 1.0 for name, sign, weight in named
         }
 
-    def rows(self, turns: float) -> int:
-        """Return the number of recorded instants."""
-        return self.samples or max(1, round(TURN_INTERVALS * abs(turns))) + 1
+    @property
+    def rows(self) -> int:
+        """Number of recorded instants."""
+        return self.samples or max(1, round(TURN_INTERVALS * abs(self.turns))) + 1
 
 
 @command
@@ -131,34 +124,36 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
     """Return the result of a prescribed motion."""
     method: Any = options.method
     profile = profile_of(model.solver, options.speed, options.turns)
-    model, rows = model.starting_at(profile.angles), options.rows(options.turns)
-    if method != "none":
-        _require_memory(model, rows)
-    time = np.linspace(0.0, profile.duration, rows)
+    model, compared = model.starting_at(profile.angles), method != "none"
+    if compared:
+        _require_memory(model.mechanism, options.rows)
+    time = np.linspace(0.0, profile.duration, options.rows)
     with progress("dynamics", None) as report:
         # parts of about the same length
-        names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
+        names = ("formulas", "MuJoCo", "check") if compared else ("formulas",)
         steps = iter(sections(report, dict.fromkeys(names, 1.0)))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
         study = actuated(study, weights) if (weights := options.actuator_weights()) else study
         steady = _steady_turn(model, options.speed)
         run, verdict = None, None
-        if method != "none":
+        if compared:
             run = driven(
                 model.mechanism,
                 model.forces,
                 **driven_as(model.solver, profile),
                 method=method,
-                samples=rows - 1,
+                samples=options.rows - 1,
                 progress=next(steps),
             )
             verdict = crosscheck_driven(run, model, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
-    table, plot = one_of_each(options.output, TABLES, PLOTS)
-    if table is not None:
-        files.write_table(table, dict(study.columns()))
-    if plot is not None:
-        plots.write(plot, plots.dynamics_sheet(study, steady, run and run.forces))
+    write_outputs(
+        options.output,
+        lambda: dict(study.columns()),
+        lambda: plots.dynamics_sheet(
+            study.forces, study.torque_parts, study.power_stored, steady, run and run.forces
+        ),
+    )
     alone = "MuJoCo is compared under the drivers alone, without actuators" if weights and run else ""
     note = "; ".join(filter(None, (alone, run and run.note)))
 
@@ -197,9 +192,8 @@ def _steady_turn(model: DynamicModel, speed: float) -> Fluctuation | None:
     return None
 
 
-def _require_memory(model: DynamicModel, instants: int) -> None:
+def _require_memory(mechanism: Mechanism, instants: int) -> None:
     """Raise InputError if memory is too small for the instants of both methods and the check."""
-    mechanism = model.mechanism
     links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
     numbers = 2.0 * (INSTANT_NUMBERS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
     name = f"the dynamics of {instants:,} instants by both methods"

@@ -26,23 +26,17 @@ from mechsim.units import option
 MOTORS: dict[str, tuple[str, type[PlainMotor], tuple[units.Unit, ...]]] = {
     "constant": ("constant:TORQUE in N m", motors.ConstantTorque, ("N m",)),
     "line": ("line:STALL in N m,NO-LOAD speed", motors.TorqueSpeedLine, ("N m", "rad/s")),
-    "dc": (
-        "dc:VOLTAGE in V,RESISTANCE in ohm,CONSTANT in N m/A",
-        motors.DCMotor,
-        ("V", "ohm", "N m/A"),
-    ),
+    "dc": ("dc:VOLTAGE in V,RESISTANCE in ohm,CONSTANT in N m/A", motors.DCMotor, ("V", "ohm", "N m/A")),
 }
 
 
 def gravity_of(text: str) -> tuple[float, float, float]:
     """Return the acceleration of gravity, three numbers in [m/s2]."""
     try:
-        values = units.parse_vector(text, "m/s^2", "--gravity")
-    except InputError:
-        values = ()
-    if len(values) != 3:
-        raise InputError(f"--gravity is {text!r}; give three numbers in m/s2, as in 0,0,-9.81")
-    return values[0], values[1], values[2]
+        x, y, z = units.parse_vector(text, "m/s^2", "--gravity")
+    except ValueError:
+        raise InputError(f"--gravity is {text!r}; give three numbers in m/s2, as in 0,0,-9.81") from None
+    return x, y, z
 
 
 def motor_of(text: str) -> Motor | Controller:
@@ -134,6 +128,7 @@ class LoadOptions:
         """Return all forces on a mechanism, from its file and the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
         own = forces_of(solver)
+        controllers = [motor for motor in self.motor if isinstance(motor, Controller)]
         motors = [motor for motor in self.motor if not isinstance(motor, Controller)]
         if len(motors) > 1:
             raise InputError("--motor gives two motors of the crank; give one")
@@ -141,10 +136,7 @@ class LoadOptions:
             own,
             gravity=own.gravity if self.gravity is None else self.gravity,
             motor=motors[0] if motors else own.motor,
-            controllers=(
-                *own.controllers,
-                *(motor for motor in self.motor if isinstance(motor, Controller)),
-            ),
+            controllers=(*own.controllers, *controllers),
             **loads,
         )
 
@@ -196,14 +188,13 @@ class InitialOptions:
 
     def release(self, model: DynamicModel, source: ModelOptions, **more: Any) -> Release:
         """Return the release of a model, with `more` fields; its run has a default duration of 1 s."""
-        duration: Any = {"duration": DURATION if source.duration is None else source.duration}
-        return Release(
-            model=model,
-            initial=dict(self.initial),
-            prescribed=tuple(name for name, _ in source.drive),
-            until=self.until,
-            **(duration | more),
-        )
+        stated: dict[str, Any] = {
+            "initial": dict(self.initial),
+            "prescribed": tuple(name for name, _ in source.drive),
+            "until": self.until,
+            "duration": DURATION if source.duration is None else source.duration,
+        }
+        return Release(model=model, **(stated | more))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -67,30 +67,27 @@ def map_joints(
         "differences": attributes(comparison, "output", "jacobian", "jacobian_derivative"),
         "passed": comparison.passed,
     }
-    if table.polynomials is not None:
-        errors = zip(table.polynomials.position_error, table.polynomials.torque_error, strict=True)
+    if fit := table.polynomials:
         data["polynomials"] = {
             name: {"position": float(position), "torque": float(torque)}
-            for name, (position, torque) in zip(table.outputs, errors, strict=True)
+            for name, position, torque in zip(
+                table.outputs, fit.position_error, fit.torque_error, strict=True
+            )
         }
-    return Result(
-        data, lambda: _print(table, comparison, source.locks_others), comparison.passed, files=(output,)
-    )
+    return Result(data, lambda: _print(table, comparison, source.locks_others), comparison.passed, [output])
 
 
 def _print(table: JointMap, comparison: MapComparison, lock_others: bool) -> None:
     """Print the reached points, the ranges, and the errors of map and polynomials."""
-    polynomials, jacobian = table.polynomials, np.abs(table.jacobian)
+    jacobian = np.moveaxis(np.abs(table.jacobian), 1, 0)
     head = ["output", "lowest", "highest", "largest ratio"]
     rows: list[list[Value]] = [
         [name, float(values.min()), float(values.max()), float(ratio.max())]
-        for name, values, ratio in zip(
-            table.outputs, table.output.T, np.moveaxis(jacobian, 1, 0), strict=True
-        )
+        for name, values, ratio in zip(table.outputs, table.output.T, jacobian, strict=True)
     ]
-    if polynomials is not None:
+    if fit := table.polynomials:
         head += ["polynomial off by", "its torque by"]
-        errors = zip(polynomials.position_error.tolist(), polynomials.torque_error.tolist(), strict=True)
+        errors = zip(fit.position_error.tolist(), fit.torque_error.tolist(), strict=True)
         rows = [[*row, *error] for row, error in zip(rows, errors, strict=True)]
     print_table(f"{len(table.input)} points, {table.reached:.1%} of the grid; SI units", head, rows)
     if table.locked and not lock_others:

@@ -12,7 +12,7 @@ from mechsim.errors import MobilityError
 from mechsim.kinematics.loops.motion import conditioning_of
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion, select_instants
-from mechsim.mechanism.motion_laws import SWING_FRACTION, CrankProfile, within_range
+from mechsim.mechanism.motion_laws import SWING_FRACTION, Arcs, CrankProfile, within_range
 from mechsim.numerics.arrays import REVOLUTION
 
 # accelerations with this many correct digits need no warning
@@ -70,11 +70,6 @@ def loss_of_significance(solver: KinematicSolver, motion: Motion) -> AccuracyWar
     return AccuracyWarning(digits, instant / laws.rate, laws.axis, float(conditioning[worst]))
 
 
-def most_severe(*candidates: AccuracyWarning | None) -> AccuracyWarning | None:
-    """Return the candidate with the fewest digits."""
-    return min(filter(None, candidates), key=lambda few: few.conditioning, default=None)
-
-
 def _examined_rows(solver: KinematicSolver, motion: Motion) -> NDArray[np.intp]:
     """Return rows away from change points; for a closed form, only the fastest row of each joint.
 
@@ -93,6 +88,19 @@ def _examined_rows(solver: KinematicSolver, motion: Motion) -> NDArray[np.intp]:
     return rows
 
 
+def known_crank_range(solver: KinematicSolver) -> Arcs | None:
+    """Return the range of a crank; None of an underdetermined mechanism.
+
+    Its poses do not determine the range, but a run in time does.
+    """
+    try:
+        return solver.crank_range()
+    except MobilityError as error:
+        if error.outcome != "underdetermined":
+            raise
+        return None
+
+
 def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
     """Return the default motion of a crank that cannot rotate fully, and note its range; otherwise None.
 
@@ -105,16 +113,8 @@ def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
     Raises:
         AssemblyError: if the loops close at no crank angle.
     """
-    if not solver.motion_laws.crank:
-        return None
-    try:
-        arcs = solver.crank_range()
-    except MobilityError as error:
-        if error.outcome != "underdetermined":
-            raise
-        # poses of an underdetermined mechanism do not determine the range, but a run in time does
-        return None
-    if arcs.full or not arcs.arcs:
+    arcs = known_crank_range(solver) if solver.motion_laws.crank else None
+    if arcs is None or arcs.full or not arcs.arcs:
         return None
     ends = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in np.rad2deg(arcs.arcs))
     notes.append(

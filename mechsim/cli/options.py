@@ -206,6 +206,19 @@ class DriveOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ControlOptions:
+    """Controls of the actuators of a user's MJCF scene."""
+
+    ctrl: tuple[tuple[str, str], ...] = pairs(
+        "--ctrl servo=0.3*sin(2*pi*t)",
+        "Control of an actuator of an MJCF file, in its own unit: a number, an expression of t in s "
+        "(255*(0.5-0.5*cos(2*pi*t))), or FILE.csv. The file is stepped with its own settings, except those "
+        "given here.",
+        "ACTUATOR=LAW",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ModelOptions(DriveOptions):
     """A mechanism, its changed parameters, and its motion."""
 

@@ -94,14 +94,14 @@ def output_units(text: str | None, solver: "KinematicSolver") -> OutputUnits | N
     if text == "file":
         return OutputUnits(declared.length, declared.angle)
     units_of = {"m": "m", "rad": "rad"}
-    for item in [] if text.lower() == "si" else text.split(","):
-        kind = next((unit for unit in ("m", "rad") if _measures(item.strip(), unit)), None)
+    for item in [] if text.lower() == "si" else map(str.strip, text.split(",")):
+        kind = next((unit for unit in units_of if _measures(item, unit)), None)
         if kind is None:
             raise InputError(
-                f"--units {text!r} names {item.strip()!r}, which measures no length and no angle; give mm, "
+                f"--units {text!r} names {item!r}, which measures no length and no angle; give mm, "
                 "deg, both as mm,deg, SI, or file"
             )
-        units_of[kind] = item.strip()
+        units_of[kind] = item
     return OutputUnits(units_of["m"], units_of["rad"])
 
 
@@ -199,7 +199,10 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[Value]]
     widths = _column_widths(columns, width() - len(GAP) * len(columns))
     right = [all(_is_number(text) for text in column[1:] if text) for column in columns]
     for i in range(len(texts) + 1):
-        lines = [_in_lines(column[i], w) for column, w in zip(columns, widths, strict=True)]
+        lines = [
+            textwrap.wrap(column[i], max(w, 1), break_long_words=False, break_on_hyphens=False)
+            for column, w in zip(columns, widths, strict=True)
+        ]
         for line_texts in zip_longest(*lines, fillvalue=""):
             aligned = (
                 f"{text:>{w}}" if r else f"{text:<{w}}"
@@ -223,16 +226,9 @@ def _column_widths(columns: Sequence[Sequence[str]], available: int) -> list[int
     """Return column widths whose sum is at most `available`: the widest are narrowed, no word is split."""
     widths = [max(map(len, column)) for column in columns]
     least = [max((len(word) for text in column for word in text.split()), default=0) for column in columns]
-    while sum(widths) > available:
-        wide = [i for i in range(len(widths)) if widths[i] > least[i]]
-        if not wide:
-            break
-        widths[max(wide, key=lambda i: widths[i])] -= 1
+    while sum(widths) > available and (wide := [i for i, w in enumerate(widths) if w > least[i]]):
+        widths[max(wide, key=widths.__getitem__)] -= 1
     return widths
-
-
-def _in_lines(text: str, columns: int) -> list[str]:
-    return textwrap.wrap(text, max(columns, 1), break_long_words=False, break_on_hyphens=False)
 
 
 def _is_number(text: str) -> bool:

@@ -13,8 +13,9 @@ from mechsim.cli.load_options import (
 )
 from mechsim.cli.options import SPEED, ModelOptions, Speed
 from mechsim.errors import InputError
+from mechsim.mechanism.quantities import quantity_names
 from mechsim.pictures import plots
-from mechsim.report.plot_table import OF_RUNS, PLOTS, PlotOptions, PlotSource, require_taken
+from mechsim.report.plot_table import OF_RUNS, PLOTS, PlotSource, plot_kind
 from mechsim.studies.drawn_motion import moved_by_forces
 from mechsim.units import crank_speed, option
 
@@ -23,8 +24,10 @@ from mechsim.units import crank_speed, option
 def plot(
     source: Annotated[ModelOptions, Without("loops")],
     output: Annotated[str, plot_file("Plot to write")],
-    options: PlotOptions,
     stated: Stated,
+    coordinates: tuple[str, ...] | None = option(
+        None, "Quantities to draw: P.x, rocker.v, distance:P,Q.", read=quantity_names, name="--of"
+    ),
     kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}."),
     speed: Speed = SPEED,
 ) -> Result:
@@ -40,10 +43,7 @@ def plot(
         raise InputError(
             f"{source.model} is a table, and plot draws mechanisms; draw it with xarray or pandas"
         )
-    if kind not in PLOTS:
-        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
-    row = PLOTS[kind]
-    require_taken(kind, row.takes, options)
+    row = plot_kind(kind, coordinates)
     stated.exclude(["track"], f"on plot {kind!r}", row.transmission)
     solver, release = replace(source, duration=None).load(still=True), None
     if kind in OF_RUNS and moved_by_forces(solver):
@@ -54,8 +54,13 @@ def plot(
     if not solver.motion_laws.crank and row.transmission:
         kinds = ", ".join(name for name, other in PLOTS.items() if not other.transmission)
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {kinds}")
-    more: dict[str, Any] = {"model": LoadOptions().dynamic_model, "release": release}
-    plotted = PlotSource(solver=solver, speed=crank_speed(speed), options=options, **more)
+    plotted = PlotSource(
+        solver=solver,
+        speed=crank_speed(speed),
+        quantities=coordinates or (),
+        model=LoadOptions().dynamic_model,
+        release=release,
+    )
     stated.exclude(["speed"], "under motion laws", not solver.motion_laws.crank)
     figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
     plots.write(output, figure)

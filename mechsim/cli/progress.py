@@ -6,6 +6,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
+from functools import partial
+from itertools import accumulate
 from threading import Event, Thread
 from typing import Protocol
 
@@ -74,6 +76,7 @@ SILENCE = 20.0
 # start of the line, and erase it (ECMA-48, EL)
 CLEARED = "\r\x1b[K"
 
+# count, message, finished fraction, remaining time in [s]
 Show = Callable[[int, str, float | None, float | None], None]
 
 
@@ -153,18 +156,13 @@ def sections(report: Progress, shares: Mapping[str, float]) -> list[Callable[[st
         report: callback of the command.
         shares: name of a part -> its share of the processor time, in any unit.
     """
-    result: list[Callable[[str, float], None]] = []
-    whole, before = sum(shares.values()), 0.0
-    for name, share in shares.items():
+    whole = sum(shares.values())
 
-        def section(
-            message: str, fraction: float, name: str = name, before: float = before, share: float = share
-        ) -> None:
-            report(f"{name}, {message}" if message else name, (before + share * fraction) / whole)
+    def section(name: str, before: float, message: str, fraction: float) -> None:
+        report(f"{name}, {message}" if message else name, (before + shares[name] * fraction) / whole)
 
-        result.append(section)
-        before += share
-    return result
+    starts = accumulate(shares.values(), initial=0.0)
+    return [partial(section, name, before) for name, before in zip(shares, starts, strict=False)]
 
 
 @contextmanager

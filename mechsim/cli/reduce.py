@@ -6,9 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from mechsim.cli.command import Result, Without, command, output_file
-from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions
+from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model

@@ -6,14 +6,35 @@ import typer
 
 from mechsim import files
 from mechsim.cli.command import Result
+from mechsim.cli.exit_codes import notes
+from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_text
 from mechsim.mechanism.finding import POSITION_TOLERANCE, Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.errors import SceneEvaluator, divergence_reason, sampled_run, start_error
+from mechsim.studies.scene.open_scene import open_scene, require_mjcf
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
+
+
+def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> UserScene:
+    """Return the scene of an MJCF file and its prescribed motion; notes state what was changed.
+
+    Args:
+        path: path of the file.
+        driven: drivers, duration and tracked points.
+        controls: controls of the actuators.
+
+    Raises:
+        InputError: if the file is not MJCF, or a joint, actuator, keyframe or point is missing.
+        AssemblyError: if the loops do not close at the start of the motion laws.
+    """
+    require_mjcf(path)
+    scene, changed = open_scene(path, ctrl=dict(controls.ctrl), **driven.as_arguments())
+    notes.extend(changed)
+    return scene
 
 
 def run_under_controls(
@@ -33,13 +54,17 @@ def run_under_controls(
         output: file of the motion; None writes none.
     """
     tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
-    violation = _start_violation(scene, tolerance)
+    gap = start_error(scene)
+    violation = (
+        f"the loops are open by {gap:.2g} m at the initial pose of the file, which no time step corrects; "
+        "give more digits there, or let `mechsim tune` write a keyframe that is closed"
+    )
     run = run_scene(scene, plain.applied(scene.model))
     errors = SceneEvaluator().errors(run)
     if samples is not None:
         run = sampled_run(run, samples)
     outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
-    note = divergence_reason(run) if run.broken else violation
+    note = divergence_reason(run) if run.broken else violation if gap > tolerance else ""
     if output is not None:
         files.write_table(output, table_of(run))
 
@@ -70,17 +95,6 @@ def run_under_controls(
         "rows": len(run.time),
     }
     return Result(data, text, outcome == "passed")
-
-
-def _start_violation(scene: UserScene, tolerance: float) -> str:
-    """Return the loop-closure error at the start, as text, if no step can correct it; otherwise empty."""
-    error = start_error(scene)
-    if error <= tolerance:
-        return ""
-    return (
-        f"the loops are open by {error:.2g} m at the initial pose of the file, which no time step corrects; "
-        "give more digits there, or let `mechsim tune` write a keyframe that is closed"
-    )
 
 
 def table_of(run: SceneRun) -> dict[str, Array]:

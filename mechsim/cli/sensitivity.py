@@ -113,14 +113,12 @@ def sensitivity(
 
 def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]:
     """Return a table and a study as plain data."""
-    over, _ = table.moved.over
     data: dict[str, Any] = {
         "mechanism": table.name,
         "rows": len(table),
-        "over": over,
+        "over": table.moved.over[0],
         "dimensions": {
-            name: {"value": dimension.value, "unit": dimension.unit}
-            for name, dimension in table.dimensions.items()
+            name: files.attributes(dimension, "value", "unit") for name, dimension in table.dimensions.items()
         },
         "units": {
             f"{quantity}/{name}": table.unit(quantity, name) for quantity in table.values for name in table.by
@@ -128,23 +126,22 @@ def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]
         "columns": dict(table.columns()),
         "left_out": table.left_out,
     }
-    if study is None:
-        return data
-    clearances = {joint + CLEARANCE: value for joint, value in study.tolerances.clearances.items()}
-    data["tolerances"] = {
-        "bounds": {**study.tolerances.bounds, **clearances},
-        "quantities": {quantity: _deviations(study, quantity) for quantity in table.values},
-    }
+    if study is not None:
+        clearances = {joint + CLEARANCE: value for joint, value in study.tolerances.clearances.items()}
+        data["tolerances"] = {
+            "bounds": {**study.tolerances.bounds, **clearances},
+            "quantities": {quantity: _deviations(study, quantity) for quantity in table.values},
+        }
     return data
 
 
 def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
     """Return the largest deviation of a quantity over the motion, its position, and the contributions."""
-    worst, (_, instants) = study.worst(quantity), study.table.moved.over
+    worst = study.worst(quantity)
     return {
         "unit": study.table.units[quantity],
         "worst": float(worst.max()),
-        "at": float(instants[int(np.argmax(worst))]),
+        "at": float(study.table.moved.over[1][int(np.argmax(worst))]),
         "rss": float(study.squares(quantity).max()),
         "deviation": float(study.deviation(quantity).max()),
         "shares": study.shares(quantity),
@@ -158,7 +155,6 @@ def _instants(table: Sensitivity) -> tuple[str, float]:
 
 
 def _print_derivatives(table: Sensitivity) -> None:
-    _, instants = table.moved.over
     heading, factor = _instants(table)
     rows: list[tuple[Value, ...]] = []
     for quantity, own in table.values.items():
@@ -168,7 +164,8 @@ def _print_derivatives(table: Sensitivity) -> None:
             # 0 if a change as large as the dimension changes the quantity by rounding errors only
             dimension = abs(table.dimensions[name].value) or 1.0
             derivative = without_noise([float(values[i]), largest / dimension])[0]
-            rows.append((quantity, name, derivative, table.unit(quantity, name), factor * float(instants[i])))
+            instant = factor * float(table.moved.over[1][i])
+            rows.append((quantity, name, derivative, table.unit(quantity, name), instant))
     print_table(f"{table.name}: derivatives", ("of", "by", "largest", "unit", heading), rows)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from itertools import islice
 from typing import Annotated, Any
 
 import typer
@@ -95,13 +96,12 @@ def show(
 
 def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
     declared, mechanism = solver.written, solver.mechanism
-    if any(parameter["doc"] for parameter in data["parameters"].values()):
-        rows = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
+    rows = [(name, _text(row["value"]), row["unit"], row["doc"]) for name, row in data["parameters"].items()]
+    if any(doc for *_, doc in rows):
         print_table("Parameters", ("name", "value", "unit", "meaning"), rows)
     else:
-        values = [(name, _text(p["value"])) for name, p in data["parameters"].items()]
         title = f"Parameters, in the units of the file ({declared.length}, {declared.angle})"
-        print_table(title, ("name", "value"), values)
+        print_table(title, ("name", "value"), [row[:2] for row in rows])
     joints = [
         (joint.name, mechanism.contacts.get(joint.name, joint).kind, " - ".join(joint.links))
         for joint in data["joints"]
@@ -160,22 +160,13 @@ def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
         reason = "the configuration is singular there" if in_range else "outside the crank's range"
         typer.echo(f"no assembly {where}: {reason}")
         return
-    scale = shown.converted("m")[0]
-    coordinates = iter(
-        without_noise(
-            [x / scale for assembly in assemblies for point in assembly["points"].values() for x in point]
-        )
-    )
-    rows: list[list[Value]] = [
-        [
-            ", ".join(f"{name} {value:+d}" for name, value in assembly.items() if isinstance(value, int))
-            or (str(number_) if len(assemblies) > 1 else ""),
-            point,
-            *(next(coordinates) for _ in range(3)),
-        ]
-        for number_, assembly in enumerate(assemblies, 1)
-        for point in assembly["points"]
-    ]
+    points = [x for assembly in assemblies for point in assembly["points"].values() for x in point]
+    coordinates = iter(without_noise([x / shown.converted("m")[0] for x in points]))
+    rows: list[list[Value]] = []
+    for i, assembly in enumerate(assemblies, 1):
+        chosen = [f"{name} {value:+d}" for name, value in assembly.items() if isinstance(value, int)]
+        name = ", ".join(chosen) or (str(i) if len(assemblies) > 1 else "")
+        rows += [[name, point, *islice(coordinates, 3)] for point in assembly["points"]]
     head = ["assembly", "point", *(shown.label(axis, "m") for axis in "xyz")]
     # a mechanism with one assembly needs no column for it
     first = 0 if any(row[0] for row in rows) else 1

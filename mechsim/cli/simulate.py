@@ -1,22 +1,28 @@
 """Command `mechsim simulate`: a mechanism or a user's MJCF scene in MuJoCo."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.command import Result, Stated, command, option_names, table_file
-from mechsim.cli.control_options import ControlOptions, user_scene
+from mechsim.cli.command import Result, Stated, command, table_file
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
-from mechsim.cli.motion_warnings import limited_swing, loss_of_significance
-from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, with_policy
+from mechsim.cli.motion_warnings import known_crank_range, limited_swing, loss_of_significance
+from mechsim.cli.options import (
+    SPEED,
+    ChangePointOption,
+    ControlOptions,
+    ModelOptions,
+    require_motion,
+    with_policy,
+)
 from mechsim.cli.output import number, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline, motion_law_of_crank
-from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.io.driver_positions import Poses, driver_path
 from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.loops.record import with_all_joints
@@ -33,7 +39,7 @@ from mechsim.units import crank_speed, option, parse_length, parse_time
 # options without an effect on a file that is stepped under controls
 WITHOUT_CONTROLS = ("change_point", "sets", "poses", "method", "drive_inertia")
 # options of time steps
-OF_STEPS = ("timestep", *option_names(SettingOptions))
+OF_STEPS = ("timestep", *(field.name for field in fields(SettingOptions)))
 # options that apply to a crank only and are invalid with motion laws
 CRANK_OPTIONS = ("speed", "turns")
 UNDER_LAWS = "under motion laws, whose time is --duration"
@@ -96,7 +102,7 @@ def simulate(
     if controls.ctrl:
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
         stated.exclude(["lock"], "as `others` with --ctrl, which runs the file as it is", source.locks_others)
-        from mechsim.cli.scene_run import run_under_controls
+        from mechsim.cli.scene_run import run_under_controls, user_scene
 
         stated.exclude(CRANK_OPTIONS, UNDER_LAWS)
         controlled = user_scene(source.model, source, controls)
@@ -199,16 +205,12 @@ def _poses(solver: KinematicSolver, options: RunOptions, scene: Scene) -> Run:
 
 def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> CrankProfile:
     """Return the crank's motion at constant speed; raise AssemblyError if it leaves the crank's range."""
-    try:
-        arcs = solver.crank_range()
-    except MobilityError as error:
-        if error.outcome != "underdetermined":
-            raise
-        # poses of an underdetermined mechanism do not determine the range, but a run in time does
-        return constant(speed, turns, solver.mechanism.start)
-    if arcs.full or not arcs.arcs:
+    arcs = known_crank_range(solver)
+    if arcs is not None and (arcs.full or not arcs.arcs):
         return constant(speed, turns)
     profile = constant(speed, turns, solver.mechanism.start)
+    if arcs is None:
+        return profile
     ends, _, _ = profile.state(np.array([0.0, profile.duration]))
     arc = interval_around(arcs, float(ends[0]))
     if arc is None or not arc[0] <= ends.min() <= ends.max() <= arc[1]:

@@ -10,7 +10,7 @@ import typer
 
 from mechsim import files
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command, table_file
-from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance, most_severe
+from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
@@ -39,8 +39,6 @@ from mechsim.units import crank_speed, option, parse_angles
 if TYPE_CHECKING:
     from mechsim.io.driver_positions import Poses
 
-# times or crank angles -> the motion at these instants
-MotionAt = Callable[[Array], Motion]
 # rows of a chunk of the result
 CHUNK = 1 << 17
 # bytes of memory per number for output as .npz, and as JSON
@@ -95,14 +93,8 @@ class SolveTask:
 
     solver: KinematicSolver
     instants: Array
-    motion_at: MotionAt
+    motion_at: Callable[[Array], Motion]
     name: str
-
-    @property
-    def numbers(self) -> float:
-        """Number of values in a row of the result."""
-        mechanism = self.solver.mechanism
-        return 1.0 + 9.0 * len(mechanism.points) + 3.0 * len(mechanism.joints)
 
 
 @command
@@ -134,9 +126,10 @@ def solve(
     task, shown = _task(solver, options), output_units(units, solver)
     in_terminal = output is None and sys.stdout.isatty()
     if as_json or in_terminal or (output or "").lower().endswith(".npz"):
+        numbers = 1.0 + 9.0 * len(solver.mechanism.points) + 3.0 * len(solver.mechanism.joints)
         number_bytes = JSON_BYTES if as_json else NPZ_BYTES
         remedy = "write .csv, which needs no memory"
-        require_memory(task.name, len(task.instants) * task.numbers, number_bytes, remedy)
+        require_memory(task.name, len(task.instants) * numbers, number_bytes, remedy)
         return _whole(task.solver, task.motion_at(task.instants), output, shown)
     _in_chunks(task, output, shown)
     return None
@@ -195,7 +188,8 @@ def _in_chunks(task: SolveTask, output: str | None, shown: OutputUnits | None) -
     def chunks() -> Iterator[dict[str, Array]]:
         for first in range(0, len(instants), CHUNK):
             motion = task.motion_at(instants[first : first + CHUNK])
-            fewest.extend(filter(None, [loss_of_significance(task.solver, motion)]))
+            if few := loss_of_significance(task.solver, motion):
+                fewest.append(few)
             yield in_units(motion.columns(), motion.column_units(), shown)
             report()
 
@@ -204,9 +198,8 @@ def _in_chunks(task: SolveTask, output: str | None, shown: OutputUnits | None) -
             _print_csv(chunks())
         else:
             files.write_tables(output, chunks())
-    few = most_severe(*fewest)
-    if few is not None:
-        few.warn()
+    if fewest:
+        min(fewest, key=lambda few: few.conditioning).warn()
     if output is not None:
         typer.echo(f"wrote {len(instants)} rows to {output}")
 

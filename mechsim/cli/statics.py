@@ -8,17 +8,8 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.cli.command import (
-    PLOTS,
-    TABLES,
-    Result,
-    Without,
-    command,
-    one_of_each,
-    table_file,
-    table_or_plot_file,
-)
-from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
+from mechsim.cli.command import Result, Without, command, table_file, table_or_plot_file
+from mechsim.cli.dynamics_report import Verbose, require_method, with_masses, write_outputs
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
@@ -85,7 +76,7 @@ def statics(
     ranges = holding_range(model, initial=state) if state else {}
     loaded = None if curve is None else _load_curve(model, curve, state)
     if output is not None:
-        files.write_table(output, _columns(solutions) if loaded is None else _curve_columns(loaded))
+        files.write_table(output, _columns(solutions, loaded))
 
     def text() -> None:
         if any(equilibrium.everywhere for equilibrium in solutions):
@@ -109,14 +100,12 @@ def statics(
         if verdicts:
             print_verdicts(verdicts, verbose=verbose)
 
-    facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
     checks = [replace(check, variant=name) for name, verdict in verdicts.items() for check in verdict.checks]
     agreed = all(verdict.passed for verdict in verdicts.values())
-    finite = {name: [x if abs(x) < np.inf else None for x in limits] for name, limits in ranges.items()}
     data: dict[str, Any] = {
-        "equilibria": facts,
+        "equilibria": [_equilibrium_facts(equilibrium) for equilibrium in solutions],
         "holding": torques,
-        "holding_range": finite,
+        "holding_range": ranges,
         "passed": agreed if verdicts else None,
         "checks": checks,
     }
@@ -146,17 +135,14 @@ def _verdicts(model: DynamicModel, solutions: Sequence[Equilibrium]) -> dict[str
     }
 
 
-def _columns(solutions: Sequence[Equilibrium]) -> dict[str, Array]:
-    """Return the columns of a table of equilibria."""
+def _columns(solutions: Sequence[Equilibrium], curve: LoadCurve | None) -> dict[str, Array]:
+    """Return the columns of a table of a load-displacement curve, or without one of the equilibria."""
+    if curve is not None:
+        columns = {f"{name}.q": values for name, values in curve.q.items()}
+        return {"load": curve.load, "displacement": curve.displacement, **columns}
     names = list(solutions[0].q) if solutions else []
     columns = {f"{name}.q": np.array([item.q[name] for item in solutions]) for name in names}
     return {**columns, "potential": np.array([item.potential for item in solutions])}
-
-
-def _curve_columns(curve: LoadCurve) -> dict[str, Array]:
-    """Return the columns of a table of a load-displacement curve."""
-    columns = {f"{name}.q": values for name, values in curve.q.items()}
-    return {"load": curve.load, "displacement": curve.displacement, **columns}
 
 
 def _load_curve(model: DynamicModel, text: str, initial: Mapping[str, Initial]) -> LoadCurve:
@@ -192,19 +178,19 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
         for equilibrium in solutions
     ]
     searched = "found along the motion"
-    other = f" and {assemblies} random ones of any assembly" if assemblies else ""
+    if assemblies:
+        searched += f" and {assemblies} random ones of any assembly"
     if not rows:
         hint = "" if assemblies else "; --assemblies N also searches from N random ones of any assembly"
-        print_text(f"{mechanism.name}: no equilibrium {searched}{other}{hint}")
+        print_text(f"{mechanism.name}: no equilibrium {searched}{hint}")
     families = sum(equilibrium.dimension > 0 for equilibrium in solutions)
     isolated = len(solutions) - families
     noun = "equilibrium" if isolated == 1 else "equilibria"
     kinds = f"{isolated} {noun}"
     if families:
         kinds = f"{isolated} isolated {noun} and {families} famil{'y' if families == 1 else 'ies'}"
-    title = f"{mechanism.name}: {kinds} {searched}{other}"
     head = ("at", "dimension", "stable", "reached", "potential [J]", "modes")
-    print_table(title, head, rows)
+    print_table(f"{mechanism.name}: {kinds} {searched}", head, rows)
 
 
 def _root_text(mode: Mode) -> str:
@@ -226,20 +212,20 @@ def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
     names = ("q", "stable", "dimension", "singular", "reached", "everywhere", "potential", "stops")
-    modes = [_mode_facts(mode) for mode in equilibrium.modes]
-    return files.attributes(equilibrium, *names) | {"modes": modes}
+    return files.attributes(equilibrium, *names) | {"modes": [*map(_mode_facts, equilibrium.modes)]}
 
 
 def _mode_facts(mode: Mode) -> dict[str, Any]:
     """Return a mode as plain data; amplitudes that are in phase or opposed are real numbers."""
     largest = max((abs(value) for value in mode.shape.values()), default=0.0)
     real = all(abs(value.imag) <= REAL * largest for value in mode.shape.values())
-    shape: dict[str, float | list[float]] = {
-        name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
-    }
-    eigenvalue = [mode.eigenvalue.real, mode.eigenvalue.imag]
     numbers = files.attributes(mode, "frequency", "damping_ratio", "error")
-    return numbers | {"eigenvalue": eigenvalue, "shape": shape}
+    return numbers | {
+        "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+        "shape": {
+            name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
+        },
+    }
 
 
 @command
@@ -260,12 +246,12 @@ def modes(
     model = loads.dynamic_model(source.load(still=True))
     equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
     name = model.mechanism.name
-    table, plot = one_of_each(output, TABLES, PLOTS)
-    if table is not None:
-        files.write_table(table, _mode_columns(equilibrium.modes))
-    if plot is not None:
+
+    def figure() -> Any:
         cycles = {cycle.title: cycle.motion for cycle in mode_motions(equilibrium)}
-        plots.write(plot, plots.mode_plot(model.mechanism, cycles))
+        return plots.mode_plot(model.mechanism, cycles)
+
+    write_outputs(output, lambda: _mode_columns(equilibrium.modes), figure)
 
     def text() -> None:
         rows: list[tuple[str, ...]] = []
@@ -287,8 +273,7 @@ def modes(
 def _mode_columns(modes: Sequence[Mode]) -> dict[str, Array]:
     """Return the columns of a table of modes: roots s in [1/s], and complex amplitudes of the joints."""
     columns = {
-        "frequency": np.array([mode.frequency for mode in modes]),
-        "damping_ratio": np.array([mode.damping_ratio for mode in modes]),
+        name: np.array([getattr(mode, name) for mode in modes]) for name in ("frequency", "damping_ratio")
     }
     shapes = {joint: [mode.shape[joint] for mode in modes] for joint in (modes[0].shape if modes else ())}
     for name, numbers in {"s": [mode.eigenvalue for mode in modes], **shapes}.items():
@@ -327,11 +312,8 @@ def response(
     model = loads.dynamic_model(source.load(still=True))
     result = frequency_response(model, response, dict(initial.initial))
     columns = result.columns()
-    table, plot = one_of_each(output, TABLES, PLOTS)
-    if table is not None:
-        files.write_table(table, columns)
-    if plot is not None:
-        plots.write(plot, plots.bode_plot(columns, f"{result.quantity} [{result.unit}]"))
+    label = f"{result.quantity} [{result.unit}]"
+    write_outputs(output, lambda: columns, lambda: plots.bode_plot(columns, label))
     magnitude, frequency = columns["magnitude"], columns["frequency"]
     peak = int(np.argmax(magnitude))
     text = (

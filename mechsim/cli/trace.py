@@ -11,7 +11,6 @@ from mechsim.cli.options import ModelOptions, require_other_drivers
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import several
-from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve
 from mechsim.mechanism.limits import Ranges
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
@@ -54,27 +53,30 @@ def trace(
 def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
     first = trace.curves[0]
     driver = "crank" if first.driver.unit == "rad" else first.driver.coordinate
-    rows: list[tuple[Value, ...]] = [
-        (f"{i + 1}{' (initial)' if i == 0 else ''}", curve.starts_ended, curve.length, *_crank_cells(curve))
-        for i, curve in enumerate(trace.curves)
-    ]
+    rows: list[tuple[Value, ...]] = []
+    for i, curve in enumerate(trace.curves, 1):
+        dead_centres = ", ".join(_quantity(float(angle), curve.driver.unit) for angle in curve.dead_centres)
+        turns = several(abs(curve.turns), "turn") if curve.turns else ""
+        moves = turns or ("swings" if dead_centres else "stands still")
+        name = f"{i}{' (initial)' if i == 1 else ''}"
+        rows.append((name, curve.starts_ended, curve.length, moves, dead_centres))
     title = (
         f"{trace.mechanism.name}: {several(len(trace.curves), 'component')}; {trace.closed} of "
         f"{trace.starts} random starts (seed {trace.seed}) ended in an assembly"
     )
     print_table(title, ("component", "starts", "arc", driver, "dead centres"), rows)
     units = {column.name: column.unit for column in first.joints.columns}
+    points = [(str(i), point) for i, curve in enumerate(trace.curves, 1) for point in curve.turning_points]
     rows = [
         (
-            str(i + 1),
+            component,
             point.coordinate,
             point.which,
             _quantity(point.value, units[point.coordinate]),
             point.arc,
             _quantity(point.angle, first.driver.unit),
         )
-        for i, curve in enumerate(trace.curves)
-        for point in curve.turning_points
+        for component, point in points
         if not point.coordinate.startswith(VIRTUAL_PREFIX)
     ]
     head = ("component", "coordinate", "", "value", "arc", driver)
@@ -85,11 +87,7 @@ def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
         print_text(f"assemblies meet at {driver} {angle}: component {locations}")
     for line in trace.left_out:
         print_text(line)
-    extremes = [
-        (point.coordinate.removesuffix(".q"), point.value)
-        for curve in trace.curves
-        for point in curve.turning_points
-    ]
+    extremes = [(point.coordinate.removesuffix(".q"), point.value) for _, point in points]
     exceeded = {
         name for name, value in extremes if name in ranges and not ranges[name][0] <= value <= ranges[name][1]
     }
@@ -101,13 +99,6 @@ def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
         if trace.complete_at
         else f"perhaps more: found from random starts; {trace.reason or 'some poses of groups do not close'}"
     )
-
-
-def _crank_cells(curve: AssemblyCurve) -> tuple[str, str]:
-    """Return the motion of the crank along a curve, and its dead centres."""
-    dead_centres = ", ".join(_quantity(float(angle), curve.driver.unit) for angle in curve.dead_centres)
-    turns = abs(curve.turns)
-    return several(turns, "turn") if turns else "swings" if dead_centres else "stands still", dead_centres
 
 
 def _quantity(value: float, unit: str) -> str:
@@ -133,24 +124,19 @@ def curve_table(trace: AssemblyTrace) -> dict[str, Array]:
 
 def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
     """Return the trace as plain data; components are counted from 1."""
+    facts = ("starts_ended", "length", "turns", "dead_centres", "turning_points")
     return {
         "mechanism": trace.mechanism.name,
         **files.attributes(trace, "starts", "seed", "closed", "left_out", "complete_at", "reason"),
         "components": [
-            {
-                "component": i + 1,
-                "own": i == 0,
-                **files.attributes(
-                    curve, "starts_ended", "length", "turns", "dead_centres", "turning_points"
-                ),
-            }
-            for i, curve in enumerate(trace.curves)
+            {"component": i, "own": i == 1, **files.attributes(curve, *facts)}
+            for i, curve in enumerate(trace.curves, 1)
         ],
         "branch_points": [
             {
-                "angle": branch_point.angle,
-                "places": [{"component": i + 1, "arc": arc} for i, arc in branch_point.locations],
+                "angle": point.angle,
+                "places": [{"component": i + 1, "arc": arc} for i, arc in point.locations],
             }
-            for branch_point in trace.branch_points
+            for point in trace.branch_points
         ],
     }

@@ -96,8 +96,7 @@ def _print(result: Tradeoff, by: str) -> None:
         f"angle and drive in rad; stroke {number(subject.stroke)} m"
     )
     for name, curve in result.best_curves(by).items():
-        order = result.order(curve, by)
-        if order is not None:
+        if order := result.order(curve, by):
             print_text(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
     print_text("use: integrator, time constant of the loops (turn/10: a tenth of a turn), compliance scale")
     print_text(_count(result))
@@ -107,8 +106,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
     """Print the use of each recommendation; identical recommendations are printed once."""
     bounds_of: dict[str, list[str]] = {}
     for limit in BOUNDS:
-        point = result.choice(limit, by)
-        if point is not None:
+        if point := result.choice(limit, by):
             bounds_of.setdefault(command_of(point, model, result.subject.speed), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")

@@ -8,9 +8,8 @@ import typer
 
 from mechsim import units
 from mechsim.cli.command import Result, Without, command, one_of_each, output_file
-from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions
+from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError

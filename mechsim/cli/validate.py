@@ -17,11 +17,7 @@ from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
 from mechsim.cli.output import print_json
 from mechsim.cli.progress import progress, sections
-from mechsim.cli.verdict_text import (
-    print_agreement,
-    print_cases,
-    print_verdicts,
-)
+from mechsim.cli.verdict_text import print_agreement, print_cases, print_verdicts
 from mechsim.compare.checks import Verdict
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.io import catalog, gallery
@@ -134,7 +130,6 @@ def _validate(
     as_json: bool,
 ) -> Result:
     """Validate models, and write a report into a folder if there is one."""
-    driven_or_changed = driven != DriveOptions() or bool(sets)
     if chosen.against is not None:
         if models is None or len(models) != 1 or chosen.whole_gallery:
             raise InputError("--against compares one model; name exactly one")
@@ -144,16 +139,22 @@ def _validate(
     names = list(models or catalog.MECHANISMS)
     names += list(gallery.files()) if chosen.whole_gallery or not models else []
     names = list(dict.fromkeys(names))
-    if driven_or_changed and len(names) != 1:
+    if (driven != DriveOptions() or sets) and len(names) != 1:
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
         raise InputError(f"{options} one mechanism; name it")
     solving = with_formulas if chosen.formula else str
-    designs = _by_name({model: load_parametric(solving(model), sets, driven) for model in names})
+    loaded = [load_parametric(solving(model), sets, driven) for model in names]
     if not chosen.formula:
-        designs = {name: _without_formula(design) for name, design in designs.items()}
-    solvers = [design.make({}) for design in designs.values()]
+        loaded = [*map(_without_formula, loaded)]
+    solvers = [design.make({}) for design in loaded]
     _require_crank(stated, solvers)
     report_code(solvers)
+    # a mechanism has the name of its argument if several have the same name
+    count = Counter(solver.name for solver in solvers)
+    designs = {
+        solver.name if count[solver.name] == 1 else model: design
+        for solver, model, design in zip(solvers, names, loaded, strict=True)
+    }
     quick = () if models or chosen.whole_gallery else list(gallery.files())
     with output_folder(chosen.dossier) as dossiers:
         result, cases = _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
@@ -172,9 +173,9 @@ def _write_dossier(
 ) -> None:
     """Write the dossier of a model into a folder if there is one."""
     if folder is not None:
-        from mechsim.report.dossier import ComparedModel, write_dossier
+        from mechsim.report.dossier import write_dossier
 
-        write_dossier(folder, chosen.dossier or "", name, ComparedModel(model, design, record))
+        write_dossier(folder, chosen.dossier or "", name, model, design, record)
 
 
 def _require_crank(stated: Stated, solvers: Iterable[KinematicSolver]) -> None:
@@ -197,45 +198,8 @@ def _without_formula(design: DesignFamily) -> DesignFamily:
     return replace(design, make=make)
 
 
-def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
-    """Return mechanisms by name, or by argument if several have the same name."""
-    names = {model: design.make({}).name for model, design in designs.items()}
-    count = Counter(names.values())
-    return {names[model] if count[names[model]] == 1 else model: design for model, design in designs.items()}
-
-
 # processor time of drawing the default report, in times of its validation
 DRAWING = 5.0
-
-
-def _cases(
-    designs: Mapping[str, DesignFamily],
-    chosen: ValidateOptions,
-    speed: float,
-    quick: Sequence[str],
-    report: Callable[[str, float], None],
-    as_json: bool,
-) -> dict[str, Validation]:
-    """Return the results of mechanisms by name; print JSON if one of them cannot be assembled."""
-    try:
-        return validate_all(
-            designs,
-            speed=speed,
-            quick=quick,
-            tolerance=chosen.tolerance_in_metres,
-            budget=units.parse_time(chosen.budget, "the budget"),
-            progress=report,
-        )
-    except (AssemblyError, MobilityError) as error:
-        if as_json:
-            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
-            failed = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
-            entries = {
-                name: failed | findings_in_json(scene_findings(design.make({})))
-                for name, design in designs.items()
-            }
-            print_json({"passed": False, "mechanisms": entries})
-        raise
 
 
 def _validated(
@@ -257,16 +221,36 @@ def _validated(
         verbose: whether all checks are listed.
         as_json: whether the result is printed as JSON.
     """
-    speed = crank_speed(chosen.speed)
+    speed, drawing = crank_speed(chosen.speed), 0.0
+    if folder is not None:
+        from mechsim.report.validation import drawing_processes
+
+        drawing = DRAWING / drawing_processes(len(designs))
+    report_notes: Sequence[str] = ()
     with progress("validate", None) as report:
-        check, draw = sections(report, {"check": 1.0, "draw": _drawing(folder, len(designs))})
-        cases = _cases(designs, chosen, speed, quick, check, as_json)
+        check, draw = sections(report, {"check": 1.0, "draw": drawing})
+        try:
+            cases = validate_all(
+                designs,
+                speed=speed,
+                quick=quick,
+                tolerance=chosen.tolerance_in_metres,
+                budget=units.parse_time(chosen.budget, "the budget"),
+                progress=check,
+            )
+        except (AssemblyError, MobilityError) as error:
+            if as_json:
+                outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+                failed = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
+                entries = {
+                    name: failed | findings_in_json(scene_findings(design.make({})))
+                    for name, design in designs.items()
+                }
+                print_json({"passed": False, "mechanisms": entries})
+            raise
         passed = all(case.passed for case in cases.values())
-        data: dict[str, Any] = {
-            "passed": passed,
-            "mechanisms": {name: case.as_dict() for name, case in cases.items()},
-        }
-        report_notes: Sequence[str] = ()
+        entries = {name: case.as_dict() for name, case in cases.items()}
+        data: dict[str, Any] = {"passed": passed, "mechanisms": entries}
         if folder is not None:
             from mechsim.report.validation import write_validation_report
 
@@ -281,15 +265,6 @@ def _validated(
     return Result(data, text, passed), cases
 
 
-def _drawing(folder: Path | None, count: int) -> float:
-    """Return the time of drawing the report of several mechanisms, in times of their validation."""
-    if folder is None:
-        return 0.0
-    from mechsim.report.validation import drawing_processes
-
-    return DRAWING / drawing_processes(count)
-
-
 def _print_folders(chosen: ValidateOptions) -> None:
     if chosen.report is not None:
         typer.echo(f"report: {Path(chosen.report) / 'index.html'}")
@@ -301,8 +276,7 @@ def _against(
     model: str, design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool
 ) -> Result:
     """Compare a model with a function or a table, and explain the difference."""
-    source = chosen.against or ""
-    tolerance = chosen.tolerance_in_metres
+    source, tolerance = chosen.against or "", chosen.tolerance_in_metres
     if not source.lower().endswith(".csv"):
         print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source} (a formula is Python code)")
     with output_folder(chosen.dossier) as dossiers:
@@ -358,8 +332,4 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result:
         typer.echo(f"{count} of {len(verdicts)} mechanisms agree with the reference data in {folder}")
 
     passed = count == len(verdicts)
-    data: dict[str, Any] = {
-        "passed": passed,
-        "mechanisms": verdicts,
-    }
-    return Result(data, text, passed)
+    return Result({"passed": passed, "mechanisms": verdicts}, text, passed)

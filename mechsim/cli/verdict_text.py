@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,7 +61,7 @@ def print_verdicts(verdicts: "Mapping[str, Verdict]", *, verbose: bool) -> None:
             print_verdict(name, verdict)
         elif not verdict.passed:
             _echo([headline(name, verdict.passed), *failure_lines(verdict.checks, (), verdict.reason)])
-    _echo(summary_lines(verdicts))
+    print_summary(verdicts, {})
 
 
 def _echo(lines: Sequence[str]) -> None:
@@ -69,14 +69,16 @@ def _echo(lines: Sequence[str]) -> None:
         typer.echo(line)
 
 
-def summary_lines(verdicts: "Mapping[str, Verdict]", findings: Mapping[str, int] | None = None) -> list[str]:
-    """Return a line for each verdict: the number of checks, PASS or FAIL, and the largest error."""
-    longest, findings = max(map(len, verdicts), default=0), findings or {}
-    return [
-        f"  {name:<{longest}}  {len(verdict.checks):>4} checks   "
-        f"{pass_or_fail(verdict.passed, findings.get(name, 0))}  {percentage(verdict.checks):>7}"
-        for name, verdict in verdicts.items()
-    ]
+def print_summary(verdicts: "Mapping[str, Verdict]", findings: Mapping[str, int]) -> None:
+    """Print a line for each verdict: number of checks, PASS or FAIL, largest error / tolerance."""
+    longest = max(map(len, verdicts), default=0)
+    for name, verdict in verdicts.items():
+        worst = max(verdict.checks, key=attrgetter("severity"), default=None)
+        typer.echo(
+            f"  {name:<{longest}}  {len(verdict.checks):>4} checks   "
+            f"{pass_or_fail(verdict.passed, findings.get(name, 0))}  "
+            f"{'' if worst is None else _fraction(worst):>7}"
+        )
 
 
 def headline(title: str, passed: bool, seconds: float | None = None, findings: int = 0) -> str:
@@ -95,12 +97,13 @@ def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[s
         label = labels.get(check.method, check.method)
         groups.setdefault(f"{check.variant}: {label}" if check.variant else label, []).append(check)
     worst = {label: max(group, key=attrgetter("severity")) for label, group in groups.items()}
-    names = _aligned([*groups])
-    numbers = _aligned([str(len(group)) for group in groups.values()], right=True)
-    fractions = _aligned([_fraction(check) for check in worst.values()], right=True)
-    quantities = _aligned([_name(check) for check in worst.values()])
-    errors = [f"{check.worst:.1e} {check.unit}" for check in worst.values()]
-    rows = list(zip(names, numbers, fractions, quantities, errors, strict=True))
+    columns = (
+        _aligned([*groups], str.ljust),
+        _aligned([str(len(group)) for group in groups.values()], str.rjust),
+        _aligned([_fraction(check) for check in worst.values()], str.rjust),
+        _aligned([_name(check) for check in worst.values()], str.ljust),
+        [f"{check.worst:.1e} {check.unit}" for check in worst.values()],
+    )
     lines: list[str] = []
     # select the first layout that fits
     for layout in (
@@ -109,15 +112,15 @@ def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[s
         "  {}  {} checks  {}  {}",
         "  {}  {}  {}  {}",
     ):
-        lines = [layout.format(*row).rstrip() for row in rows]
+        lines = [layout.format(*row).rstrip() for row in zip(*columns, strict=True)]
         if all(len(line) <= width() for line in lines):
             break
     return lines
 
 
-def _aligned(texts: Sequence[str], *, right: bool = False) -> list[str]:
+def _aligned(texts: Sequence[str], justify: Callable[[str, int], str]) -> list[str]:
     longest = max(map(len, texts), default=0)
-    return [text.rjust(longest) if right else text.ljust(longest) for text in texts]
+    return [justify(text, longest) for text in texts]
 
 
 def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason: str = "") -> list[str]:
@@ -130,7 +133,7 @@ def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason
     if len(failed) > len(shown):
         lines.append(f"  and {len(failed) - len(shown)} more failed; -v lists all")
     if not failed and reason:
-        lines += labelled("reason", reason, label_width)
+        explanations = [("reason", reason), *explanations]
     for label, text in explanations:
         lines += labelled(label, text, label_width)
     return lines
@@ -142,14 +145,8 @@ def causes(findings: Sequence[Finding]) -> list[tuple[str, str]]:
     if not named:
         return [("cause", finding.message) for finding in findings]
     likely = [finding for finding in named if finding.certain]
-    if likely:
-        return [("likely cause", _explained(finding)) for finding in likely]
-    return [("possible cause", _explained(finding)) for finding in named]
-
-
-def percentage(checks: "Sequence[Check]") -> str:
-    """Return the largest error as a percentage of its tolerance."""
-    return _fraction(max(checks, key=attrgetter("severity"))) if checks else ""
+    label = "likely cause" if likely else "possible cause"
+    return [(label, _explained(finding)) for finding in likely or named]
 
 
 def _explained(finding: Finding) -> str:
@@ -174,16 +171,14 @@ def _fraction(check: "Check") -> str:
 
 
 def _off_by(check: "Check") -> str:
-    if math.isnan(check.worst):
-        return f"not a number at {_instant(check)}"
-    tolerance = quantity_text(check.tolerance, check.unit)
-    return f"off by {quantity_text(check.worst, check.unit)} at {_instant(check)}   (tolerance {tolerance})"
-
-
-def _instant(check: "Check") -> str:
     if check.at_unit == "rad":
-        return f"{math.degrees(check.instant) % 360.0:.4g}°"
-    return f"row {check.instant:g}" if check.at_unit == "row" else f"t = {check.instant:.4g} s"
+        instant = f"{math.degrees(check.instant) % 360.0:.4g}°"
+    else:
+        instant = f"row {check.instant:g}" if check.at_unit == "row" else f"t = {check.instant:.4g} s"
+    if math.isnan(check.worst):
+        return f"not a number at {instant}"
+    tolerance = quantity_text(check.tolerance, check.unit)
+    return f"off by {quantity_text(check.worst, check.unit)} at {instant}   (tolerance {tolerance})"
 
 
 def print_agreement(name: str, agreement: "Agreement", *, verbose: bool, findings: int = 0) -> None:
@@ -226,7 +221,7 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
         if verbose or single or not case.passed:
             _print_block(name, case, speed, verbose)
     if single:
-        ((_, case),) = cases.items()
+        (case,) = cases.values()
         failed = sum(not check.passed for check in case.verdict.checks)
         count = len(case.verdict.checks)
         result = (
@@ -239,7 +234,13 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
         hints = "" if verbose else "; -v lists all, --report DIR writes HTML"
         typer.echo(f"{result} (% = error/tolerance{hints})")
     else:
-        _print_summary(cases)
+        verdicts = {name: case.verdict for name, case in cases.items()}
+        print_summary(verdicts, {name: case.warnings for name, case in cases.items()})
+        passed = sum(case.passed for case in cases.values())
+        typer.echo(
+            f"  {passed} passed, {len(cases) - passed} failed in "
+            f"{sum(case.seconds for case in cases.values()):.1f} s   (% = error/tolerance)"
+        )
     if posed := sum(case.quick for case in cases.values()):
         mechanisms, them = ("mechanism", "it") if posed == 1 else ("mechanisms", "them")
         typer.echo(f"  ({posed} gallery {mechanisms}: solved poses only; --gallery also steps {them})")
@@ -261,15 +262,6 @@ def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> No
     _echo(lines)
     if verbose:
         print_verdict(name, case.verdict)
-
-
-def _print_summary(cases: Mapping[str, "Validation"]) -> None:
-    """Print a line for each mechanism, and the number that passed."""
-    findings = {name: case.warnings for name, case in cases.items()}
-    _echo(summary_lines({name: case.verdict for name, case in cases.items()}, findings))
-    passed = sum(case.passed for case in cases.values())
-    seconds = sum(case.seconds for case in cases.values())
-    typer.echo(f"  {passed} passed, {len(cases) - passed} failed in {seconds:.1f} s   (% = error/tolerance)")
 
 
 def _stepped(case: "Validation", speed: str) -> str:

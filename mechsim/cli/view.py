@@ -13,11 +13,7 @@ import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.load_options import (
-    ReleaseOptions,
-    exclude_without_effect,
-    released_model,
-)
+from mechsim.cli.load_options import ReleaseOptions, exclude_without_effect, released_model
 from mechsim.cli.options import SPEED, ModelOptions, load_parametric
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
@@ -59,11 +55,10 @@ def view(
     contents = replace(_contents(source, release, stated), up=up)
     if live:
         contents = _live(contents, source, release)
-    browser = None
+    browser = _browser() if path is None else None
     if path is None:
-        browser = _browser()
-        name = f"{Path(source.model.split('.py:')[0]).stem}.view.html"
-        path = Path(tempfile.mkdtemp(prefix="mechsim-")) / name if browser else Path(name)
+        path = Path(f"{Path(source.model.split('.py:')[0]).stem}.view.html")
+        path = Path(tempfile.mkdtemp(prefix="mechsim-")) / path if browser else path
     with atomic_path(path) as unfinished:
         unfinished.write_text(page(contents), encoding="utf-8")
     opened = browser is not None and browser.open(path.resolve().as_uri())
@@ -76,8 +71,7 @@ def view(
 def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> "View":
     """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.pictures.render.drawn_model import without_geoms
-    from mechsim.report.driver_views import release_view
-    from mechsim.report.views import model_view
+    from mechsim.report.views import model_view, release_view
     from mechsim.studies.drawn_motion import moved_by_forces
 
     resting = replace(source, duration=None).load(still=True)

@@ -239,7 +239,7 @@ def follow_curve(curve: Array, base: Looper, equal_ripple: bool = False, every: 
     for branch in (1, -1):
         task = _Task(curve, base, every, *dyad(curve, base, branch))
         try:
-            solutions.append(task.equal_ripple() if equal_ripple else task.circle_fit().synthesis)
+            solutions.append(task.equal_ripple() if equal_ripple else task.circle_fit()[0])
         except AssemblyError:
             continue
     if not solutions:
@@ -250,12 +250,8 @@ def follow_curve(curve: Array, base: Looper, equal_ripple: bool = False, every: 
     return min(solutions, key=lambda solution: solution.deviation)
 
 
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """A linkage and its passage along the curve."""
-
-    synthesis: Synthesis
-    passage: Passage
+# a linkage and its passage along the curve
+_Trial = tuple[Synthesis, Passage]
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,10 +269,6 @@ class _Task:
         """Origin of the circles, which avoids loss of significance, (2,) in [m]."""
         return self.b.mean(0)
 
-    def _circle(self, x: Array) -> tuple[Array, float]:
-        centre, radius = circle_of(x)
-        return self.origin + centre, radius
-
     def circle_fit(self) -> _Trial:
         """Return the linkage whose B keeps its circle best with C on every `every`-th point of the curve."""
         centre, radius, best = best_circle(self.b[:: self.every])
@@ -287,47 +279,44 @@ class _Task:
         """Return the linkage whose C has the smallest deviation from the curve."""
         best = self.circle_fit()
         for _ in range(MAX_PROGRAMMES):
-            now, level = best.passage, best.synthesis.deviation
+            linkage, now = best
             rows, right = circle_rows(now.b - self.origin)
             target = least_worst(now.levers[:, None] * rows, now.error + now.levers * right)
-            gain = level - target.level
-            better = self._toward(target, best, gain) if gain > LAST_GAIN * level else None
+            gain = linkage.deviation - target.level
+            better = self._toward(target, linkage, gain) if gain > LAST_GAIN * linkage.deviation else None
             if better is None:
                 break
             best = better
-        return best.synthesis
+        return best[0]
 
-    def _toward(self, target: Best, last: _Trial, gain: float) -> _Trial | None:
+    def _toward(self, target: Best, last: Synthesis, gain: float) -> _Trial | None:
         """Return the first of successively shorter steps with a tenth of the predicted gain."""
-        design, level = last.synthesis.design, last.synthesis.deviation
-        centre = design.closed_form.pivot[:2, 0] - self.origin
-        x = np.append(centre, design.rocker**2 - centre @ centre)
+        centre = last.design.closed_form.pivot[:2, 0] - self.origin
+        x = np.append(centre, last.rocker**2 - centre @ centre)
         for fraction in 0.5 ** np.arange(12):
             try:
-                circle = self._circle(x + fraction * (target.x - x))
-                trial = self._trial(*circle, last.passage.angles, target.active)
+                centre, radius = circle_of(x + fraction * (target.x - x))
+                trial = self._trial(self.origin + centre, radius, last.angles, target.active)
             except AssemblyError:
                 continue
-            if level - trial.synthesis.deviation > 0.1 * fraction * gain:
+            if last.deviation - trial[0].deviation > 0.1 * fraction * gain:
                 return trial
         return None
 
-    def _design(self, centre: Array, radius: float) -> Looper:
-        pin = crank_pin(self.angles, self.base)
-        bends = wedge(self.b - centre, pin - centre)
+    def _trial(self, centre: Array, radius: float, angles: Array, alternation: tuple[int, ...]) -> _Trial:
+        """Return the linkage whose rocker's end keeps a circle."""
+        bends = wedge(self.b - centre, crank_pin(self.angles, self.base) - centre)
         if abs(np.sign(bends).sum()) < len(bends):
             raise AssemblyError("coupler and rocker are collinear while C is on the curve")
-        return self.base.with_parameters(
+        design = self.base.with_parameters(
             rocker=radius,
             frame=float(np.hypot(*centre)),
             frame_angle=float(np.arctan2(centre[1], centre[0])),
             branch=1 if bends[0] > 0.0 else -1,
         )
-
-    def _trial(self, centre: Array, radius: float, angles: Array, alternation: tuple[int, ...]) -> _Trial:
-        design = self._design(centre, radius)
         passed = passage(design, self.curve, angles)
         radial = float(np.abs(np.hypot(*(self.b - centre).T) - radius).max())
         deviation = float(np.abs(passed.error).max())
-        synthesis = Synthesis(design, deviation, radial, self.curve, passed.angles, passed.error, alternation)
-        return _Trial(synthesis, passed)
+        return Synthesis(
+            design, deviation, radial, self.curve, passed.angles, passed.error, alternation
+        ), passed

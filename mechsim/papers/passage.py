@@ -75,7 +75,8 @@ def passage(design: Looper, curve: Array, angles: Array) -> Passage:
 
     Accuracy: the error to 1e-16 of the arm; the levers to 1e-9.
     """
-    tangents = _tangents(curve)
+    along = np.gradient(curve, axis=0)
+    tangents = along / np.hypot(along[:, 0], along[:, 1])[:, None]
     normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
     angles, positions, speed = _crossings(design, curve, tangents, angles)
     rate, off = (speed * tangents).sum(1), positions - curve
@@ -94,8 +95,10 @@ def _crossings(design: Looper, curve: Array, tangents: Array, angles: Array) -> 
         along, rate = ((positions - curve) * tangents).sum(1), (speed * tangents).sum(1)
         if not np.isfinite(along + rate).all():
             break
-        reversed_ = rate * rate[middle] <= 0.0
-        if not reversed_.any() and np.abs(along).max() <= 1e-14 * design.arm and _monotonic(angles):
+        reversed_, steps = rate * rate[middle] <= 0.0, np.diff(angles)
+        crossed = not reversed_.any() and np.abs(along).max() <= 1e-14 * design.arm
+        monotonic = abs(np.sign(steps).sum()) == len(steps)
+        if crossed and monotonic and abs(angles[-1] - angles[0]) < 2.0 * np.pi:
             return angles, positions, speed
         # where C has reversed, step inwards only; a longer step could lead there
         inwards = np.sign(angles - angles[middle])
@@ -125,11 +128,6 @@ def _response(design: Looper, positions: Array, angles: Array) -> tuple[Array, A
     return pin + to_b, moved
 
 
-def _monotonic(angles: Array) -> bool:
-    steps = np.diff(angles)
-    return bool((steps > 0.0).all() or (steps < 0.0).all()) and abs(angles[-1] - angles[0]) < 2.0 * np.pi
-
-
 def _path(design: Looper, angles: Array) -> tuple[Array, Array]:
     """Return positions of C, (n, 2) in [m], and their derivatives by the crank angle, (n, 2) in [m/rad]."""
     around = np.concatenate([angles, angles + STEP, angles - STEP])
@@ -144,9 +142,3 @@ def _rod(to_c: Array, base: Looper) -> Array:
     x, y = (to_c / base.arm).T
     cosine, sine = np.cos(base.arm_angle), np.sin(base.arm_angle)
     return base.coupler * np.column_stack([cosine * x + sine * y, cosine * y - sine * x])
-
-
-def _tangents(curve: Array) -> Array:
-    """Return unit tangents of a curve given by points, (n, 2)."""
-    along = np.gradient(curve, axis=0)
-    return along / np.hypot(along[:, 0], along[:, 1])[:, None]

@@ -57,19 +57,14 @@ class Plate:
     def moved(self, shift: Array) -> "Plate":
         """Return the plate moved by a shift, (2,)."""
         outlines = tuple(outline + np.append(shift, 0.0) for outline in self.outlines)
-        return replace(
-            self,
-            outlines=outlines,
-            holes=self.holes + shift,
-            construction=self.construction + np.tile(shift, 2),
-        )
+        lines = self.construction + np.tile(shift, 2)
+        return replace(self, outlines=outlines, holes=self.holes + shift, construction=lines)
 
     @property
     def box(self) -> Array:
         """Lowest and highest x and y, with the edge distance around all vertices, (2, 2)."""
-        vertices = np.vstack(
-            [*(outline[:, :2] for outline in self.outlines), self.construction.reshape(-1, 2)]
-        )
+        outlines = (outline[:, :2] for outline in self.outlines)
+        vertices = np.vstack([*outlines, self.construction.reshape(-1, 2)])
         edge = EDGE * self.hole
         return np.array([vertices.min(0) - edge, vertices.max(0) + edge])
 

@@ -48,12 +48,8 @@ class Rectangle:
 
     def inside(self, resolution: tuple[int, int]) -> bool:
         """Return whether it lies inside a picture of a size."""
-        return (
-            self.x_low >= 0.0
-            and self.y_low >= 0.0
-            and self.x_high <= resolution[0]
-            and self.y_high <= resolution[1]
-        )
+        width, height = resolution
+        return min(self.x_low, self.y_low) >= 0.0 and self.x_high <= width and self.y_high <= height
 
 
 def shared(points: Mapping[str, Array]) -> list[tuple[str, Array]]:
@@ -62,8 +58,7 @@ def shared(points: Mapping[str, Array]) -> list[tuple[str, Array]]:
     for name, position in points.items():
         for names, other in groups:
             if float(np.hypot(*(position - other))) < SHARED_DISTANCE:
-                if name not in names:
-                    names.append(name)
+                names.append(name)
                 break
         else:
             groups.append(([name], position))
@@ -108,7 +103,9 @@ def placed(
         others = [k for k in range(len(points)) if k != i]
         last = before[i] if before else None
         costs = [
-            _cost(spot, resolution, busy, [dots[k] for k in others])
+            (0.0 if spot.inside(resolution) else OUT)
+            + LABEL * sum(spot.meets(other) for other in busy)
+            + POINT * sum(spot.meets(dots[k]) for k in others)
             + NEARER * any(spot.distance(points[k]) < spot.distance(point) for k in others)
             + MOVED * (last not in (None, candidate))
             + LINE * bool(((spot.x_low < x) & (x < spot.x_high) & (spot.y_low < y) & (y < spot.y_high)).any())
@@ -125,13 +122,3 @@ def _spot(point: Array, width: float, height: float, off: float, side: tuple[int
     x_low = point[0] + (off if x > 0 else -off - width if x < 0 else -0.5 * width)
     y_low = point[1] + (off if y > 0 else -off - height if y < 0 else -0.5 * height)
     return Rectangle(x_low, y_low, x_low + width, y_low + height)
-
-
-def _cost(
-    spot: Rectangle, resolution: tuple[int, int], busy: Sequence[Rectangle], dots: Sequence[Rectangle]
-) -> float:
-    return (
-        (0.0 if spot.inside(resolution) else OUT)
-        + LABEL * sum(spot.meets(other) for other in busy)
-        + POINT * sum(spot.meets(dot) for dot in dots)
-    )

@@ -10,7 +10,6 @@ import math
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -35,50 +34,34 @@ SRMD, COMMON = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class ComparedModel:
-    """A model and its comparison.
-
-    Attributes:
-        model: as on the command line: a name or a path.
-        design: the model with its dimensions.
-        record: its comparison by all methods, or with a formula or table.
-    """
-
-    model: str
-    design: DesignFamily
-    record: Validation | Agreement
-
-
-def write_dossier(folder: Path, target: str, name: str, compared: ComparedModel) -> None:
+def write_dossier(
+    folder: Path, target: str, name: str, model: str, design: DesignFamily, record: Validation | Agreement
+) -> None:
     """Write page, JSON and SRMD of a model.
 
     Args:
         folder: folder of the files while they are incomplete.
         target: folder in which they will lie.
         name: name of the model.
-        compared: the model and its comparison.
+        model: the model as on the command line: a name or a path.
+        design: the model with its dimensions.
+        record: its comparison by all methods, or with a formula or table.
     """
-    data = dossier(name, compared)
+    data = dossier(name, model, design, record)
     stem = folder / stem_of(name)
     write_json(f"{stem}.dossier.json", data)
-    checks = [check for _, check in tightest(compared.record.checks)]
+    checks = [check for _, check in tightest(record.checks)]
     rows = sorted(checks, key=lambda check: -check.severity)
     template = environment().get_template("dossier.html")
-    for suffix, text in {
-        ".dossier.html": template.render(
-            **data, checks=rows, most=MAX_ROWS, json=f"{stem.name}.dossier.json"
-        ),
-        ".srmd": _srmd(data, target),
-    }.items():
+    page = template.render(**data, checks=rows, most=MAX_ROWS, json=f"{stem.name}.dossier.json")
+    for suffix, text in ((".dossier.html", page), (".srmd", _srmd(data, target))):
         with atomic_path(f"{stem}{suffix}") as temporary:
             temporary.write_text(text, encoding="utf-8")
 
 
-def dossier(name: str, compared: ComparedModel) -> dict[str, Any]:
+def dossier(name: str, model: str, design: DesignFamily, record: Validation | Agreement) -> dict[str, Any]:
     """Return what a dossier states, as plain data in SI."""
-    design, record = compared.design, compared.record
-    inputs = input_files(compared.model)
+    inputs = input_files(model)
     if isinstance(record, Agreement):
         inputs += input_files(record.source)
     dimensions = {

@@ -37,22 +37,17 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
     record = _described(solver)
     if solver.closed_form is None:
         record |= _mobility(solver)
-        if (
-            not solver.mechanism.has_crank
-            or not solver.motion_laws.crank
-            or record["outcome"] != "determined"
-        ):
-            started = record["outcome"] == "determined" and not solver.motion_laws.crank
-            return record | (assembly_facts(solver, 0.0, searched) if started else {})
-    mechanism = solver.mechanism
+        determined, driven = record["outcome"] == "determined", not solver.motion_laws.crank
+        if not solver.mechanism.has_crank or driven or not determined:
+            return record | (assembly_facts(solver, 0.0, searched) if determined and driven else {})
+    mechanism, start = solver.mechanism, solver.mechanism.start
     try:
         arcs = solver.crank_range()
     except SingularStartError as error:
         return {**record, "mobility_explained": [*record["mobility_explained"], str(error)]}
-    start = solver.mechanism.start
-    # a screw does not return after a revolution
-    own = start if abs(start) > REVOLUTION else arcs.start()
-    listed_angle = own if angle is None else angle
+    if angle is None:
+        # a screw does not return after a revolution
+        angle = start if abs(start) > REVOLUTION else arcs.start()
     ranges = [list(arc) for arc in arcs.arcs]
     count = mobility(mechanism)
     groups: Sequence[AssurGroup] = ()
@@ -74,8 +69,8 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
         "change_points": list(solver.change_points()),
         "turns_to_come_round": round(solver.period / REVOLUTION),
         "transmission_angle": _least_transmission(solver),
-        "angle": listed_angle,
-        **assembly_facts(solver, listed_angle, searched),
+        "angle": angle,
+        **assembly_facts(solver, angle, searched),
         "assur_groups": groups,
         "assur_explained": explained,
     }
@@ -174,13 +169,14 @@ VECTORS = ("force", "moment")
 def study_facts(study: "InverseDynamics") -> dict[str, Any]:
     """Return peaks and means of a prescribed motion; all in SI."""
     result, angle = study.forces, study.forces.angle
-    timed = result.time if result.drives else None
+    name, instants = "at_angle", angle
+    if result.drives and result.time is not None:
+        name, instants = "at_time", result.time
 
     def peak(values: Array) -> dict[str, float]:
         # the largest value and its crank angle, or under motion laws its time
         index = int(np.argmax(np.abs(values)))
-        where = ("at_angle", angle) if timed is None else ("at_time", timed)
-        return {"largest": float(values[index]), where[0]: float(where[1][index])}
+        return {"largest": float(values[index]), name: float(instants[index])}
 
     def statistics(values: Array) -> dict[str, float]:
         return peak(values) | {"mean": _mean(values, angle), "rms": _mean(values**2, angle) ** 0.5}
@@ -189,24 +185,21 @@ def study_facts(study: "InverseDynamics") -> dict[str, Any]:
         units = study.model.mechanism.effort_unit
         return {name: statistics(values) | {"unit": units(name)} for name, values in forces.items()}
 
-    torque_scale, free = float(np.abs(result.torque).max()) or 1.0, result.unbounded
-
+    torque_scale = float(np.abs(result.torque).max()) or 1.0
+    difference = np.where(result.unbounded, 0.0, study.second_torque - result.torque)
     sides = result.power_in + result.power_loads - result.power_lost - study.power_stored
+    inertia = study.reduced.inertia
     return {
         "torque": statistics(result.torque),
         "drives": by_coordinate(result.drives),
         "actuators": by_coordinate(result.actuators),
-        "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
-        / torque_scale,
+        "routes": float(np.abs(difference).max()) / torque_scale,
         **_reaction_facts(result, peak, study.model.mechanism),
         "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,
         "shaking_force": peak(lengths(study.shaking_force)),
         "shaking_moment": peak(lengths(study.shaking_moment)),
-        "inertia": {
-            "least": float(study.reduced.inertia.min()),
-            "largest": float(study.reduced.inertia.max()),
-        },
+        "inertia": {"least": float(inertia.min()), "largest": float(inertia.max())},
         "power_balance": float(np.abs(sides).max()),
     }
 
@@ -262,8 +255,7 @@ def _coupling_facts(
         own: dict[str, Any] = {"effort": peak(result.gears[name])}
         own["unit"] = "N" if name in result.straight else "N m"
         own["determined"] = name not in result.undetermined
-        mesh = result.meshes.get(name)
-        if mesh is not None:
+        if mesh := result.meshes.get(name):
             own |= {"by": "teeth", "links": [mesh.link, mesh.by], "force": peak(lengths(mesh.force))}
         else:
             joints = [joint for joint in mechanism.joints if {*joint.coordinates} & {*law.coordinates}]

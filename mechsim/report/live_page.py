@@ -34,6 +34,8 @@ from mechsim.pictures.view.pose_grid import LivePage
 # range of a slider: of a length or a number relative to its value; of an angle about its value, in
 # [rad]; of a zero length relative to the mechanism's size
 LOW, HIGH, ANGLE, AROUND_ZERO = 0.5, 1.5, np.deg2rad(45.0), 0.25
+# sizes of the rods from which masses are computed
+MASSES = {"density": STEEL, "thickness": RELATIVE_DIAMETER, "pin": PIN_LENGTH, "one_place": COINCIDENT}
 # a number of a TOML file, or a text
 VALUE = r"""("[^"]*"|'[^']*'|[^,\]{}#\s]+)"""
 # what precedes the value in a table of a parameter with its source
@@ -59,17 +61,9 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
     solved = replace(solved, interval=None)
     geometry = _matching(parametric_geometry(model, designs), solved, designs)
     varying, values, assignments = _numbers(geometry, solved, designs)
-    code = solver_code(solved, varying, values if len(values) else None)
-    code = replace(code, prefix="live")
-    text = "\n".join(
-        [
-            javascript(code),
-            "function live_geometry(d, g) {",
-            "  const p = {};",
-            *(f"  {line}" for line in (*geometry.statements, *assignments)),
-            "}",
-        ]
-    )
+    code = replace(solver_code(solved, varying, values if len(values) else None), prefix="live")
+    lines = [f"  {line}" for line in (*geometry.statements, *assignments)]
+    head = [javascript(code), "function live_geometry(d, g) {", "  const p = {};"]
     loads = [*_loads(solver.mechanism, forces_of(solver))] if code.inertias is not None else []
     toml, kept = _toml(model, solver, geometry, loads)
     data = {
@@ -83,12 +77,7 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
         ],
         "outlines": {link.name: link.outline for link in solved.mechanism.links},
         "rods": [*_rods(solved)] if code.inertias is not None else [],
-        "masses": {
-            "density": STEEL,
-            "thickness": RELATIVE_DIAMETER,
-            "pin": PIN_LENGTH,
-            "one_place": COINCIDENT,
-        },
+        "masses": dict(MASSES),
         "transmission": [*_transmissions(solver.mechanism)],
         "loads": [load for load in loads if load["name"] in kept],
         "constant": [load for load in loads if load["name"] not in kept and load["kind"] != "mass"],
@@ -97,7 +86,7 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
         "size": solver.mechanism.characteristic_length,
         "toml": toml,
     }
-    return LivePage(text, data)
+    return LivePage("\n".join([*head, *lines, "}"]), data)
 
 
 def _matching(
@@ -115,8 +104,6 @@ def _matching(
             own = used.a if side == "a" else used.b
             if used.kind != joint.kind or np.abs(own.frame - end.frame).max() > 1e-9:
                 wrong |= {*keys}
-    if not wrong:
-        return geometry
     affected = {
         dimension.name
         for dimension in geometry.dimensions
@@ -124,10 +111,9 @@ def _matching(
         for formula in geometry.vectors[key]
         if formula.value({**values, dimension.name: dimension.value + 0.01}) != formula.value(values)
     }
-    kept = tuple(dimension for dimension in geometry.dimensions if dimension.name not in affected)
     return replace(
         geometry,
-        dimensions=kept,
+        dimensions=tuple(own for own in geometry.dimensions if own.name not in affected),
         vectors={key: formulas for key, formulas in geometry.vectors.items() if key not in wrong},
     )
 
@@ -193,15 +179,14 @@ def _drivers(solved: SolvedAssembly, solver: KinematicSolver, full: bool) -> Ite
 
 
 def _dimension(dimension: Dimension, mechanism: Mechanism) -> dict[str, Any]:
-    value = dimension.value
+    value, length = dimension.value, mechanism.characteristic_length
     if dimension.unit == "rad":
-        low, high = value - ANGLE, value + ANGLE
-    elif abs(value) > 1e-3 * mechanism.characteristic_length or dimension.unit != "m":
-        low, high = sorted((LOW * value, HIGH * value))
+        nodes = [value - ANGLE, value + ANGLE]
+    elif abs(value) > 1e-3 * length or dimension.unit != "m":
+        nodes = sorted((LOW * value, HIGH * value))
     else:
-        reach = AROUND_ZERO * mechanism.characteristic_length
-        low, high = value - reach, value + reach
-    return {"name": dimension.name, "unit": dimension.unit, "value": value, "nodes": [low, high]}
+        nodes = [value - AROUND_ZERO * length, value + AROUND_ZERO * length]
+    return {"name": dimension.name, "unit": dimension.unit, "value": value, "nodes": nodes}
 
 
 def _joint(joint: Joint, varying: VaryingNumbers) -> dict[str, Any]:
@@ -222,11 +207,10 @@ def _joint(joint: Joint, varying: VaryingNumbers) -> dict[str, Any]:
 
 def _rods(solved: SolvedAssembly) -> Iterator[dict[str, Any]]:
     """Yield the links whose inertia is that of rods between their joints, as in `model.masses`."""
-    links = [link.name for link in solved.source.mechanism.links]
-    for link in solved.source.mechanism.links:
+    for i, link in enumerate(solved.source.mechanism.links):
         if link.inertia is None:
             spin = solved.spinning.get(link.name)
-            yield {"link": links.index(link.name), "spin": None if spin is None else spin.tolist()}
+            yield {"link": i, "spin": None if spin is None else spin.tolist()}
 
 
 def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
@@ -275,7 +259,10 @@ def _loads(mechanism: Mechanism, forces: Forces) -> Iterator[dict[str, Any]]:
         numbers = {"value": spring.stiffness, "rest": spring.rest, "damping": spring.damping}
         ends = {"a": _position(mechanism, spring.a), "b": _position(mechanism, spring.b)}
         yield {"kind": "spring", "name": f"spring {i + 1}", "unit": "N/m", "key": [], **numbers, **ends}
-    yield from _masses(mechanism)
+    for link in mechanism.links:
+        if link.inertia is not None and link.inertia.mass:
+            mass = {"kind": "mass", "name": f"mass of {link.name}", "unit": "kg", "value": link.inertia.mass}
+            yield {**mass, "link": link.name, "key": ["links", link.name, "inertia", "mass"]}
 
 
 def _position(mechanism: Mechanism, location: Location) -> dict[str, Any]:
@@ -289,13 +276,6 @@ def _components(load: LoadProfile, name: str, more: Mapping[str, Any]) -> Iterat
         for i, value in enumerate(load.evaluate([0.0])[0].tolist()):
             if value:
                 yield {"name": f"{name} {'xyz'[i]}", "value": value, "axis": i, "entry": i, **more}
-
-
-def _masses(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
-    for link in mechanism.links:
-        if link.inertia is not None and link.inertia.mass:
-            mass = {"kind": "mass", "name": f"mass of {link.name}", "unit": "kg", "value": link.inertia.mass}
-            yield {**mass, "link": link.name, "key": ["links", link.name, "inertia", "mass"]}
 
 
 def _uncounted(forces: Forces) -> str:
@@ -394,12 +374,8 @@ def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: Parametr
             header = True
             yield "[parameters]"
             for dimension in geometry.dimensions:
-                yield {
-                    "parts": [
-                        f"{parameter_name(dimension.name)} = ",
-                        {"dimension": dimension.name, "scale": 1.0},
-                    ]
-                }
+                value = {"dimension": dimension.name, "scale": 1.0}
+                yield {"parts": [f"{parameter_name(dimension.name)} = ", value]}
             yield from (f"{name} = {value!r}" for name, value in geometry.constants.items())
             yield ""
         if isinstance(piece, dict) and "joint" in piece:

@@ -178,19 +178,15 @@ def plot(
     Example:
         >>> ms.plot("four_bar", "curve.svg", kind="curve")
     """
-    from mechsim.errors import InputError
     from mechsim.pictures import plots
-    from mechsim.report.plot_table import OF_RUNS, PLOTS, PlotOptions, PlotSource, require_taken
+    from mechsim.report.plot_table import OF_RUNS, PlotSource, plot_kind
     from mechsim.units import crank_speed
 
-    if kind not in PLOTS:
-        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
-    drawn = PlotOptions(coordinates=None if quantities is None else tuple(quantities))
-    require_taken(kind, PLOTS[kind].takes, drawn)
+    row = plot_kind(kind, quantities)
     solver, release = _opened(model, set, options, still=kind == "schematic")
     release = release if kind in OF_RUNS else None
-    source = PlotSource(solver=solver, speed=crank_speed(speed), options=drawn, release=release)
-    figure = PLOTS[kind].figure(source)
+    source = PlotSource(solver=solver, speed=crank_speed(speed), quantities=quantities or (), release=release)
+    figure = row.figure(source)
     if output is not None:
         plots.write(Path(output), figure)
     return figure

@@ -83,7 +83,6 @@ def write_report(
     results: Mapping[str, Any],
     sections: Sequence[Section],
     *,
-    command: str | None = None,
     notes: Sequence[str] = (),
 ) -> Path:
     """Write `index.html` and `validate.json` into a directory and return the page's path.
@@ -92,7 +91,6 @@ def write_report(
         directory: existing directory, or one with an existing parent.
         results: in the format of `mechsim validate --json`; extra keys stay in the JSON.
         sections: mechanisms of the page, in order.
-        command: command that makes this report again; None takes that of this process.
         notes: sentences on failed parts of the report; shown at the top.
 
     Raises:
@@ -103,7 +101,7 @@ def write_report(
         directory.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write a report to {directory}: {error.strerror or error}") from error
-    about = about_this_run() | ({"command": command} if command else {})
+    about = about_this_run()
     page = render(results, sections, about, notes)
     write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
     with atomic_path(directory / "index.html") as temporary:
@@ -124,16 +122,18 @@ def environment() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {"quantity": quantity, "instant": instant, "value": value, "percent": percent}
-    made.filters.update(filters | {"data_uri": data_uri})
+    filters: dict[str, Any] = {text.__name__: text for text in (quantity, instant, value, percent, data_uri)}
+    made.filters.update(filters)
     return made
 
 
 def about_this_run() -> dict[str, Any]:
     """Return time, command, versions and computer."""
+    name = Path(sys.argv[0]).name
+    name = "mechsim" if name in ("__main__.py", "-c") else name
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "command": _this_command(),
+        "command": " ".join([name, *sys.argv[1:]]),
         "versions": versions(),
         "machine": computer(),
     }
@@ -147,26 +147,20 @@ def render(
 ) -> str:
     """Return the page as HTML text; mechanisms that failed come first."""
     shown = sorted((_shown(section, results) for section in sections), key=lambda case: case["passed"])
-    return (
-        environment()
-        .get_template("report.html")
-        .render(
-            passed=bool(results["passed"]),
-            warnings=counted_findings(sum(case["warnings"] for case in shown)),
-            outcomes=OUTCOMES,
-            mechanisms=shown,
-            check_count=sum(len(case["checks"]) for case in shown),
-            failed_count=sum(len(case["checks"]) - case["checks_passed"] for case in shown),
-            failures=[case for case in shown if not case["passed"]],
-            methods=method_rows(shown),
-            unstepped=[
-                case["name"]
-                for case in shown
-                if results["mechanisms"].get(case["name"], {}).get("steps") == 0
-            ],
-            notes=notes,
-            about=about,
-        )
+    stepless = {name for name, case in results["mechanisms"].items() if case.get("steps") == 0}
+    template = environment().get_template("report.html")
+    return template.render(
+        passed=bool(results["passed"]),
+        warnings=counted_findings(sum(case["warnings"] for case in shown)),
+        outcomes=OUTCOMES,
+        mechanisms=shown,
+        check_count=sum(len(case["checks"]) for case in shown),
+        failed_count=sum(len(case["checks"]) - case["checks_passed"] for case in shown),
+        failures=[case for case in shown if not case["passed"]],
+        methods=method_rows(shown),
+        unstepped=[case["name"] for case in shown if case["name"] in stepless],
+        notes=notes,
+        about=about,
     )
 
 
@@ -215,15 +209,10 @@ def computer() -> dict[str, str]:
     }
 
 
-def degrees(x: Any) -> str:
-    """Return an angle in [rad] as degrees."""
-    return "" if x is None or not math.isfinite(x) else f"{math.degrees(x):.1f}°"
-
-
 def instant(check: Check) -> str:
     """Return the instant of the largest error of a check: a crank angle, or a time under motion laws."""
     if check.at_unit == "rad":
-        return degrees(check.instant)
+        return f"{math.degrees(check.instant):.1f}°" if math.isfinite(check.instant) else ""
     return f"row {check.instant:g}" if check.at_unit == "row" else f"{check.instant:.4g} s"
 
 
@@ -309,8 +298,3 @@ def tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
             worst[kind] = row, check
     selected = list(worst.values())
     return [pair for pair in selected if not pair[1].passed or pair[1].severity >= UNUSED] or selected
-
-
-def _this_command() -> str:
-    name = Path(sys.argv[0]).name
-    return " ".join(["mechsim" if name in ("__main__.py", "mechsim", "-c") else name, *sys.argv[1:]])

@@ -5,7 +5,8 @@ its help and the page read the table.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from mechsim.kinetics import DynamicModel, dynamic_model
 from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion
-from mechsim.mechanism.quantities import numeric_quantity, quantity_names
+from mechsim.mechanism.quantities import numeric_quantity
 from mechsim.mechanism.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures import plots
@@ -24,7 +25,6 @@ from mechsim.pictures.number_text import readable
 from mechsim.studies.drawn_motion import drawn_motion, initial_pose, is_undriven
 from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
-from mechsim.units import option
 
 if TYPE_CHECKING:
     from mechsim.kinetics import InverseDynamics
@@ -41,22 +41,13 @@ ERROR_SAMPLES = 180
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlotOptions:
-    """Options of a plot."""
-
-    coordinates: tuple[str, ...] | None = option(
-        None, "Quantities to draw: P.x, rocker.v, distance:P,Q.", read=quantity_names, name="--of"
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlotSource:
     """The source of a plot: a mechanism, and motions of it, computed on first use.
 
     Attributes:
         solver: of the mechanism.
         speed: of the crank in [rad/s].
-        options: options of the plot.
+        quantities: names of the quantities that a plot of them draws.
         motions: method -> an existing motion.
         bounds: method -> tolerance on the positions of its points in [m].
         masses: filled in by plots that need them.
@@ -66,7 +57,7 @@ class PlotSource:
 
     solver: KinematicSolver
     speed: float
-    options: PlotOptions = field(default_factory=PlotOptions)
+    quantities: Sequence[str] = ()
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
@@ -120,12 +111,12 @@ class PlotKind:
         draw: function of a source.
         on_page: whether the page of a validation shows it.
         transmission: whether it needs a transmission angle.
-        takes: names of the `PlotOptions` that apply.
+        of_quantities: whether it draws named quantities.
     """
 
     about: str
     draw: Callable[[PlotSource], "Figure"]
-    takes: tuple[str, ...] = ()
+    of_quantities: bool = False
     on_page: bool = False
     transmission: bool = False
 
@@ -136,22 +127,18 @@ class PlotKind:
         return figure
 
 
-def require_taken(kind: str, takes: Sequence[str], options: PlotOptions) -> None:
-    """Reject options of other kinds of plots.
-
-    Args:
-        kind: of plot.
-        takes: names of the options that apply.
-        options: options of the plot.
+def plot_kind(kind: str, quantities: Sequence[str] | None) -> PlotKind:
+    """Return a row of the table.
 
     Raises:
-        InputError: naming the option, and the plots that take it.
+        InputError: for an unknown kind, or named quantities for a plot that draws none.
     """
-    for choice in fields(PlotOptions):
-        if choice.name not in takes and getattr(options, choice.name) != choice.default:
-            kinds = ", ".join(name for name, row in PLOTS.items() if choice.name in row.takes)
-            option = choice.metadata["name"] or f"--{choice.name}"
-            raise InputError(f"plot {kind!r} takes no {option}, which is of {kinds}; leave it out")
+    if kind not in PLOTS:
+        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
+    if quantities is not None and not PLOTS[kind].of_quantities:
+        kinds = ", ".join(name for name, row in PLOTS.items() if row.of_quantities)
+        raise InputError(f"plot {kind!r} takes no --of, which is of {kinds}; leave it out")
+    return PLOTS[kind]
 
 
 def _errors(source: PlotSource, method: str) -> "Figure":
@@ -168,7 +155,7 @@ def _transmission(source: PlotSource) -> "Figure":
 
 
 def _quantities(source: PlotSource) -> "Figure":
-    names = source.options.coordinates
+    names = source.quantities
     if not names:
         raise InputError("no quantity is named; give --of, as in --of distance:P,Q,rocker.v")
     if source.release is not None:
@@ -202,11 +189,9 @@ def _labelled(values: Mapping[Quantity, Array]) -> dict[str, Array]:
 
 PLOTS = {
     "error": PlotKind(
-        "position error of the stepped run", lambda source: _errors(source, "simulated"), on_page=True
+        "position error of the stepped run", partial(_errors, method="simulated"), on_page=True
     ),
-    "poses": PlotKind(
-        "position error of the solved poses", lambda source: _errors(source, "posed"), on_page=True
-    ),
+    "poses": PlotKind("position error of the solved poses", partial(_errors, method="posed"), on_page=True),
     "motion": PlotKind(
         "displacement, velocity and acceleration",
         lambda source: plots.motion_plot(source.motion("closed")),
@@ -222,5 +207,5 @@ PLOTS = {
         lambda source: plots.schematic_plot(source.solver.mechanism, source.start(), source.solver.forces),
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, transmission=True),
-    "quantities": PlotKind("quantities that --of names, over the motion", _quantities, ("coordinates",)),
+    "quantities": PlotKind("quantities that --of names, over the motion", _quantities, of_quantities=True),
 }

@@ -5,16 +5,15 @@ import math
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError, MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
@@ -38,7 +37,6 @@ from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.agreement.dimension_hypotheses import with_changed
 from mechsim.studies.validate import Validation, finished_fractions
 
-Drawing = TypeVar("Drawing")
 # pixels of a picture
 RESOLUTION = (640, 480)
 # the plot of a case that was not time-stepped
@@ -134,25 +132,23 @@ def _section(folder: Path, name: str) -> tuple[Section, list[str]]:
     return section, notes
 
 
-def _drawn(draw: Callable[[], Drawing], notes: list[str]) -> Drawing | None:
-    """Return what is drawn; None where it cannot be drawn, and a note says why."""
-    try:
-        return draw()
-    except (MissingToolError, OutputError) as error:
-        if str(error) not in notes:
-            notes.append(str(error))
-        return None
-
-
 def _picture(
     solver: KinematicSolver, motion: Motion, notes: list[str], ghost: Mapping[str, Any] = NO_GHOST
 ) -> bytes | None:
-    """Return a picture as WebP, of the clearest pose unless the options of a ghost name another one.
+    """Return a picture as lossy WebP, of the clearest pose unless the options of a ghost name another one.
 
     Where it cannot be drawn, the result is None and a note says why.
     """
-    look = Look(size=RESOLUTION, **drawn_as(solver))
-    return _drawn(lambda: _webp(still(solver.mechanism, motion, look, paths="whole", **ghost)), notes)
+    look, out = Look(size=RESOLUTION, **drawn_as(solver)), io.BytesIO()
+    try:
+        picture = still(solver.mechanism, motion, look, paths="whole", **ghost)
+        with needs("pictures"):
+            from PIL import Image
+    except (MissingToolError, OutputError) as error:
+        notes.append(str(error))
+        return None
+    Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY)
+    return out.getvalue()
 
 
 def _write_view(folder: Path, name: str, case: Validation) -> str:
@@ -170,23 +166,15 @@ def _write_view(folder: Path, name: str, case: Validation) -> str:
     return path.name
 
 
-def _webp(picture: NDArray[np.uint8]) -> bytes:
-    """Return a picture in lossy WebP."""
-    with needs("pictures"):
-        from PIL import Image
-
-    out = io.BytesIO()
-    Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY)
-    return out.getvalue()
-
-
 def _plots(case: Validation) -> list[tuple[str, bytes]]:
     """Return captions and plots of a case."""
+    # tolerance on positions by method; the first check has that of all
+    bounds = {c.method: c.tolerance for c in reversed(case.verdict.checks) if c.kind == "position"}
     source = PlotSource(
         solver=case.solver,
         speed=float(np.abs(case.exact.speed).max()),
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
-        bounds={"simulated": _position_tolerance(case, "step"), "posed": _position_tolerance(case, "pose")},
+        bounds={"simulated": bounds.get("step", math.nan), "posed": bounds.get("pose", math.nan)},
     )
     last = {name: case.exact.points[name] for name in [*case.exact.points][-MAX_POINTS:]}
     sources = {"motion": replace(source, motions={"closed": replace(case.exact, points=last)})}
@@ -202,35 +190,25 @@ def _plots(case: Validation) -> list[tuple[str, bytes]]:
     return [(caption, plots.webp(figure)) for caption, figure in figures]
 
 
-def _position_tolerance(case: Validation, method: Literal["step", "pose"]) -> float:
-    checks = (c for c in case.verdict.checks if (c.method, c.kind) == (method, "position"))
-    return next((check.tolerance for check in checks), math.nan)
-
-
 def _facts(case: Validation) -> dict[str, Any]:
-    known_facts = facts(case.solver, searched=False)
-    joints = known_facts["joints"]
+    data = facts(case.solver, searched=False)
     rows: dict[str, Any] = {
-        "mobility": known_facts["mobility_explained"],
-        "joints": [f"{joint.name}: {joint.kind}, {' - '.join(joint.links)}" for joint in joints],
+        "mobility": data["mobility_explained"],
+        "joints": [f"{joint.name}: {joint.kind}, {' - '.join(joint.links)}" for joint in data["joints"]],
     }
-    if "crank_range" not in known_facts:
+    if "crank_range" not in data:
         return rows
-    arcs = [
-        f"{math.degrees(low):.4f}° to {math.degrees(high):.4f}°" for low, high in known_facts["crank_ranges"]
-    ]
-    rows["crank range"] = "full turn" if known_facts["crank_range"] == "full turn" else arcs
-    if known_facts["assemblies_complete"]:
-        count, angle = len(known_facts["assemblies"]), math.degrees(known_facts["angle"])
-        rows["assemblies"] = f"{count} at crank angle {angle:g}°"
-    if known_facts["dead_centres"]:
-        rows["dead centres"] = ", ".join(f"{math.degrees(a):.4f}°" for a in known_facts["dead_centres"])
-    if known_facts["transmission_angle"] is not None:
-        least = known_facts["transmission_angle"]
+    arcs = [" to ".join(f"{math.degrees(end):.4f}°" for end in arc) for arc in data["crank_ranges"]]
+    rows["crank range"] = "full turn" if data["crank_range"] == "full turn" else arcs
+    if data["assemblies_complete"]:
+        rows["assemblies"] = f"{len(data['assemblies'])} at crank angle {math.degrees(data['angle']):g}°"
+    if data["dead_centres"]:
+        rows["dead centres"] = ", ".join(f"{math.degrees(angle):.4f}°" for angle in data["dead_centres"])
+    if least := data["transmission_angle"]:
         smallest, angle = math.degrees(least["least"]), math.degrees(least["at_angle"]) % 360.0
         rows["transmission angle"] = f"at least {smallest:.2f}°, at crank angle {angle:.1f}°"
-    if known_facts["assur_explained"]:
-        rows["Assur groups"] = known_facts["assur_explained"]
+    if data["assur_explained"]:
+        rows["Assur groups"] = data["assur_explained"]
     return rows
 
 
@@ -275,6 +253,8 @@ def write_agreement_report(
         "instants": len(agreement.evaluation),
         "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
     }
+    count = len(agreement.candidates)
+    worst_first = sorted(range(count), key=lambda i: -agreement.checks[i].severity)
     section = Section(
         name=agreement.solver.name,
         title=agreement.solver.name,
@@ -285,7 +265,7 @@ def write_agreement_report(
         ),
         plots=[
             (f"{curves.name}: exact and claimed", plots.webp(agreement_plot(curves)))
-            for curves in worst_first(agreement)[:MAX_PLOTS]
+            for curves in (_curves(agreement, i) for i in worst_first[:MAX_PLOTS])
         ],
         checks=agreement.checks,
     )
@@ -318,12 +298,6 @@ def ghost_of_cause(agreement: Agreement, designs: DesignFamily) -> dict[str, Any
         "angle": worst.instant if worst.at_unit == "rad" else None,
         "caption": cause.message.partition(" (")[0],
     }
-
-
-def worst_first(agreement: Agreement) -> list[TwoCurves]:
-    """Return the curves of all quantities, largest error / tolerance first."""
-    count = len(agreement.candidates)
-    return [_curves(agreement, i) for i in sorted(range(count), key=lambda i: -agreement.checks[i].severity)]
 
 
 def _curves(agreement: Agreement, i: int) -> TwoCurves:

@@ -1,4 +1,4 @@
-"""Views of a mechanism: poses of each assembly, of motion laws, of several drivers, of a validated run."""
+"""Views of mechanisms: each assembly, motion laws, drivers moved by hand, runs, modes, validated motions."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -6,14 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.errors import MechsimError
+from mechsim.errors import AssemblyError, MechsimError
 from mechsim.io.model_source import ModelSource
 from mechsim.kinematics.designs import DesignFamily
+from mechsim.kinematics.loops.motion import driven_path, solve_along
+from mechsim.kinematics.loops.path import LoopPath
 from mechsim.kinematics.loops.start import start_poses
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.mechanism import Up
-from mechsim.mechanism.motion import select_instants
-from mechsim.mechanism.motion_laws import constant, interval_around, within_range
+from mechsim.mechanism.masses import summary
+from mechsim.mechanism.mechanism import Mechanism, Up
+from mechsim.mechanism.motion import Motion, select_instants
+from mechsim.mechanism.motion_laws import constant, interval_around, make_motion_laws, steady, within_range
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.pose_grid import (
@@ -23,17 +26,15 @@ from mechsim.pictures.view.pose_grid import (
     Readout,
     View,
     ascending,
+    ghost_of,
     motion_grid,
 )
-from mechsim.report.driver_views import (
-    hand_grids,
-    motion_law_grid,
-    stepped_ghost,
-)
 from mechsim.studies.drawn_motion import stepped
+from mechsim.studies.release import Release
+from mechsim.studies.scene.own_settings import runs_as_published
 from mechsim.studies.validate import Validation
 
-# intervals of a turn, and of an arc that the crank swings over
+# intervals of a turn, of an arc that the crank swings over, of the time of motion laws
 SAMPLES = 360
 # how near to a dead centre a swing goes, as a part of its arc: rates have no bound at the very end
 KEPT_OFF = 1e-6
@@ -68,23 +69,15 @@ def crank_grid(
     angles = _angles(solver, limits)
     solver = solver.starting_at(angles)
     motion = solver.solve_along(angles, speed)
-    extra: list[Readout] = []
-    landmarks = landmarks_of(solver)
+    extra, landmarks = list[Readout](), landmarks_of(solver)
     transmission = solver.transmission_angle(angles)
     if transmission is not None:
         extra.append(Readout("transmission angle", "rad", {"": transmission}))
         least = int(np.argmin(transmission))
-        landmarks.append(
-            Landmark(float(angles[least]), f"least transmission angle {np.rad2deg(transmission[least]):.1f}°")
-        )
-    grid = motion_grid(
-        name,
-        solver.mechanism,
-        motion,
-        driver=solver.mechanism.crank.name,
-        landmarks=repeated_landmarks(landmarks, angles),
-        extra=extra,
-    )
+        label = f"least transmission angle {np.rad2deg(transmission[least]):.1f}°"
+        landmarks.append(Landmark(float(angles[least]), label))
+    driver, landmarks = solver.mechanism.crank.name, repeated_landmarks(landmarks, angles)
+    grid = motion_grid(name, solver.mechanism, motion, driver=driver, landmarks=landmarks, extra=extra)
     start = float(solver.mechanism.start)
     if not angles[0] <= start <= angles[-1]:
         start = angles[0] + (start - angles[0]) % REVOLUTION
@@ -112,15 +105,10 @@ def _angles(solver: KinematicSolver, limits: tuple[float, float] | None) -> Arra
         share = np.linspace(0.0, 1.0, samples + 1)
     else:
         start = solver.mechanism.start
-        around = (
-            (start - REVOLUTION, start + REVOLUTION)
-            if arcs.full
-            else interval_around(arcs, start) or (start, start)
-        )
-        low, high = (
-            around[0] + KEPT_OFF * (around[1] - around[0]),
-            around[1] - KEPT_OFF * (around[1] - around[0]),
-        )
+        low, high = start - REVOLUTION, start + REVOLUTION
+        if not arcs.full:
+            low, high = interval_around(arcs, start) or (start, start)
+        low, high = low + KEPT_OFF * (high - low), high - KEPT_OFF * (high - low)
         if limits is not None:
             low, high = max(low, limits[0]), min(high, limits[1])
         # near a dead centre poses go as the root of the angle: even steps of a circle are even steps there
@@ -161,6 +149,115 @@ def _called(solver: KinematicSolver) -> str:
     """Return what an assembly is called: by the parameters that select it."""
     chosen = [f"{name} {value}" for name, value in solver.selectors.items()]
     return ", ".join(chosen) or "its assembly"
+
+
+def release_view(release: Release, mode: int | None) -> View:
+    """Return the contents of a page for a run from an initial state, or for a mode of vibration.
+
+    Args:
+        release: the initial state.
+        mode: number of the mode, from 1; None shows the run.
+
+    Raises:
+        InputError: where there is no such mode, or the run broke down.
+    """
+    model = release.model
+    if mode is None:
+        motion, name = release.shown_run(SAMPLES).motion, release.title
+        fact = "Integrated from the initial state; no driver is prescribed."
+    else:
+        cycle = release.cycle(mode, SAMPLES)
+        motion, name = cycle.motion, f"mode {mode}"
+        fact = f"One cycle of {cycle.title}, its amplitude large enough to be seen."
+    title = f"{model.mechanism.name}, {name}"
+    facts = [fact, f"{summary(model.masses).capitalize()}."]
+    assert motion.time is not None
+    grid = motion_grid(name, model.mechanism, motion, nodes=motion.time, driver="time", unit="s")
+    return View(model.mechanism, [grid], title, facts, **drawn_as(model.solver))
+
+
+def stepped_ghost(solver: KinematicSolver, run: Motion) -> GhostTrack | None:
+    """Return where a stepped run of MuJoCo puts the links; None for a run that broke down."""
+    name = "MuJoCo, the file's own settings" if runs_as_published(solver) else "MuJoCo, stepped"
+    return None if run.broken else ghost_of(name, solver.mechanism, solver.solve_as(run), run)
+
+
+# range of a driver moved by hand to either side without limits of a file: in [rad], and relative to the size
+MANUAL_ANGLE, MANUAL_LENGTH = np.deg2rad(45.0), 0.25
+# part of the way to a singular pose that is shown
+KEPT_SHORT = 0.99
+
+
+def motion_law_grid(solver: KinematicSolver) -> PoseGrid:
+    """Return the poses over the time of the motion laws of a mechanism.
+
+    Raises:
+        AssemblyError: where the loops do not close on the way.
+    """
+    laws = solver.motion_laws
+    times = np.linspace(0.0, laws.duration, SAMPLES + 1)
+    motion = solver.solve(t=times)
+    grid = motion_grid("motion laws", solver.mechanism, motion, driver="time", unit="s", nodes=times)
+    with suppress(MechsimError):
+        run = stepped(solver, laws.path_profile, SAMPLES // 2)
+        grid = replace(grid, ghost=stepped_ghost(solver, run))
+    return grid
+
+
+def hand_grids(
+    solver: KinematicSolver, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]
+) -> list[PoseGrid]:
+    """Return a grid of each driver, moved as far as its assembly can be followed with the others at rest.
+
+    Args:
+        solver: the mechanism's solver.
+        limits: joint -> its range, if a file states it.
+        start: driver -> initial value, for drivers without a motion law.
+    """
+    solver.mechanism.require_driver()
+    begin = {**start, **solver.motion_laws.first}
+    return [
+        _hand_grid(solver.mechanism, name, begin, *_hand_range(solver, name, begin[name], limits))
+        for name in solver.mechanism.drivers
+    ]
+
+
+def _hand_range(
+    solver: KinematicSolver, name: str, first: float, limits: Mapping[str, tuple[float, float]]
+) -> tuple[float, float]:
+    """Return the range of a driver: half as large again as that of its motion law, within its limits."""
+    values, laws, angle = np.array([first]), solver.motion_laws, solver.mechanism.unit(name) == "rad"
+    if name in laws.by_name:
+        values = laws.by_name[name](np.linspace(0.0, laws.duration, 257))[0]
+    middle, reach = float(0.5 * (np.min(values) + np.max(values))), 0.75 * float(np.ptp(values))
+    least = MANUAL_ANGLE if angle else MANUAL_LENGTH * solver.mechanism.characteristic_length
+    reach = min(max(reach, least), np.pi if angle else np.inf)
+    low, high = limits.get(name, (-np.inf, np.inf))
+    return max(middle - reach, low), min(middle + reach, high)
+
+
+def _hand_grid(
+    mechanism: Mechanism, moved: str, start: Mapping[str, float], low: float, high: float
+) -> PoseGrid:
+    """Return the poses over one driver within a range, the others where they start."""
+    states = {driver: steady(start[driver], 1.0 if driver == moved else 0.0) for driver in mechanism.drivers}
+    laws = make_motion_laws(mechanism, states, 1.0)
+    path = driven_path(mechanism, laws)
+    ends = [(end - start[moved]) * laws.rate for end in (low, high)]
+    parameter = np.linspace(_reached(path, -1, ends[0]), _reached(path, 1, ends[1]), SAMPLES + 1)
+    motion = solve_along(path, parameter, laws.rate, 0.0, laws)
+    unit, nodes = "m" if mechanism.unit(moved) == "m" else "rad", start[moved] + parameter / laws.rate
+    grid = motion_grid(f"move {moved}", mechanism, motion, nodes=nodes, driver=moved, unit=unit, speeds=False)
+    return replace(grid, slider=replace(grid.slider, start=start[moved]))
+
+
+def _reached(path: LoopPath, direction: int, end: float) -> float:
+    """Return the path parameter up to which a path is shown towards an end: short of a singular pose."""
+    try:
+        path.extend(end)
+    except AssemblyError:
+        return KEPT_SHORT * path.end(direction)
+    return end
 
 
 # solved motions that a live page holds besides its solver, so that it stays below 1.5 MB
@@ -209,20 +306,16 @@ def mechanism_view(
     limits = limits or {}
     if solver.mechanism.has_crank and solver.motion_laws.crank:
         grids = crank_grids(solver, speed, limits.get(solver.mechanism.crank.name))
-        facts = [
+        fact = (
             f"Solved by its {solver.method}; speeds are at a crank speed of "
-            f"{speed * 60.0 / REVOLUTION:g} rpm; `mechsim trace` finds other assemblies.",
-        ]
-        return _view(solver, grids, facts)
-    start = start_poses(solver.mechanism)[1]
-    by_hand = hand_grids(solver, limits, start)
-    programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]
-    return _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
-
-
-def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> View:
-    lines = [line for line in facts if line]
-    return View(solver.mechanism, grids, solver.name, lines, **drawn_as(solver))
+            f"{speed * 60.0 / REVOLUTION:g} rpm; `mechsim trace` finds other assemblies."
+        )
+    else:
+        grids = hand_grids(solver, limits, start_poses(solver.mechanism)[1])
+        if not solver.motion_laws.crank:
+            grids = [motion_law_grid(solver), *grids]
+        fact = "Solved by its loop equations."
+    return View(solver.mechanism, grids, solver.name, [fact], **drawn_as(solver))
 
 
 def case_view(case: Validation) -> View | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,8 +96,19 @@ def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
     Two or three points are all connected. More points form a ring of the outer ones, with spokes from the
     innermost of the points inside. Points that are still separate are connected by the shortest rods.
     """
-    every = sorted(combinations(range(len(points)), 2), key=lambda pair: _length(points, pair))
-    pairs = [pair for pair in every if not _through(points, pair)]
+    length = {
+        (i, j): float(np.linalg.norm(points[i] - points[j])) for i, j in permutations(range(len(points)), 2)
+    }
+    every = sorted(combinations(range(len(points)), 2), key=length.__getitem__)
+    pairs = [
+        (i, j)
+        for i, j in every
+        if not any(
+            length[i, k] + length[k, j] < length[i, j] * (1.0 + 1e-9)
+            for k in range(len(points))
+            if k not in (i, j)
+        )
+    ]
     preferred = set(every if len(points) <= 3 else _ring_and_spokes(np.array(points)))
     piece = list(range(len(points)))
     kept = [pair for pair in pairs if pair in preferred]
@@ -138,17 +149,6 @@ def _offset_to_the_right(flat: Array, i: int, j: int, k: int) -> float:
     """Return the distance of point j to the right of the line from i to k, negative to the left."""
     direction, off = flat[k] - flat[i], flat[j] - flat[i]
     return float(direction[1] * off[0] - direction[0] * off[1]) / max(float(np.hypot(*direction)), 1e-300)
-
-
-def _length(points: list[Array], pair: tuple[int, int]) -> float:
-    return float(np.linalg.norm(points[pair[0]] - points[pair[1]]))
-
-
-def _through(points: list[Array], pair: tuple[int, int]) -> bool:
-    """Whether the line between two points passes through a third."""
-    straight, (i, j) = _length(points, pair) * (1.0 + 1e-9), pair
-    others = (k for k in range(len(points)) if k not in pair)
-    return any(_length(points, (i, k)) + _length(points, (k, j)) < straight for k in others)
 
 
 def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]:
@@ -226,36 +226,27 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
         for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
             if not KINDS[joint.kind].pivot or KINDS[joint.kind].ball or ground.link != GROUND:
                 continue
-            gaps = {}
+            gaps = dict[float, float]()
             for side in (-1.0, 1.0):
                 along = np.linspace(0.25, 1.0, 5)[:, None] * reach * side
                 shaft = np.asarray(ground.point) + along * np.asarray(ground.axis)
-                gaps[side] = min(
-                    (_gap(shaft, poses[link], rod) for link, rod in rods.items() if link != moving.link),
-                    default=0.0,
-                )
-            inward = float((_middle(mechanism) - np.asarray(ground.point)) @ np.asarray(ground.axis))
+                others = (_gap(shaft, poses[link], rod) for link, rod in rods.items() if link != moving.link)
+                gaps[side] = min(others, default=0.0)
+            middle = np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
+            inward = float((middle - np.asarray(ground.point)) @ np.asarray(ground.axis))
             # a clear difference decides; else the shaft points away from the mechanism
+            away = 1.0 if inward < -reach / 90.0 else -1.0
             clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * rod_radius(mechanism)
-            sides[joint.name] = (
-                max(gaps, key=gaps.__getitem__) if clear else (1.0 if inward < -reach / 90.0 else -1.0)
-            )
+            sides[joint.name] = max(gaps, key=gaps.__getitem__) if clear else away
     return sides
 
 
 def _gap(points: Array, pose: Pose, rods: Array) -> float:
     """Return the smallest distance between points, (k, 3), and rods in all poses of their link."""
-    local = rods.reshape(-1, 3)
-    if not len(local):
-        local = np.zeros((1, 3))
+    local = rods.reshape(-1, 3) if rods.size else np.zeros((1, 3))
     rotation, position = np.atleast_3d(pose.rotation).reshape(-1, 3, 3), pose.position.reshape(-1, 1, 3)
     moved = (position + local @ np.swapaxes(rotation, -1, -2)).reshape(-1, 1, 3)
     return float(np.sqrt(((moved - points) ** 2).sum(-1)).min())
-
-
-def _middle(mechanism: Mechanism) -> Array:
-    """Return the centre of all joints on the ground."""
-    return np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
 
 
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
@@ -348,9 +339,22 @@ class Canvas:
         low, high = sorted((4.2 * self.r * away, 7.8 * self.r * away))
         self.bearing(end, low, high)
 
-    def carry(self) -> None:
-        """Mark the last shape on the ground as carried by a post."""
-        self.out[GROUND][-1] = replace(self.out[GROUND][-1], role="bearing")
+    def bar(
+        self,
+        link: str,
+        frm: ArrayLike,
+        to: ArrayLike,
+        sizes: tuple[float, float],
+        rgba: Rgba,
+        thickness: ArrayLike,
+    ) -> None:
+        """Draw a box between two points, of half a width, half a thickness and the direction of this."""
+        self.out[link].append(Shape("box", vector(frm), vector(to), sizes, rgba, vector(thickness)))
+
+    def carry(self, link: str = GROUND) -> None:
+        """Mark the last shape as carried by a post if it is on the ground."""
+        if link == GROUND:
+            self.out[GROUND][-1] = replace(self.out[GROUND][-1], role="bearing")
 
     def join(self, link: str, points: Sequence[ArrayLike]) -> None:
         """Draw a rod of a link through points."""

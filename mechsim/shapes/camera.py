@@ -179,8 +179,8 @@ def clearest_pose(mechanism: Mechanism, poses: Mapping[str, Pose], view: tuple[A
         view: unit vectors to the right and to the top of the picture, (3,) each.
     """
     joints = [(end.link, end.point) for joint in mechanism.joints for end in (joint.a, joint.b)]
-    points = [poses[link].point(local) @ np.column_stack(view) for link, local in joints]
-    points += [poses[link].point(local) @ np.column_stack(view) for link, local in mechanism.points.values()]
+    every = [*joints, *mechanism.points.values()]
+    points = [poses[link].point(local) @ np.column_stack(view) for link, local in every]
     stacked = np.stack(np.broadcast_arrays(*map(np.atleast_2d, points)))
     offsets = stacked - stacked.mean(0)
     return int(np.argmax(np.linalg.det(np.einsum("knx,kny->nxy", offsets, offsets))))
@@ -274,12 +274,9 @@ def stands(shapes: Iterable[Shape], up: Array, floor: float, radius: float) -> l
     return posts
 
 
-def _ceiling(ground: Iterable[Shape], up: Array, height: float, radius: float) -> list[Shape]:
-    """Return a frame over three or more bearings that all lie above a height; else nothing."""
-    bearings = np.array([shape.centre for shape in ground if shape.role == "bearing"]).reshape(-1, 3)
+def _ceiling(bearings: Array, up: Array, radius: float) -> list[Shape]:
+    """Return a frame over bearings."""
     heights = bearings @ up
-    if len(bearings) < 3 or heights.min() < height:
-        return []
     corners = bearings + (heights.max() + 4.0 * radius - heights)[:, None] * up
     # the axes of the ring's plane
     ring = corners[hull(corners @ np.eye(3)[np.abs(up) < PARALLEL].T)]
@@ -292,8 +289,9 @@ def add_stands(
 ) -> tuple[Array, Array]:
     """Add `stands`, or the frame of a hanging robot, to the shapes of the ground; return all balls."""
     top = float((balls[0] @ up + balls[1]).max())
-    hung = _ceiling(ground, up, floor + HANGING * (top - floor), radius)
-    posts = hung or stands(ground, up, floor, radius)
+    bearings = np.array([shape.centre for shape in ground if shape.role == "bearing"]).reshape(-1, 3)
+    hangs = len(bearings) > 2 and not (bearings @ up).min() < floor + HANGING * (top - floor)
+    posts = _ceiling(bearings, up, radius) if hangs else stands(ground, up, floor, radius)
     ground.extend(posts)
     feet = extent([(IDENTITY, posts)])
     return np.vstack([balls[0], feet[0]]), np.append(balls[1], feet[1])

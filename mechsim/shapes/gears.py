@@ -11,7 +11,7 @@ from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.shapes.body import Canvas, rod_radius
-from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
+from mechsim.shapes.shape import HOUSING, Rgba, pale
 
 WheelKey = tuple[str, float]
 # length of the teeth of a bevel gear relative to its slant height
@@ -80,22 +80,17 @@ def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
     else:
         canvas.disc(end.link, upright, low, low + 1.2 * canvas.r, radius - depth, colour)
     if end.link != GROUND:
-        _hub(canvas, upright, (low, radius + depth), wheel.hollow, colour)
+        # the hub that connects a wheel to its link, of a ring with a disc behind its teeth
+        if wheel.hollow:
+            low -= 0.3 * canvas.r
+            canvas.disc(end.link, upright, low, low + 0.6 * canvas.r, radius + depth, colour)
+        hub = min(2.9 * canvas.r, 0.7 * (radius + depth))
+        canvas.disc(end.link, upright, low, canvas.height(end.link), hub, colour)
     for angle in wheel.first + 2.0 * np.pi * np.arange(teeth) / teeth:
         out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
         # slightly thinner than the disc, so that coincident faces do not flicker
         tooth = (0.42 * np.pi * radius / teeth, 0.57 * canvas.r)
-        ends = vector(centre + inner * out), vector(centre + outer * out)
-        canvas.out[end.link].append(Shape("box", *ends, tooth, colour, upright.axis))
-
-
-def _hub(canvas: Canvas, end: End, sizes: tuple[float, float], hollow: bool, colour: Rgba) -> None:
-    """Draw the hub that connects a wheel to its link: from its back at a height, with a radius in [m]."""
-    low, radius = sizes
-    if hollow:
-        low -= 0.3 * canvas.r
-        canvas.disc(end.link, end, low, low + 0.6 * canvas.r, radius, colour)
-    canvas.disc(end.link, end, low, canvas.height(end.link), min(2.9 * canvas.r, 0.7 * radius), colour)
+        canvas.bar(end.link, centre + inner * out, centre + outer * out, tooth, colour, upright.axis)
 
 
 def wheel_colour(canvas: Canvas, link: str) -> Rgba:
@@ -115,21 +110,17 @@ def _bevel(canvas: Canvas, wheel: Wheel, cone: Cone) -> None:
     back, front = cone.apex + cone.height, cone.apex + (1.0 - FACE) * cone.height
     depth, rear = 0.7 * np.pi * wheel.radius / wheel.teeth, back + np.copysign(0.8 * canvas.r, cone.height)
     root = wheel.radius - depth
-    for low, high, radius in (
-        (back, rear, root),
-        (front, back, (1.0 - FACE) * root),
-        (0.0, rear, canvas.r),
-    ):
+    discs = (back, rear, root), (front, back, (1.0 - FACE) * root), (0.0, rear, canvas.r)
+    for low, high, radius in discs:
         canvas.disc(end.link, end, min(low, high), max(low, high), radius, colour)
     slant = float(np.hypot(wheel.radius, cone.height))
     for angle in wheel.first + 2.0 * np.pi * np.arange(wheel.teeth) / wheel.teeth:
         out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
         heel = cone.height * axis + wheel.radius * out
-        across = vector((wheel.radius * axis - cone.height * out) / slant)
+        across = (wheel.radius * axis - cone.height * out) / slant
         tip = point + cone.apex * axis
-        ends = vector(tip + (1.0 - FACE) * heel), vector(tip + heel)
         tooth = (0.42 * np.pi * (1.0 - 0.5 * FACE) * wheel.radius / wheel.teeth, depth)
-        canvas.out[end.link].append(Shape("box", *ends, tooth, colour, across))
+        canvas.bar(end.link, tip + (1.0 - FACE) * heel, tip + heel, tooth, colour, across)
 
 
 def _rim(
@@ -144,8 +135,7 @@ def _rim(
         # the length at which the outer corners of bars meet
         reach = (inner + 2.0 * half) * np.tan(np.pi / bars)
         middle = centre + (inner + half) * out
-        ends = vector(middle - reach * along), vector(middle + reach * along)
-        canvas.out[link].append(Shape("box", *ends, (half, thick), colour, end.axis))
+        canvas.bar(link, middle - reach * along, middle + reach * along, (half, thick), colour, end.axis)
 
 
 def teeth_on(radius: float, pitch: float) -> int:
@@ -263,7 +253,7 @@ def _apart(a: End, b: End) -> tuple[Array, float]:
 
 
 def _parallel(a: End, b: End) -> bool:
-    return float(np.asarray(a.axis) @ np.asarray(b.axis)) > 1.0 - 1e-9
+    return float(np.dot(a.axis, b.axis)) > 1.0 - 1e-9
 
 
 # distance of two axes relative to a rod's radius below which they intersect
@@ -310,9 +300,16 @@ def bevel_pair(
     # at zero of the first joint a tooth of its wheel faces a gap of the other
     starts = angles[0], angles[1] - phase + np.pi / counts[1]
     ways = 1.0, float(np.sign(rates[0] * rates[1]))
-    cones = [Cone(tip, slant * cosine) for tip, cosine in zip(tips.tolist(), cosines.tolist(), strict=True)]
     return [
-        Wheel(own[i], slant * float(sines[i]), counts[i], starts[i], ways[i], cone=cones[i]) for i in range(2)
+        Wheel(
+            own[i],
+            slant * float(sines[i]),
+            counts[i],
+            starts[i],
+            ways[i],
+            cone=Cone(float(tips[i]), slant * float(cosines[i])),
+        )
+        for i in range(2)
     ]
 
 
@@ -353,15 +350,13 @@ def racks_of(mechanism: Mechanism) -> Iterator[tuple[Coupling, Joint, Joint]]:
     for coupling in mechanism.couplings:
         if isinstance(coupling.left, str) and isinstance(coupling.right, str):
             rack, pinion = joints.get(coupling.left), joints.get(coupling.right)
-            if rack and pinion and _meshes(coupling, rack, pinion):
+            if not rack or not pinion or rack.a.link != pinion.a.link:
+                continue
+            slide, hinge = KINDS[rack.kind], KINDS[pinion.kind]
+            square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < ROUNDING
+            linear = len(coupling.coefficients) == 2 and coupling.ratio != 0.0
+            if slide.single and not slide.turns and hinge.hinge and square and linear:
                 yield coupling, rack, pinion
-
-
-def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
-    square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < ROUNDING
-    slide, hinge = KINDS[rack.kind], KINDS[pinion.kind]
-    kinds = slide.single and not slide.turns and hinge.hinge and rack.a.link == pinion.a.link
-    return kinds and square and len(coupling.coefficients) == 2 and coupling.ratio != 0.0
 
 
 def _draw_rack(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint) -> None:
@@ -383,20 +378,18 @@ def _draw_rack(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint) -
     base = rack.b.point + rotation @ (meet - rack.a.point) - zero * (rotation @ slide_axis)
     low, high = (zero - end for end in canvas.travel_of(rack)[::-1])
     depth, colour = 0.7 * np.pi * radius / teeth, wheel_colour(canvas, rack.b.link)
-    outward, forward, flat = rotation @ out, rotation @ slide_axis, vector(rotation @ axis)
+    outward, forward, flat = rotation @ out, rotation @ slide_axis, rotation @ axis
     first, last = np.floor(low / step) - 2.0, np.ceil(high / step) + 2.0
     if last - first > MAX_RACK_TEETH:
         return
-    shapes = canvas.out[rack.b.link]
+    link, tooth = rack.b.link, (0.21 * step, 0.57 * canvas.r)
     for k in np.arange(first, last) + 0.5:
         foot = base + k * step * forward
-        ends = vector(foot - 0.8 * depth * outward), vector(foot + 1.3 * depth * outward)
-        shapes.append(Shape("box", *ends, (0.21 * step, 0.57 * canvas.r), colour, flat))
-    bar = base + (depth + 1.2 * canvas.r) * outward
-    ends = vector(bar + first * step * forward), vector(bar + last * step * forward)
-    shapes.append(Shape("box", *ends, (1.2 * canvas.r, 0.6 * canvas.r), colour, flat))
+        canvas.bar(link, foot - 0.8 * depth * outward, foot + 1.3 * depth * outward, tooth, colour, flat)
+    bar, sizes = base + (depth + 1.2 * canvas.r) * outward, (1.2 * canvas.r, 0.6 * canvas.r)
+    canvas.bar(link, bar + first * step * forward, bar + last * step * forward, sizes, colour, flat)
     if rack.b.link != GROUND:
         own = rack.b.point + canvas.lift(rack.b)
         along = np.clip(float((own - bar) @ forward), first * step, last * step)
         under = bar + along * forward
-        canvas.join(rack.b.link, (own, under + float((own - under) @ flat) * np.asarray(flat), under))
+        canvas.join(link, (own, under + float((own - under) @ flat) * flat, under))

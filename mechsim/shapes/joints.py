@@ -16,7 +16,7 @@ from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.shapes.body import Canvas, edges, fixed_links, free_sides, hull, span, stations
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.guides import draw_contacts, hidden_links
-from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of, vector
+from mechsim.shapes.shape import HOUSING, RUBBER, STEEL, Rgba, Shape, plate_of
 from mechsim.shapes.springs import spring_ends, torsion_springs
 
 
@@ -28,23 +28,17 @@ def revolute(canvas: Canvas, joint: Joint) -> None:
 def flat_revolute(canvas: Canvas, joint: Joint) -> None:
     """Draw two eyes in their layers and a pin through both; on the ground a boss on the plate."""
     assert canvas.normals
-    heights = [canvas.height(end.link) for end in (joint.a, joint.b) if end.link != GROUND]
-    thick, top = 0.62 * canvas.r, max(heights) + 1.0 * canvas.r
-    for end in (joint.a, joint.b):
-        if end.link != GROUND:
-            upright = canvas.upright(end)
-            height = canvas.height(end.link)
-            canvas.disc(
-                end.link, upright, height - thick, height + thick, 1.9 * canvas.r, canvas.colours[end.link]
-            )
-    grounded = [end for end in (joint.a, joint.b) if end.link == GROUND]
-    if grounded:
-        post = canvas.upright(grounded[0])
-        canvas.disc(GROUND, post, canvas.back, min(heights) - 1.2 * thick, 2.4 * canvas.r, HOUSING)
-        canvas.disc(GROUND, post, canvas.back, top, 0.9 * canvas.r, STEEL)
-    else:
-        pin = canvas.upright(joint.a)
-        canvas.disc(joint.a.link, pin, min(heights) - 1.0 * canvas.r, top, 0.9 * canvas.r, STEEL)
+    moving = [end for end in (joint.a, joint.b) if end.link != GROUND]
+    heights = [canvas.height(end.link) for end in moving]
+    r, thick, top = canvas.r, 0.62 * canvas.r, max(heights) + 1.0 * canvas.r
+    for end, height in zip(moving, heights, strict=True):
+        colour = canvas.colours[end.link]
+        canvas.disc(end.link, canvas.upright(end), height - thick, height + thick, 1.9 * r, colour)
+    pin, bottom = joint.b if joint.b.link == GROUND else joint.a, min(heights) - 1.0 * r
+    if pin.link == GROUND:
+        bottom = canvas.back
+        canvas.disc(GROUND, canvas.upright(pin), bottom, min(heights) - 1.2 * thick, 2.4 * r, HOUSING)
+    canvas.disc(pin.link, canvas.upright(pin), bottom, top, 0.9 * r, STEEL)
 
 
 def spatial_revolute(canvas: Canvas, joint: Joint) -> None:
@@ -66,15 +60,13 @@ def ball(canvas: Canvas, joint: Joint) -> None:
     """Draw a steel ball on the ground, else on the first link, and a collar of the other link around it."""
     inner, around = (joint.b, joint.a) if joint.b.link == GROUND else (joint.a, joint.b)
     canvas.add(inner.link, "sphere", inner.point, inner.point, 2.0 * canvas.r, STEEL)
-    if inner.link == GROUND:
-        canvas.carry()
-    # the direction from a joint to the rest of its link; None if the link is only that point
+    canvas.carry(inner.link)
+    # the direction from a joint to the rest of its link
     rest = np.array(stations(canvas.mechanism, around.link)) - np.asarray(around.point)
     towards = rest.sum(0)
     length = float(np.linalg.norm(towards))
-    rod = towards / length if length > 0.1 * canvas.r else None
-    if rod is not None:
-        centre = np.asarray(around.point)
+    if length > 0.1 * canvas.r:
+        centre, rod = np.asarray(around.point), towards / length
         ends = centre + 1.0 * canvas.r * rod, centre + 2.6 * canvas.r * rod
         canvas.add(around.link, "cylinder", *ends, 1.8 * canvas.r, canvas.colours[around.link])
 
@@ -99,21 +91,16 @@ def slide(canvas: Canvas, joint: Joint) -> None:
     own = np.asarray(rail.point) + canvas.lift(rail)
     middle = own - 1.9 * r * thick
     colour = canvas.colours.get(rail.link, STEEL)
-    ends = vector(middle + low * axis), vector(middle + high * axis)
-    shape = Shape("box", *ends, (1.4 * r, 0.6 * r), colour, vector(thick))
-    canvas.out[rail.link].append(shape)
+    canvas.bar(rail.link, middle + low * axis, middle + high * axis, (1.4 * r, 0.6 * r), colour, thick)
     if rail.link == GROUND:
-        _feet(canvas, shape, thick)
+        _feet(canvas, thick)
     else:
         canvas.add(rail.link, "cylinder", own, middle, r, colour)
-    thick = canvas.thickness(block)
-    middle, axis = np.asarray(block.point) + canvas.lift(block), np.asarray(block.axis)
-    ends = vector(middle - 3.0 * r * axis), vector(middle + 3.0 * r * axis)
-    colour = canvas.colours.get(block.link, STEEL)
-    shape = Shape("box", *ends, (2.2 * r, 1.2 * r), colour, vector(thick))
-    canvas.out[block.link].append(shape)
+    thick, half = canvas.thickness(block), 3.0 * r * np.asarray(block.axis)
+    middle, colour = np.asarray(block.point) + canvas.lift(block), canvas.colours.get(block.link, STEEL)
+    canvas.bar(block.link, middle - half, middle + half, (2.2 * r, 1.2 * r), colour, thick)
     if block.link == GROUND:
-        _feet(canvas, shape, thick)
+        _feet(canvas, thick)
 
 
 def sleeve(canvas: Canvas, joint: Joint) -> None:
@@ -125,8 +112,7 @@ def sleeve(canvas: Canvas, joint: Joint) -> None:
         for low_end in (low, high - 2.4 * r):
             canvas.bearing(joint.a, low_end, low_end + 2.4 * r)
     canvas.disc(joint.b.link, joint.b, -3.0 * r, 3.0 * r, 1.9 * r, canvas.colours.get(joint.b.link, HOUSING))
-    if joint.b.link == GROUND:
-        canvas.carry()
+    canvas.carry(joint.b.link)
 
 
 def plate(canvas: Canvas, joint: Joint) -> None:
@@ -138,12 +124,10 @@ def plate(canvas: Canvas, joint: Joint) -> None:
     if table.link != GROUND or radius < 0.5 * span(canvas.mechanism):
         low, colour = table_height - 0.6 * r, canvas.colours.get(table.link, STEEL)
         canvas.disc(table.link, table, low, table_height, radius, colour)
-        if table.link == GROUND:
-            canvas.carry()
+        canvas.carry(table.link)
     low, high = sorted((table_height, foot_height))
     canvas.disc(foot.link, foot, low, high + 1.2 * r, 2.0 * r, canvas.colours.get(foot.link, HOUSING))
-    if foot.link == GROUND:
-        canvas.carry()
+    canvas.carry(foot.link)
 
 
 def weld(canvas: Canvas, joint: Joint) -> None:
@@ -151,8 +135,7 @@ def weld(canvas: Canvas, joint: Joint) -> None:
     a, b, heights = _joint_ends(canvas, joint)
     r, end = canvas.r, b if a.link != GROUND else a
     canvas.disc(end.link, end, min(heights) - 0.8 * r, max(heights) + 0.8 * r, 1.6 * r, HOUSING)
-    if end.link == GROUND:
-        canvas.carry()
+    canvas.carry(end.link)
 
 
 def _joint_ends(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]:
@@ -168,9 +151,9 @@ def _reach(canvas: Canvas, joint: Joint, clearance: float) -> tuple[float, float
     return (low, high) if joint.a.link == GROUND else (min(low, -canvas.r), max(high, canvas.r))
 
 
-def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
-    """Draw two feet of a rail or a block: on the mounting plate, or clamps for posts."""
-    r = canvas.r
+def _feet(canvas: Canvas, thick: Array) -> None:
+    """Draw two feet of the rail or block drawn last: on the mounting plate, or clamps for posts."""
+    r, guide = canvas.r, canvas.out[GROUND][-1]
     for end, inward in ((guide.frm, guide.to), (guide.to, guide.frm)):
         along = np.subtract(inward, end)
         along = 2.0 * r * along / np.linalg.norm(along)
@@ -179,11 +162,8 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
             plate = foot + thick * (canvas.back - float(foot @ thick))
             canvas.add(GROUND, "cylinder", foot, plate, 1.3 * r, HOUSING)
         else:
-            ends, sizes = (
-                (vector(foot - 0.6 * along), vector(foot + 0.6 * along)),
-                (guide.sizes[0] + 0.4 * r, r),
-            )
-            canvas.out[GROUND].append(Shape("box", *ends, sizes, HOUSING, vector(thick)))
+            sizes = (guide.sizes[0] + 0.4 * r, r)
+            canvas.bar(GROUND, foot - 0.6 * along, foot + 0.6 * along, sizes, HOUSING, thick)
             canvas.carry()
 
 
@@ -191,6 +171,7 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
 SPIRAL_TURNS, SPIRAL_CHORDS = 2.5, 50
 # radius of the disc between slides, in rod radii
 DISC = 9.0
+# how joints look; a distance is drawn as a link between two balls, and of others nothing is seen
 DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
     "revolute": revolute,
     "prismatic": slide,
@@ -198,12 +179,6 @@ DRAW: dict[KindName, Callable[[Canvas, Joint], None]] = {
     "screw": sleeve,
     "planar": plate,
     "fixed": weld,
-    "floating": lambda canvas, joint: None,
-    "cartesian": lambda canvas, joint: None,
-    "parallel_axes": lambda canvas, joint: None,
-    "perpendicular_axes": lambda canvas, joint: None,
-    # drawn as a link between two balls
-    "distance": lambda canvas, joint: None,
     "point_on_line": sleeve,
     "point_on_plane": plate,
     "universal": cross,
@@ -236,7 +211,7 @@ def link_shapes(
     for link in bodies:
         _body(canvas, link, hidden)
     for joint in mechanism.joints:
-        if {joint.a.link, joint.b.link} <= {GROUND, *bodies}:
+        if joint.kind in DRAW and {*joint.links} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
     for name in torsion_springs(mechanism, forces):
         draw_torsion_spring(canvas, mechanism.joint(name))
@@ -258,9 +233,8 @@ def _polygon(canvas: Canvas, link: Link) -> Iterator[tuple[Array, Array]]:
         yield from pairwise([*corners, corners[0]])
         return
     axes = np.linalg.svd(corners - corners.mean(0), full_matrices=False)[2]
-    canvas.out[link.name].append(
-        plate_of(corners + lift, 0.5 * canvas.r * axes[2], canvas.colours[link.name])
-    )
+    face = plate_of(corners + lift, 0.5 * canvas.r * axes[2], canvas.colours[link.name])
+    canvas.out[link.name].append(face)
     for end in canvas.mechanism.ends(link.name):
         off = (corners - end.point) @ axes[:2].T @ [1.0, 1j]
         # the angle that the polygon turns about the joint: 0 outside
@@ -295,18 +269,14 @@ def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
     for i, (a, b) in enumerate(bars):
         if canvas.normals:
             # where faces coincide, a renderer adds the light of all: no two rods that meet are as thick
-            width, thick = 1.15 * canvas.r, (0.5 - 0.01 * (i % 8)) * canvas.r
-            normal = vector(canvas.normals[link])
-            bar = Shape("box", vector(a, lift), vector(b, lift), (width, thick), colour, normal)
-            canvas.out[link].append(bar)
+            sizes = 1.15 * canvas.r, (0.5 - 0.01 * (i % 8)) * canvas.r
+            canvas.bar(link, a + lift, b + lift, sizes, colour, canvas.normals[link])
         else:
             canvas.add(link, "capsule", a, b, canvas.r, colour)
     if canvas.normals and len(positions) == 1 and len(own) > 1 and {j.kind for j in own} == {"prismatic"}:
-        end = canvas.upright(canvas.mechanism.ends(link)[0])
-        middle = canvas.height(link)
-        canvas.disc(
-            link, end, middle - 0.5 * canvas.r, middle + 0.5 * canvas.r, DISC * canvas.r, (*colour[:3], 0.5)
-        )
+        end, half = canvas.upright(canvas.mechanism.ends(link)[0]), 0.5 * canvas.r
+        middle, glass = canvas.height(link), (*colour[:3], 0.5)
+        canvas.disc(link, end, middle - half, middle + half, DISC * canvas.r, glass)
     joint_points = [np.asarray(end.point) for end in canvas.mechanism.ends(link)]
     for position in positions:
         if min(float(np.linalg.norm(position - joint)) for joint in joint_points) > 0.1 * canvas.r:

@@ -44,11 +44,8 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     """Return a TOML file with a formula as a test file, if it is named or a pattern selects it."""
     if file_path.suffix != ".toml" or file_path.name in OTHER_TOML:
         return None
-    if not (parent.session.isinitpath(file_path) or _is_requested(file_path, parent.config)):
-        return None
-    if not _has_formula(file_path):
-        return None
-    return TomlFile.from_parent(parent, path=file_path)
+    requested = parent.session.isinitpath(file_path) or _is_requested(file_path, parent.config)
+    return TomlFile.from_parent(parent, path=file_path) if requested and _has_formula(file_path) else None
 
 
 def _is_requested(path: Path, config: pytest.Config) -> bool:

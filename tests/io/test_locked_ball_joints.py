@@ -8,8 +8,8 @@ import pytest
 from model_files import model_text
 
 from mechsim import simulate
-from mechsim.cli.control_options import ControlOptions, user_scene
-from mechsim.cli.options import DriveOptions
+from mechsim.cli.options import ControlOptions, DriveOptions
+from mechsim.cli.scene_run import user_scene
 from mechsim.errors import InputError
 from mechsim.io.readers import load
 from mechsim.simulation.plain_settings import PlainSettings

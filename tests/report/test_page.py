@@ -145,14 +145,9 @@ def test_a_passed_file_with_findings_is_marked_and_lists_all(section, tmp_path):
             assert finding["remedy"] in text
 
 
-def test_the_numbers_are_written_as_json_next_to_the_page(section, tmp_path):
-    report.write_report(
-        tmp_path,
-        results(rssr=passed_result(), other=bad()),
-        [section],
-        command="mechsim validate",
-        notes=["x"],
-    )
+def test_the_numbers_are_written_as_json_next_to_the_page(section, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["mechsim", "validate"])
+    report.write_report(tmp_path, results(rssr=passed_result(), other=bad()), [section], notes=["x"])
     numbers = json.loads((tmp_path / "validate.json").read_text(encoding="utf-8"))
     assert numbers["passed"] is False
     assert numbers["mechanisms"]["rssr"]["checks"][0]["worst"] == 3.2e-10

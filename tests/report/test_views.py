@@ -6,8 +6,7 @@ from slider_interpolation import interpolated
 
 import mechsim as ms
 from mechsim.kinematics.loops.start import start_poses
-from mechsim.report.driver_views import hand_grids, motion_law_grid
-from mechsim.report.views import mechanism_view
+from mechsim.report.views import hand_grids, mechanism_view, motion_law_grid
 
 SPEED = ms.units.rpm(600)
 

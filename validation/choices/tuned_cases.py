@@ -9,8 +9,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.cli.control_options import ControlOptions
-from mechsim.cli.options import DriveOptions
+from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.io.readers import load
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.scene import Scene

@@ -21,7 +21,7 @@ from time import process_time
 from check_in_mujoco import closure_error, script_of, trajectory_error
 from tuned_cases import CASES, SceneFile, scene_files
 
-from mechsim.cli.control_options import user_scene
+from mechsim.cli.scene_run import user_scene
 from mechsim.errors import MechsimError
 from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet

@@ -7,10 +7,7 @@ bytes of a file. Axes have units; the colours suit colour-blind readers.
 from mechsim.pictures.plots.dynamics import dynamics_sheet
 from mechsim.pictures.plots.figure import blank, drawn, format_of, webp, write
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
-from mechsim.pictures.plots.paths import (
-    coupler_curve,
-    schematic_plot,
-)
+from mechsim.pictures.plots.paths import coupler_curve, schematic_plot
 from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, quantity_plot
 
 __all__ = [

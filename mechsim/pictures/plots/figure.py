@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError, needs
 from mechsim.files import atomic_path
@@ -71,12 +71,12 @@ def format_of(path: str | Path) -> Format:
     Raises:
         InputError: for an unknown extension.
     """
-    for file_format in FORMATS:
-        if Path(path).suffix == f".{file_format}":
-            return file_format
-    raise InputError(
-        f"cannot plot to {Path(path).name}: its extension is not one of {', '.join('.' + f for f in FORMATS)}"
-    )
+    extensions: dict[str, Format] = {f".{file_format}": file_format for file_format in FORMATS}
+    if Path(path).suffix not in extensions:
+        raise InputError(
+            f"cannot plot to {Path(path).name}: its extension is not one of {', '.join(extensions)}"
+        )
+    return extensions[Path(path).suffix]
 
 
 @contextmanager
@@ -204,17 +204,14 @@ def along_axis(ax: Axes, timed: bool) -> None:
 
 def angle_axis(ax: Axes) -> None:
     """Label the horizontal axis for crank angles in degrees."""
+    with needs("pictures"):
+        from matplotlib.ticker import MultipleLocator
+
     ax.set_xlabel("crank angle [°]")
     low, high = ax.get_xlim()
-    if high - low < 7.5 * ANGLE_STEPS[-1]:
-        ax.xaxis.set_major_locator(locator(next(step for step in ANGLE_STEPS if high - low < 7.5 * step)))
-
-
-def still(values: ArrayLike, scale: float) -> bool:
-    """Return whether values vary by no more than the rounding of their scale."""
-    finite = np.asarray(values, dtype=np.float64)
-    finite = finite[np.isfinite(finite)]
-    return bool(len(finite)) and scale > 0.0 and float(np.ptp(finite)) < ROUNDED * scale
+    step = next((step for step in ANGLE_STEPS if high - low < 7.5 * step), None)
+    if step is not None:
+        ax.xaxis.set_major_locator(MultipleLocator(step))
 
 
 def flattened(ax: Axes, scale: float, unit: str) -> None:
@@ -226,20 +223,13 @@ def flattened(ax: Axes, scale: float, unit: str) -> None:
         unit: unit of these numbers.
     """
     values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in ax.get_lines())])
-    if not still(values, scale):
+    values = values[np.isfinite(values)]
+    if not len(values) or not np.ptp(values) < ROUNDED * scale:
         return
-    middle = 0.5 * float(np.nanmin(values) + np.nanmax(values))
+    middle = 0.5 * float(values.min() + values.max())
     ax.set_ylim(middle - 0.5 * scale, middle + 0.5 * scale)
     text = f"varies by less than {ROUNDED * scale:.1g} {unit}: rounding"
     ax.annotate(text, (0.03, 0.05), xycoords="axes fraction", fontsize=6.5, color="#5b6470")
-
-
-def locator(step: float) -> Any:
-    """Return a tick locator with a given step."""
-    with needs("pictures"):
-        from matplotlib.ticker import MultipleLocator
-
-    return MultipleLocator(step)
 
 
 def round_numbers(axis: Axis) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 # smallest error on a logarithmic axis; smaller ones are rounding
 FLOOR = 1e-18
+# rows of a plot of points: attribute of a point, and its SI unit
+UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
 
 @styled()
@@ -44,17 +46,17 @@ def motion_plot(motion: Motion) -> Figure:
     Args:
         motion: what to draw.
     """
-    names = point_names(motion)
-    rows = (("position", "position"), ("velocity", "velocity"), ("acceleration", "acceleration"))
-    scales = _scales(motion)
-    shown = [i for i in range(3) if not _unused(motion, names, i, ROUNDED * scales[0])] or [0, 1, 2]
+    names, scales = point_names(motion), _scales(motion)
+    # a planar mechanism stays at zero along z
+    reach = np.max([np.abs(point.position).max(axis=0) for point in motion.points.values()], axis=0)
+    shown = np.flatnonzero(~(reach <= ROUNDED * scales[0])).tolist() or [0, 1, 2]
     # as wide as other plots, so that a page scales their text alike
     width = max(5.4, 3.0 * len(names) + 0.6)
     figure, axes = blank(3, len(names), (width, 6.0), sharex=True)
     for column, name in enumerate(names):
-        for row, (attribute, label) in enumerate(rows):
-            ax, values = axes[row, column], getattr(motion.points[name], attribute)
-            factor, unit = readable(values, ("m", "m/s", "m/s²")[row])
+        for row, (label, si) in enumerate(UNITS.items()):
+            ax, values = axes[row, column], getattr(motion.points[name], label)
+            factor, unit = readable(values, si)
             for i in shown:
                 ax.plot(
                     abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label="xyz"[i]
@@ -70,11 +72,6 @@ def motion_plot(motion: Motion) -> Figure:
     return figure
 
 
-def _unused(motion: Motion, names: Sequence[str], axis: int, rounding: float) -> bool:
-    """Return whether all points stay at zero along an axis, as a planar mechanism does along z."""
-    return all(float(np.abs(motion.points[name].position[:, axis]).max()) <= rounding for name in names)
-
-
 def _scales(motion: Motion) -> list[float]:
     """Return the scales of positions, velocities and accelerations that are not zero, in SI.
 
@@ -82,10 +79,10 @@ def _scales(motion: Motion) -> list[float]:
     """
     reach = max(float(np.abs(point.position).max(initial=0.0)) for point in motion.points.values())
     speed = float(np.abs(motion.speed).max(initial=0.0))
-    scales = [reach, reach * speed, reach * speed**2]
-    for i, rate in ((1, "velocity"), (2, "acceleration")):
+    scales = [reach]
+    for order, rate in ((1, "velocity"), (2, "acceleration")):
         sizes = [np.abs(getattr(point, rate)).max(initial=0.0) for point in motion.points.values()]
-        scales[i] = max(scales[i], float(np.nanmax(sizes)))
+        scales.append(max(reach * speed**order, float(np.nanmax(sizes))))
     return scales
 
 
@@ -133,19 +130,14 @@ def error_plot(
         ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} m")
     decades(ax.yaxis)
     # an error that changes its sign passes zero; showing that would flatten all other errors
-    peaks = _peaks(errors)
-    ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if peaks else None)
+    sizes = (np.abs(np.asarray(values, dtype=np.float64)) for values in errors.values())
+    peaks = [float(np.max(error, where=np.isfinite(error), initial=0.0)) for error in sizes]
+    least = min((peak for peak in peaks if peak > FLOOR), default=None)
+    ax.set_ylim(bottom=None if least is None else max(FLOOR, 1e-4 * least))
     ax.set_ylabel("error [m]")
     along_axis(ax, timed)
     ax.legend(**LEGEND_RIGHT)
     return figure
-
-
-def _peaks(errors: Mapping[str, ArrayLike]) -> list[float]:
-    """Return the largest finite error of each label with an error above the floor."""
-    sizes = (np.abs(np.asarray(values, dtype=np.float64)) for values in errors.values())
-    peaks = [float(np.max(error, where=np.isfinite(error), initial=0.0)) for error in sizes]
-    return [peak for peak in peaks if peak > FLOOR]
 
 
 # number of instants above which candidate values are drawn as a line too
@@ -202,20 +194,11 @@ def agreement_plot(curves: TwoCurves) -> Figure:
 
 def _curves(ax: Axes, x: Array, curves: TwoCurves) -> None:
     factor, unit = readable(np.concatenate([curves.exact, curves.claimed]), curves.unit)
-    for i in range(curves.exact.shape[1]):
+    dots: dict[str, Any] = {"marker": ".", "ls": "none"} if len(x) <= DOTS else {"ls": ":"}
+    for i, (exact, claimed) in enumerate(zip(curves.exact.T, curves.claimed.T, strict=True)):
         colour, component = COLOURS[i], f" {curves.components[i]}" if curves.components else ""
-        ax.plot(x, curves.exact[:, i] / factor, color=colour, lw=2.6, alpha=0.45, label=f"exact{component}")
-        few = len(x) <= DOTS
-        marker, line = ("." if few else ""), ("none" if few else ":")
-        ax.plot(
-            x,
-            curves.claimed[:, i] / factor,
-            color=colour,
-            label=f"claimed{component}",
-            marker=marker,
-            ls=line,
-            ms=3.5,
-        )
+        ax.plot(x, exact / factor, color=colour, lw=2.6, alpha=0.45, label=f"exact{component}")
+        ax.plot(x, claimed / factor, color=colour, label=f"claimed{component}", ms=3.5, **dots)
     ax.set_ylabel(f"{curves.name} [{unit}]")
     ax.set_title(f"{curves.name}: exact, and {curves.source}")
 
@@ -239,18 +222,14 @@ def _difference(ax: Axes, x: Array, curves: TwoCurves) -> None:
         for sign in (1.0, -1.0):
             ax.axhline(sign * curves.tolerance / factor, color="#5b6470", lw=0.8, ls="--")
     ax.set_ylabel(f"difference [{unit}]")
-    most = (
-        f"rounding, below {floor:.1g} {curves.unit}"
-        if rounding
-        else f"at most {prefixed(largest, curves.unit)}"
-    )
-    text = f"{most}, tolerance {prefixed(curves.tolerance, curves.unit)}"
-    ax.set_title(f"the difference: {text}")
+    most = f"at most {prefixed(largest, curves.unit)}"
+    if rounding:
+        most = f"rounding, below {floor:.1g} {curves.unit}"
+    ax.set_title(f"the difference: {most}, tolerance {prefixed(curves.tolerance, curves.unit)}")
 
 
 def _shares(ax: Axes, curves: TwoCurves) -> None:
-    names = list(curves.shares)
-    values = np.array([curves.shares[name] for name in names])
+    names, values = list(curves.shares), np.array([*curves.shares.values()])
     factor, unit = readable(values, curves.unit)
     ax.barh(names[::-1], values[::-1] / factor, color=COLOURS[0], height=0.6)
     ax.axvline(0.0, color="#5b6470", lw=0.8)

@@ -17,15 +17,7 @@ from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.label_positions import Rectangle, placed, shared
 from mechsim.pictures.number_text import prefixed, readable
-from mechsim.pictures.plots.figure import (
-    INK,
-    ROUNDED,
-    STYLES,
-    blank,
-    label_of,
-    point_names,
-    styled,
-)
+from mechsim.pictures.plots.figure import INK, ROUNDED, STYLES, blank, label_of, point_names, styled
 from mechsim.shapes.belts import draw_ropes
 from mechsim.shapes.body import (
     Canvas,
@@ -56,15 +48,8 @@ RADIUS, BLOCK, FOOT = 0.018, 0.045, 0.05
 BEHIND: dict[str, Any] = {"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5}
 NAMES: dict[str, Any] = {"textcoords": "offset points", "bbox": BEHIND, "zorder": 5, "va": "center"}
 # symbols of a spring and of a damper: part of the way between its ends, and side; nan lifts the pen
-SPRING = np.array(
-    [
-        (0.0, 0.0),
-        (0.15, 0.0),
-        *((0.2 + 0.6 * k / 7, 1.0 - k % 2 * 2.0) for k in range(8)),
-        (0.85, 0.0),
-        (1.0, 0.0),
-    ]
-)
+ZIGZAG = [(0.2 + 0.6 * k / 7, 1.0 - k % 2 * 2.0) for k in range(8)]
+SPRING = np.array([(0.0, 0.0), (0.15, 0.0), *ZIGZAG, (0.85, 0.0), (1.0, 0.0)])
 PISTON = [(0.0, 0.0), (0.45, 0.0), (np.nan, 0.0), (0.45, 0.8), (0.45, -0.8), (np.nan, 0.0)]
 DASHPOT = np.array(
     [*PISTON, (0.3, 1.0), (0.7, 1.0), (0.7, -1.0), (0.3, -1.0), (np.nan, 0.0), (0.7, 0.0), (1.0, 0.0)]
@@ -206,9 +191,8 @@ def _ropes(
             if shape.kind == "capsule":
                 yield _placed(poses[link], np.linspace(shape.frm, shape.to, 3))
             elif shape.kind == "cylinder" and shape.sizes[0] > 3.0 * canvas.r:
-                yield _placed(
-                    poses[link], _circle(End(link, shape.frm, vector(shape.frame[:, 2])), shape.sizes[0])
-                )
+                rim = End(link, shape.frm, vector(shape.frame[:, 2]))
+                yield _placed(poses[link], _circle(rim, shape.sizes[0]))
 
 
 def _circle(end: End, radius: float, height: float = 0.0) -> Array:
@@ -233,13 +217,13 @@ def _legs(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> Iterator[Array]
 
 def _draw_link(ax: "Axes", points: list[Array]) -> None:
     """Draw the body of a link; a link with three or more joints is a filled polygon."""
-    lines = list(edges([np.append(point, 0.0) for point in points]))
+    lines = np.array([*edges([np.append(point, 0.0) for point in points])]).reshape(-1, 2, 3)[..., :2]
     if len(points) > 2 and len(lines) > 2:
-        around = np.array([line[0][:2] for line in lines] + [line[1][:2] for line in lines])
+        around = np.concatenate([lines[:, 0], lines[:, 1]])
         order = np.argsort(np.arctan2(*(around - around.mean(0)).T[::-1]))
         ax.fill(*around[order].T, color=SHADE, zorder=1)
-    for a, b in lines:
-        ax.plot(*np.array([a[:2], b[:2]]).T, color=INK, lw=1.8, solid_capstyle="round", zorder=2)
+    for line in lines:
+        ax.plot(*line.T, color=INK, lw=1.8, solid_capstyle="round", zorder=2)
 
 
 def _draw_joint(
@@ -253,31 +237,29 @@ def _draw_joint(
     """Draw the symbol of a joint, and a foot where it is on the ground."""
     from matplotlib.patches import Circle
 
-    kind, slides = KINDS[joint.kind], len(KINDS[joint.kind].slides)
+    kind, slides, block = KINDS[joint.kind], len(KINDS[joint.kind].slides), BLOCK * length_scale
     centre = poses[joint.b.link].point(joint.b.point) @ view
-    grounded = slides < 2 and GROUND in (joint.a.link, joint.b.link)
+    grounded = slides < 2 and GROUND in joint.links
     axis = poses[joint.a.link].rotation @ np.asarray(joint.a.axis) @ view
     along = float(np.linalg.norm(axis))
     if slides == 1 and along > 0.1:
         axis, (low, high) = axis / along, sliding[joint.name]
         origin = poses[joint.a.link].point(joint.a.point) @ view
-        reach = np.array([low * along - BLOCK * length_scale, high * along + BLOCK * length_scale])
-        rail = origin + reach[:, None] * axis
+        across = np.array([-axis[1], axis[0]])
+        rail = origin + np.outer([low * along - block, high * along + block], axis)
         ax.plot(*rail.T, color=INK, lw=1.0, zorder=1)
         if grounded:
-            _hatch(ax, rail - 0.6 * BLOCK * length_scale * np.array([-axis[1], axis[0]]), length_scale)
-        sides = BLOCK * length_scale * np.array([[-1.0, -0.6], [1.0, -0.6], [1.0, 0.6], [-1.0, 0.6]])
-        corners = centre + sides @ np.array([axis, [-axis[1], axis[0]]])
+            _hatch(ax, rail - 0.6 * block * across, length_scale)
+        sides = block * np.array([[-1.0, -0.6], [1.0, -0.6], [1.0, 0.6], [-1.0, 0.6]])
+        corners = centre + sides @ np.array([axis, across])
         ax.fill(*corners.T, facecolor=PAPER, edgecolor=INK, lw=1.2, zorder=3)
         return
     if grounded:
         foot = centre + FOOT * length_scale * np.array([[-0.6, -1.0], [0.6, -1.0]])
         ax.fill(*np.vstack([centre, foot]).T, facecolor=PAPER, edgecolor=INK, lw=1.0, zorder=3)
         _hatch(ax, foot, length_scale)
-    face = INK if kind.ball or not kind.hinge else PAPER
-    ax.add_patch(
-        Circle(tuple(centre), RADIUS * length_scale, facecolor=face, edgecolor=INK, lw=1.2, zorder=4)
-    )
+    style = {"facecolor": INK if kind.ball or not kind.hinge else PAPER, "edgecolor": INK, "lw": 1.2}
+    ax.add_patch(Circle(tuple(centre), RADIUS * length_scale, zorder=4, **style))
 
 
 def _hatch(ax: "Axes", line: Array, length_scale: float) -> None:
@@ -318,10 +300,9 @@ def coupler_curve(mechanism: Mechanism, motion: Motion) -> "Figure":
         ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
         if spread < ROUNDED * scale:
             # a point at rest is drawn as a point, not as a path of rounding
-            for middle, limits in zip(
-                everything[0, [i, j]] / factor, (ax.set_xlim, ax.set_ylim), strict=True
-            ):
-                limits(middle - 0.5 * scale / factor, middle + 0.5 * scale / factor)
+            half, middle = 0.5 * scale / factor, everything[0] / factor
+            ax.set_xlim(middle[i] - half, middle[i] + half)
+            ax.set_ylim(middle[j] - half, middle[j] + half)
             ax.set_title(f"stands still within {ROUNDED * scale:.1g} m")
         ax.set_aspect("equal", adjustable="datalim")
     axes[0, 0].legend(loc="best")

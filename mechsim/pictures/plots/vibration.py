@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from mechsim.mechanism.links import GROUND, IDENTITY
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.plots.dynamics import WithEnergies, draw_energies
 from mechsim.pictures.plots.figure import (
     COLOURS,
     LEGEND_RIGHT,
@@ -40,36 +39,34 @@ REST = "#9aa3ad"
 ACROSS = 3
 
 
-class Released(WithEnergies, Protocol):
-    """A run from an initial state."""
-
-    @property
-    def motion(self) -> Motion:
-        """Of points, links and joints."""
-        ...
-
-
 @styled()
-def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -> Figure:
+def history_plot(motion: Motion, energies: Mapping[str, Array], quantities: Mapping[str, Array]) -> Figure:
     """Draw the coordinates of joints, other quantities and the energies of a run over time.
 
     Args:
-        run: from an initial state.
+        motion: of a run from an initial state.
+        energies: "kinetic", "potential", "work" of motor and loads and "lost", (n,) each in [J]; the
+            potential energy is drawn from zero on.
         quantities: label with unit -> values, (n,); each has axes of its own.
     """
-    motion, more = run.motion, dict(quantities or {})
     assert motion.time is not None
     time = motion.time
     units = sorted({joint.unit for joint in motion.joints.values()}, reverse=True)
-    figure, axes = blank(
-        len(units) + len(more) + 1, 1, (6.4, 1.9 * (len(units) + len(more) + 1)), sharex=True
-    )
+    count = len(units) + len(quantities) + 1
+    figure, axes = blank(count, 1, (6.4, 1.9 * count), sharex=True)
     for ax, unit in zip(axes[: len(units), 0], units, strict=True):
         _coordinates(ax, time, motion, unit)
-    for i, (ax, (label, values)) in enumerate(zip(axes[len(units) : -1, 0], more.items(), strict=True)):
+    for i, (ax, (label, values)) in enumerate(zip(axes[len(units) : -1, 0], quantities.items(), strict=True)):
         ax.plot(time, values, color=COLOURS[i % 6])
         ax.set_ylabel(label_of(label))
-    draw_energies(axes[-1, 0], time, run)
+    curves = {
+        "kinetic": energies["kinetic"],
+        "potential": energies["potential"] - energies["potential"][0],
+        "work of motor and loads": energies["work"],
+        "lost": energies["lost"],
+    }
+    draw_curves(axes[-1, 0], time, curves, "energy", "J")
+    axes[-1, 0].legend(**LEGEND_RIGHT)
     axes[-1, 0].set_xlabel("time [s]")
     return figure
 
@@ -93,12 +90,12 @@ def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> Figure:
 
 def _coordinates(ax: Axes, time: Array, motion: Motion, unit: str) -> None:
     """Draw the coordinates of joints with one unit."""
-    joints = {name: joint for name, joint in motion.joints.items() if joint.unit == unit}
     curves: dict[str, Array] = {}
-    for name, joint in joints.items():
-        values = joint.value.reshape(len(time), -1)
-        for k in range(values.shape[1]):
-            curves[f"{name}.q{k if values.shape[1] > 1 else ''}"] = values[:, k]
+    for name, joint in motion.joints.items():
+        if joint.unit == unit:
+            values = joint.value.reshape(len(time), -1)
+            for k, column in enumerate(values.T):
+                curves[f"{name}.q{k if values.shape[1] > 1 else ''}"] = column
     factor, text = draw_curves(ax, time, curves, "angle" if unit == "rad" else "displacement", unit)
     scale = max(float(np.abs(values).max(initial=0.0)) for values in curves.values())
     flattened(ax, scale / factor, text)
@@ -113,15 +110,15 @@ def bode_plot(response: Mapping[str, Array], label: str) -> Figure:
         response: "frequency" in [Hz], "magnitude", "phase" in [rad], (n,) each.
         label: of the magnitude, with its unit.
     """
-    figure, axes = blank(2, 1, (5.6, 4.4), sharex=True)
+    figure, ((magnitude,), (phase,)) = blank(2, 1, (5.6, 4.4), sharex=True)
     frequency = response["frequency"]
-    axes[0, 0].loglog(frequency, response["magnitude"], color=COLOURS[0])
-    axes[0, 0].set_ylabel(label_of(label))
-    decades(axes[0, 0].yaxis)
-    axes[1, 0].semilogx(frequency, np.rad2deg(response["phase"]), color=COLOURS[1])
-    axes[1, 0].set_ylabel("phase [°]")
-    axes[1, 0].set_xlabel("frequency [Hz]")
-    round_numbers(axes[1, 0].xaxis)
+    magnitude.loglog(frequency, response["magnitude"], color=COLOURS[0])
+    magnitude.set_ylabel(label_of(label))
+    decades(magnitude.yaxis)
+    phase.semilogx(frequency, np.rad2deg(response["phase"]), color=COLOURS[1])
+    phase.set_ylabel("phase [°]")
+    phase.set_xlabel("frequency [Hz]")
+    round_numbers(phase.xaxis)
     return figure
 
 

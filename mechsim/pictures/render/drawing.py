@@ -16,7 +16,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import gl_backend as backends
-from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel, faded
+from mechsim.pictures.render.drawn_model import DrawnModel, faded
 from mechsim.pictures.render.frame_poses import (
     FramePoses,
     Ghost,
@@ -27,9 +27,9 @@ from mechsim.pictures.render.frame_poses import (
     magnified,
     mixed,
 )
-from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
+from mechsim.pictures.render.labels import INK, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
-from mechsim.pictures.render.scenery import DECOR, Chain, chain, coil, dashpot, put_arrow
+from mechsim.pictures.render.scenery import CAMERA, DECOR, Chain, chain, coil, dashpot, put_arrow
 from mechsim.shapes.body import fixed_pivots, point_colours
 from mechsim.shapes.camera import clearest_pose
 from mechsim.shapes.shape import STEEL
@@ -91,7 +91,7 @@ class Trace:
         starts = {name: path[frame] + nearer for name, path in drawn.frames.starts.items()}
         for arrows in drawn.arrows:
             arrows.put(scene, starts, frame, 0.45 * drawn.radius)
-        for name, (link, point) in drawn.mechanism.points.items() if drawn.ghost else ():
+        for name, (link, point) in drawn.mechanism.points.items():
             if drawn.ghost and link in drawn.ghost.poses:
                 tip = drawn.ghost.poses[link].select(frame).point(point) + nearer
                 put_arrow(scene, starts[name], tip - starts[name], 0.6 * drawn.radius, ERROR)
@@ -236,7 +236,11 @@ def draw(drawn: DrawnModel, backend: backends.Backend, start: int = 0) -> Genera
     look = drawn.look
     count = 1 if look.overlay > 1 else len(drawn.frames)
     trace = Trace(drawn)
-    notes = Notes(drawn.mechanism.name, legend(drawn)) if look.notes else None
+    # the lines at the foot of a picture: what the caller says, the ghost, the arrows
+    legend = [(look.caption, INK)] if look.caption else []
+    legend += [(drawn.ghost.legend, INK)] if drawn.ghost else []
+    legend += [arrow_set.legend for arrow_set in drawn.arrows]
+    notes = Notes(drawn.mechanism.name, tuple(legend)) if look.notes else None
     clear, stood = 2.2 * drawn.radius, dict[str, Placement]()
     with backends.renderer(drawn.model, look.size, backend) as drawing:
         for frame in range(start, count):
@@ -246,11 +250,9 @@ def draw(drawn: DrawnModel, backend: backends.Backend, start: int = 0) -> Genera
             picture = drawing.render()
             labels = named(drawn, drawn.frames_shown(frame)[-1]) if look.labels else {}
             instant = drawn.frames.instant(frame) if look.overlay == 1 else ""
-            yield (
-                written(picture, drawn.camera, labels, clear, notes, instant, stood)
-                if labels or notes
-                else picture
-            )
+            if labels or notes:
+                picture = written(picture, drawn.camera, labels, clear, notes, instant, stood)
+            yield picture
 
 
 def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
@@ -265,12 +267,3 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
         if not any(np.abs(path - position).max() < 0.1 * drawn.radius for path in points.values()):
             positions[label] = position
     return positions
-
-
-def legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
-    """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
-    lines: list[tuple[str, Ink]] = [(drawn.look.caption, INK)] if drawn.look.caption else []
-    if drawn.ghost:
-        lines.append((drawn.ghost.legend, INK))
-    lines += [arrow_set.legend for arrow_set in drawn.arrows]
-    return tuple(lines)

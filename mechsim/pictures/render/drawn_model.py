@@ -14,13 +14,12 @@ import numpy as np
 from mechsim.mechanism.link_poses import hinged_normals, with_rods
 from mechsim.mechanism.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.frame_poses import FramePoses, Ghost
 from mechsim.pictures.render.gltf import triangles
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
-from mechsim.pictures.render.scenery import GREY, arrows
+from mechsim.pictures.render.scenery import CAMERA, GREY, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, followed, free_sides, link_colours, rod_radius, travels
 from mechsim.shapes.camera import add_stands, backdrop, lowered
@@ -104,24 +103,25 @@ def _shape(model: mujoco.MjModel, i: int, pose: Pose) -> Shape | None:
         return Shape(SOLIDS[kind], *ends, sizes, colour, vector(pose.rotation[:, 1]))
     if kind not in (MESH, BALL):
         return None
-    facets = _mesh(model, int(model.geom_dataid[i])) if kind == MESH else _ellipsoid(half_sizes)
+    facets = _mesh(model, i)
     placed = TriangleMesh(middle + facets.vertices @ pose.rotation.T, facets.faces)
     return Shape("facets", vector(middle), vector(middle), (0.0,), colour, facets=placed)
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> TriangleMesh:
+def _mesh(model: mujoco.MjModel, i: int) -> TriangleMesh:
+    """Return the triangles of a geom that is a mesh or an ellipsoid."""
+    if int(model.geom_type[i]) == BALL:
+        ball, _, faces = triangles(Shape("sphere", ORIGIN, ORIGIN, (1.0,), GREY))
+        half_axes = model.geom_size[i]
+        # the points of a pole and of the first meridian are merged
+        return TriangleMesh(ball * half_axes, faces.astype(np.int32)).coarser(1e-6 * float(half_axes.min()))
+    mesh = int(model.geom_dataid[i])
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
     return TriangleMesh(
         np.array(model.mesh_vert[first : first + count], dtype=np.float64),
         np.array(model.mesh_face[face : face + faces]),
     )
-
-
-def _ellipsoid(half_axes: Array) -> TriangleMesh:
-    ball, _, faces = triangles(Shape("sphere", ORIGIN, ORIGIN, (1.0,), GREY))
-    # the points of a pole and of the first meridian are merged
-    return TriangleMesh(ball * half_axes, faces.astype(np.int32)).coarser(1e-6 * float(half_axes.min()))
 
 
 def _colour(model: mujoco.MjModel, i: int) -> Rgba:
@@ -142,30 +142,25 @@ def _colour(model: mujoco.MjModel, i: int) -> Rgba:
 
 def _few(bodies: Mapping[str, Sequence[Shape]]) -> dict[str, list[Shape]]:
     """Return bodies with no more triangles than a page can hold, without small features."""
-    made = {link: list(shapes) for link, shapes in bodies.items()}
-    whole = max((_extent(shape) for shapes in made.values() for shape in shapes), default=0.0)
-    grid_step = FIRST_GRID_STEP * whole
-    while sum(len(s.facets.faces) for shapes in made.values() for s in shapes if s.facets) > MAX_TRIANGLES:
-        made = {link: [_coarser(shape, grid_step) for shape in shapes] for link, shapes in made.items()}
+    every = [shape for shapes in bodies.values() for shape in shapes]
+    grid_step = FIRST_GRID_STEP * max(
+        (float(np.linalg.norm(np.ptp(shape.bounds[0], axis=0))) for shape in every), default=0.0
+    )
+    coarse = {id(shape): shape.facets for shape in every if shape.facets}
+    while sum(len(facets.faces) for facets in coarse.values()) > MAX_TRIANGLES:
+        coarse = {key: facets.coarser(grid_step) for key, facets in coarse.items()}
         grid_step *= 1.5
-    return {link: [shape for shape in shapes if _is_visible(shape)] for link, shapes in made.items()}
+    made = {
+        link: [replace(shape, facets=coarse.get(id(shape))) for shape in shapes]
+        for link, shapes in bodies.items()
+    }
+    # MuJoCo rejects meshes without any volume
+    return {
+        link: [s for s in shapes if not s.facets or (len(s.facets.vertices) >= 4 and len(s.facets.faces))]
+        for link, shapes in made.items()
+    }
 
 
-def _is_visible(shape: Shape) -> bool:
-    """Return whether a shape has any volume; MuJoCo rejects meshes without."""
-    return shape.facets is None or (len(shape.facets.vertices) >= 4 and len(shape.facets.faces) > 0)
-
-
-def _coarser(shape: Shape, grid_step: float) -> Shape:
-    return replace(shape, facets=shape.facets.coarser(grid_step)) if shape.facets else shape
-
-
-def _extent(shape: Shape) -> float:
-    points, _ = shape.bounds
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
-
-
-CAMERA = "view"
 GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
 # parallel projection does not show depth: a ghost lies this many rod radii behind the solid links, so that
 # only its differences are visible; see also `overlays.BEFORE`
@@ -194,7 +189,10 @@ class DrawnModel:
         self.links = [link.name for link in with_rods(mechanism, {})[0].links]
         self.radius = rod_radius(mechanism)
         self.shapes = self._shapes()
-        balls, radii = self._extent()
+        # balls that enclose all shapes over all frames
+        step = slice(None, None, max(1, len(frames) // 180))
+        poses = [*frames.poses.items(), *(ghost.poses.items() if ghost else ())]
+        balls, radii = extent((pose.select(step), self.shapes[link]) for link, pose in poses)
         balls = np.vstack([balls, *frames.paths.values()])
         radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
@@ -213,7 +211,11 @@ class DrawnModel:
             tips = arrow_set.tips({name: start - self.drift for name, start in frames.starts.items()})
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera, look.up, look.angles)
-        self._clear_walls()
+        # walls are clear of the mechanism, except a wall that supports it
+        supports = np.abs(self.normals[GROUND]) > 0.9 if self.normals else self.up > 0.5
+        hangs = (self.up < -0.5) & (self.normals is None)
+        self.low = self.low - np.where(supports, 0.0, 2.0 * self.radius)
+        self.high = self.high + np.where(hangs, 0.0, 2.0 * self.radius)
         lines = bool(look.caption) + (ghost is not None) + len(self.arrows)
         free = foot(look.size, lines) if look.notes else 0.0
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
@@ -225,12 +227,8 @@ class DrawnModel:
         behind = (look.overlay - 1) * self.depth * self.camera.back
         self.wall = replace(self.wall, point=self.wall.point - behind)
         self.model = plainly_compiled(self._spec())
-        scenery.set_height(self.model, CAMERA, self.camera)
+        scenery.set_height(self.model, self.camera)
         self.data = mujoco.MjData(self.model)
-        self._slots = {
-            (link, copy): self._slot(_body(link, copy)) for link in self.links for copy in range(look.overlay)
-        }
-        self._ghost_slots = {name: self._slot(_ghost(name)) for name in (ghost.poses if ghost else ())}
 
     def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
         """Use other frames of the same motion; camera and scales stay."""
@@ -252,14 +250,17 @@ class DrawnModel:
         """Set the links to the poses of a frame; overlaid positions do not move."""
         shown = self.frames_shown(frame)
         self.camera = replace(self.camera, position=self._start + self.drift[shown[-1]])
-        for (name, copy), slot in self._slots.items():
-            pose = self.frames.poses[name].select(shown[copy])
-            behind = (len(shown) - 1 - copy) * self.depth * self.camera.back
-            self._put(slot, Pose(pose.position - behind, pose.rotation))
-        for name, slot in self._ghost_slots.items():
-            assert self.ghost is not None
-            pose, deeper = self.ghost.poses[name].select(frame), BEHIND * self.radius * self.camera.back
-            self._put(slot, Pose(pose.position - deeper, pose.rotation))
+        # poses of the bodies of `_spec`, and how far behind the last position they are drawn
+        posed = [
+            (self.frames.poses[link].select(shown[copy]), (len(shown) - 1 - copy) * self.depth)
+            for link in self.links
+            for copy in range(len(shown))
+        ]
+        if self.ghost:
+            posed += [(pose.select(frame), BEHIND * self.radius) for pose in self.ghost.poses.values()]
+        for body, (pose, behind) in enumerate(posed):
+            self.data.mocap_pos[body] = pose.position - behind * self.camera.back
+            mujoco.mju_mat2Quat(self.data.mocap_quat[body], pose.rotation.ravel())
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
         self.data.cam_xpos[self.model.camera(CAMERA).id] = self.camera.position
@@ -285,62 +286,29 @@ class DrawnModel:
         if self.look.bodies:
             return {link: list(self.look.bodies.get(link, ())) for link in links}
         travel = travels(self.mechanism, self.frames.poses)
-        return link_shapes(self.mechanism, travel, self._free_sides(), self.look.forces)
-
-    def _slot(self, body: str) -> int:
-        return int(self.model.body(body).mocapid[0])
-
-    def _put(self, slot: int, pose: Pose) -> None:
-        self.data.mocap_pos[slot] = pose.position
-        mujoco.mju_mat2Quat(self.data.mocap_quat[slot], pose.rotation.ravel())
-
-    def _free_sides(self) -> dict[str, float]:
-        """The side of every shaft from which the links keep the larger distance over the motion."""
         samples = np.linspace(0, len(self.frames) - 1, 24).astype(int)
         poses = {name: pose.select(samples) for name, pose in self.frames.poses.items()}
-        return free_sides(self.mechanism, poses)
-
-    def _extent(self) -> tuple[Array, Array]:
-        """Balls that enclose all shapes over all frames: centres (k, 3) and radii (k,)."""
-        step = slice(None, None, max(1, len(self.frames) // 180))
-        poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
-        return extent((pose.select(step), self.shapes[link]) for link, pose in poses)
-
-    def _clear_walls(self) -> None:
-        """Keep walls clear of the mechanism, except a wall that supports it."""
-        clear = 2.0 * self.radius
-        keep, top = self.low.copy(), self.high.copy()
-        self.low = self.low - clear
-        self.high = self.high + clear
-        if self.normals:
-            across = np.abs(self.normals[GROUND]) > 0.9
-            self.low[across] = keep[across]
-        else:
-            self.low = np.where(self.up > 0.5, keep, self.low)
-            self.high = np.where(self.up < -0.5, top, self.high)
+        return link_shapes(self.mechanism, travel, free_sides(self.mechanism, poses), self.look.forces)
 
     def _spec(self) -> mujoco.MjSpec:
+        """Return the model, with a mocap body for each link in each position, then for each of the ghost."""
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
-        scenery.prepare(spec, self.camera, middle)
+        shadow = self.stands_on_wall
+        scenery.add_surroundings(spec, self.camera, self.wall, middle, self.grid_step, shadow=shadow)
         # the floor lies below all of a fall
         spec.visual.map.zfar += 4.0 * float(np.abs(self.drift).max()) / self.camera.height
-        scenery.add_light(spec, self.camera, middle, self.wall.normal, shadow=self.stands_on_wall)
-        # a slanted wall looks as white as a frontal one
-        emission = 0.25 * (1.0 - float(self.wall.normal @ self.camera.back))
-        scenery.add_grid(spec, "wall", self.wall, self.grid_step, emission)
         for shape in self.shapes[GROUND]:
             scenery.add_shape(spec, spec.worldbody, shape)
         for link in self.links:
             for copy in range(look.overlay):
-                body = spec.worldbody.add_body(name=_body(link, copy), mocap=True)
+                body = spec.worldbody.add_body(mocap=True)
                 for shape in self.shapes[link]:
                     colour = faded(shape.rgba, (copy + 1) / look.overlay)
                     scenery.add_shape(spec, body, replace(shape, rgba=colour))
         for name in self.ghost.poses if self.ghost else ():
-            body = spec.worldbody.add_body(name=_ghost(name), mocap=True)
+            body = spec.worldbody.add_body(mocap=True)
             for shape in self.shapes[name]:
                 scenery.add_shape(spec, body, replace(shape, rgba=GHOST))
-        scenery.add_camera(spec, CAMERA, self.camera)
         return spec
 
     @property
@@ -359,11 +327,3 @@ def faded(rgba: Rgba, share: float) -> Rgba:
     kept = LIGHTEST_POSITION + (1.0 - LIGHTEST_POSITION) * share
     r, g, b = (kept * own + (1.0 - kept) * paper for own, paper in zip(rgba, scenery.PAPER, strict=False))
     return (r, g, b, rgba[3])
-
-
-def _body(link: str, copy: int) -> str:
-    return f"{link}#{copy}"
-
-
-def _ghost(link: str) -> str:
-    return f"{link}#ghost"

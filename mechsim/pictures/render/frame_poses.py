@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 from mechsim.mechanism.link_poses import moved_links
-from mechsim.mechanism.links import GROUND, Pose, Vector
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -64,7 +64,10 @@ def errors(
         run_pose, exact_pose = run[link.name], exact[link.name]
         anchor = mechanism.ends(link.name)[0].point
         if link.name in spinning:
-            line = _line(mechanism, link.name)
+            # the unit vector between the first two distinct joints
+            first, *others = (np.asarray(end.point) for end in mechanism.ends(link.name))
+            line = max((other - first for other in others), key=np.linalg.norm)
+            line = line / np.linalg.norm(line)
             rotation = np.cross(run_pose.rotation @ line, exact_pose.rotation @ line)
         else:
             relative = exact_pose.rotation @ np.swapaxes(run_pose.rotation, 1, 2)
@@ -75,11 +78,10 @@ def errors(
 
 def factor(mechanism: Mechanism, deviations: Mapping[str, tuple[Array, Array]]) -> float:
     """Return the round factor that makes errors visible and keeps the ghost in the picture."""
-    shift = max(float(np.abs(shift).max()) for shift, _ in deviations.values()) / (
-        MAX_GHOST_DISTANCE * span(mechanism)
+    shift, rotation = (
+        max(float(np.abs(own).max()) for own in kind) for kind in zip(*deviations.values(), strict=True)
     )
-    rotation = max(float(np.abs(rotation).max()) for _, rotation in deviations.values()) / MAX_GHOST_ANGLE
-    worst = max(shift, rotation)
+    worst = max(shift / (MAX_GHOST_DISTANCE * span(mechanism)), rotation / MAX_GHOST_ANGLE)
     return 1.0 if not worst > 0.0 else nice(1.0 / worst)
 
 
@@ -99,13 +101,6 @@ def magnified(
         rotation = Rotation.from_rotvec(by * rotation_vector).as_matrix() @ pose.rotation
         poses[link.name] = Pose(pose.point(anchor) + by * shift - rotation @ np.asarray(anchor), rotation)
     return poses
-
-
-def _line(mechanism: Mechanism, link: str) -> Array:
-    """The unit vector between the first two distinct joints of a link."""
-    first, *others = (np.asarray(end.point) for end in mechanism.ends(link))
-    line = max((other - first for other in others), key=lambda along: float(np.linalg.norm(along)))
-    return line / np.linalg.norm(line)
 
 
 # number of points of a path for which it looks smooth, and from twice of which samples are left out
@@ -200,20 +195,26 @@ def frame_poses(
     Raises:
         InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
     """
-    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **moved_links(mechanism, motion)}
+    poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
     for name, pose in poses.items():
         if not (np.isfinite(pose.position).all() and np.isfinite(pose.rotation).all()):
             raise InputError(f"the motion of link {name!r} holds NaN or infinity and cannot be drawn")
     step = max(1, len(motion) // PATH_POINTS)
     fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
-    paths = {name: poses[link].select(fine).point(local) for name, (link, local) in _moving(mechanism)}
+    moving = {name: point for name, point in mechanism.points.items() if point[0] != GROUND}
+    paths = {name: poses[link].select(fine).point(local) for name, (link, local) in moving.items()}
     indices = frame_indices(motion, angles, every)
     passed = np.searchsorted(fine, indices + 1e-9, side="right")
+    own = {name: motion.points[name] for name in moving if name in motion.points}
+    shown = {
+        "velocity": {name: point.velocity for name, point in own.items()},
+        "acceleration": {name: point.acceleration for name, point in own.items()},
+        "force": _checked(mechanism, motion, "force", forces or {}),
+        "moment": _checked(mechanism, motion, "moment", moments or {}),
+    }
     vectors = {
         kind: {name: mixed(values, indices) for name, values in by_name.items()}
-        for kind, by_name in _vectors(
-            mechanism, motion, {"force": forces or {}, "moment": moments or {}}
-        ).items()
+        for kind, by_name in shown.items()
     }
     poses = {name: _between(pose, indices) for name, pose in poses.items()}
     joints = {joint.name: (joint.b.link, joint.b.point) for joint in mechanism.joints}
@@ -241,31 +242,21 @@ def frame_indices(motion: Motion, angles: ArrayLike | None, every: int) -> Array
     return usual.astype(np.float64)
 
 
-def _vectors(
-    mechanism: Mechanism, motion: Motion, loads: Mapping[str, Mapping[str, ArrayLike]]
-) -> dict[str, dict[str, Array]]:
-    """What arrows can show sample by sample: of the points that move, and what was given."""
-    moving = [name for name, _ in _moving(mechanism) if name in motion.points]
-    vectors = {
-        kind: {name: getattr(motion.points[name], kind) for name in moving}
-        for kind in ("velocity", "acceleration")
-    }
+def _checked(
+    mechanism: Mechanism, motion: Motion, kind: str, loads: Mapping[str, ArrayLike]
+) -> dict[str, Array]:
+    """Return loads, (n, 3) each; raise InputError for an unknown point or joint, or a wrong vector."""
     names = list(dict.fromkeys([*mechanism.points, *(joint.name for joint in mechanism.joints)]))
-    for kind, values in loads.items():
-        vectors[kind] = {name: np.asarray(vector, dtype=np.float64) for name, vector in values.items()}
-        for name, vector in vectors[kind].items():
-            if name not in names or vector.shape != (len(motion), 3):
-                raise InputError(
-                    f"{kind} at {name!r} of shape {vector.shape}: give ({len(motion)}, 3) numbers at one of "
-                    f"{', '.join(names)}"
-                )
-            if not np.isfinite(vector).all():
-                raise InputError(f"{kind} at {name!r} holds NaN or infinity and cannot be drawn")
+    vectors = {name: np.asarray(vector, dtype=np.float64) for name, vector in loads.items()}
+    for name, vector in vectors.items():
+        if name not in names or vector.shape != (len(motion), 3):
+            raise InputError(
+                f"{kind} at {name!r} of shape {vector.shape}: give ({len(motion)}, 3) numbers at one of "
+                f"{', '.join(names)}"
+            )
+        if not np.isfinite(vector).all():
+            raise InputError(f"{kind} at {name!r} holds NaN or infinity and cannot be drawn")
     return vectors
-
-
-def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, float, float]]]]:
-    return [(name, point) for name, point in mechanism.points.items() if point[0] != GROUND]
 
 
 def sample_indices(angles: Array, requested: Array) -> Array:

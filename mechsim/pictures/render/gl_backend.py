@@ -62,8 +62,10 @@ def choose() -> Backend:
         MissingToolError: where none works; names the package that brings one, or the extra of mechsim.
     """
     require_extra("pictures", "PIL")
-    current = _current_backend()
-    names = (current,) if current else _preferred()
+    # PyOpenGL keeps the back end with which it was first imported in this process
+    current = os.environ.get("PYOPENGL_PLATFORM", "").lower() if "OpenGL.platform" in sys.modules else ""
+    requested = os.environ.get("MUJOCO_GL", "").lower().strip()
+    names = (current,) if current in ORDER else sorted(ORDER, key=lambda name: name != requested)
     for name in names:
         if backend := probe(name):
             return backend
@@ -76,14 +78,12 @@ def choose() -> Backend:
 @functools.cache
 def probe(name: str) -> Backend | None:
     """Return the named back end if it works in a separate process, else None."""
-    environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
-    environment["MUJOCO_GL"] = name
+    environment = os.environ | {"MUJOCO_GL": name}
+    environment.pop("PYOPENGL_PLATFORM", None)
     command = [sys.executable, "-c", PROBE, name]
     try:
-        process = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=60, check=True
-        )
-        driver, version = json.loads(process.stdout)
+        printed = subprocess.check_output(command, env=environment, stderr=subprocess.DEVNULL, timeout=60)
+        driver, version = json.loads(printed)
     except (subprocess.SubprocessError, OSError, ValueError):
         return None
     return Backend(name, driver, version)
@@ -91,20 +91,17 @@ def probe(name: str) -> Backend | None:
 
 def describe_backend() -> list[dict[str, object]]:
     """Return one row per back end of this platform: name, whether it works, its driver, its package."""
-    rows: list[dict[str, object]] = []
-    for name in ORDER:
-        backend = probe(name)
-        rows.append(
-            {
-                "name": name,
-                "works": backend is not None,
-                "driver": backend.driver if backend else "",
-                "version": backend.version if backend else "",
-                "software": backend.software if backend else None,
-                "package": PACKAGES.get(name, ""),
-            }
-        )
-    return rows
+    return [
+        {
+            "name": name,
+            "works": backend is not None,
+            "driver": backend.driver if backend else "",
+            "version": backend.version if backend else "",
+            "software": backend.software if backend else None,
+            "package": PACKAGES.get(name, ""),
+        }
+        for name, backend in zip(ORDER, map(probe, ORDER), strict=True)
+    ]
 
 
 @contextmanager
@@ -124,17 +121,3 @@ def renderer(
         gl_context.GLContext = before
     with drawing:
         yield drawing
-
-
-def _current_backend() -> str | None:
-    """The back end that PyOpenGL chose when it was first imported in this process, if it was."""
-    if "OpenGL.platform" not in sys.modules:
-        return None
-    platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    return platform if platform in ORDER else None
-
-
-def _preferred() -> tuple[str, ...]:
-    """The order of trial, starting with that of MUJOCO_GL."""
-    requested = os.environ.get("MUJOCO_GL", "").lower().strip()
-    return tuple(sorted(ORDER, key=lambda name: name != requested))

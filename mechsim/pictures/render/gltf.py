@@ -181,17 +181,14 @@ def triangles(shape: Shape) -> tuple[Array, Array | None, NDArray[Any]]:
 
 
 def _box(half_sizes: Sequence[float]) -> tuple[Array, Array, NDArray[Any]]:
-    points, normals, faces = list[Array](), list[Array](), list[NDArray[Any]]()
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            normal = sign * np.eye(3)[axis]
-            along = np.roll(np.eye(3), 1, axis=0)[axis]
+    points, normals, ends = list[Array](), list[Array](), (-1.0, 1.0)
+    for axis, along in zip(np.eye(3), np.roll(np.eye(3), 1, axis=0), strict=True):
+        for normal in (-axis, axis):
             across = np.cross(normal, along)
-            faces.append(TRIANGLES + 4 * len(normals))
-            normals.append(np.tile(normal, (4, 1)))
-            corners = [normal + a * along + b * across for b in (-1.0, 1.0) for a in (-1.0, 1.0)]
-            points.append(np.array(corners))
-    return np.concatenate(points) * half_sizes, np.concatenate(normals), np.concatenate(faces)
+            points += [normal + a * along + b * across for b in ends for a in ends]
+            normals += [normal] * 4
+    faces = TRIANGLES + 4 * np.arange(6, dtype=np.uint32)[:, None, None]
+    return np.array(points) * half_sizes, np.array(normals), faces.reshape(-1, 3)
 
 
 def _profile(shape: Shape) -> tuple[Array, Array]:

@@ -72,15 +72,8 @@ def written(
     named = shared({name: camera.pixel(placement) for name, placement in labels.items()})
     widths = [_font(edge).getlength(name) for name, _ in named]
     before = [stood.get(name) for name, _ in named]
-    spots = placed(
-        [position for _, position in named],
-        widths,
-        1.1 * edge,
-        0.7 * clear * camera.scale + 0.3 * edge,
-        camera.resolution,
-        occupied,
-        before,
-    )
+    points, off = [position for _, position in named], 0.7 * clear * camera.scale + 0.3 * edge
+    spots = placed(points, widths, 1.1 * edge, off, camera.resolution, occupied, before)
     for (name, _), (spot, placement) in zip(named, spots, strict=True):
         stood[name] = placement
         _text(image, (spot.x_low, spot.y_high - 0.2 * edge), name, edge, "ls")
@@ -105,13 +98,14 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
     """
     width, height = camera.resolution
     pad, long = round(0.8 * edge), _font(edge).getlength
-    name = notes.name
-    _text(image, (pad, pad), name, edge, "la")
-    occupied = [Rectangle(0.0, 0.0, pad + long(name), pad + 1.3 * edge)]
+    _text(image, (pad, pad), notes.name, edge, "la")
+    occupied = [Rectangle(0.0, 0.0, pad + long(notes.name), pad + 1.3 * edge)]
     if instant:
         _text(image, (width - pad, pad), instant, edge, "ra")
         occupied.append(Rectangle(width - pad - long(instant), 0.0, width, pad + 1.3 * edge))
-    length, text = scale_bar(camera)
+    # a round length of about a sixth of the picture's width
+    length = nice(width / camera.scale / 5.0)
+    text = prefixed(length, "m")
     pixels = length * camera.scale
     y = height - pad
     with needs("pictures"):
@@ -130,12 +124,6 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
         top = stand - LINE * edge * len(lines)
         occupied.append(Rectangle(width - pad - widest, top, width, float(height)))
     return [*occupied, bar]
-
-
-def scale_bar(camera: Camera) -> tuple[float, str]:
-    """Return a round length of about a sixth of the picture's width in [m], and its text."""
-    length = nice(camera.resolution[0] / camera.scale / 5.0)
-    return length, prefixed(length, "m")
 
 
 def _text(

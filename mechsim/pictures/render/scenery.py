@@ -16,7 +16,7 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, rod_radius, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, nice
 from mechsim.shapes.joints import link_shapes
-from mechsim.shapes.shape import Rgba, Shape, TriangleMesh, across_of
+from mechsim.shapes.shape import Rgba, Shape, across_of
 from mechsim.simulation.configurations import swept
 from mechsim.simulation.state import quaternion
 
@@ -188,7 +188,8 @@ GEOMS = {
 # colours of the background and of the lines of its grid, 0 to 1
 PAPER = (0.955, 0.96, 0.97)
 GRID_LINE = (0.76, 0.79, 0.83)
-MATTE = "matte"
+# names of the material of shapes, of the grid's texture and material, and of the camera
+MATTE, GRID, CAMERA = "matte", "grid", "view"
 # of MuJoCo's geoms that say nothing
 GREY = (0.5, 0.5, 0.5, 1.0)
 # fractions of white light: ambient, from the camera, from the lamp over its shoulder
@@ -198,90 +199,74 @@ HIGHEST = 179.0
 
 
 def add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
-    """Add a shape to a body as a geom of material MATTE; see `prepare`."""
-    if shape.facets is not None:
-        _add_facets(spec, body, shape.facets, shape.rgba)
-        return
-    sizes = [*shape.half_sizes, 0.0, 0.0][:3]
-    geom = body.add_geom(
-        type=GEOMS[shape.kind], pos=shape.centre, size=sizes, rgba=shape.rgba, material=MATTE
-    )
-    geom.quat = quaternion(shape.frame)
+    """Add a shape to a body as a geom of material MATTE; see `add_surroundings`."""
+    geom = body.add_geom(rgba=shape.rgba, material=MATTE)
+    if shape.facets is None:
+        geom.type, geom.pos, geom.quat = GEOMS[shape.kind], shape.centre, quaternion(shape.frame)
+        geom.size = [*shape.half_sizes, 0.0, 0.0][:3]
+    else:
+        geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, f"facets{len(spec.meshes)}"
+        # a sheet has no inside
+        mesh = spec.add_mesh(name=geom.meshname, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        mesh.uservert = shape.facets.vertices.ravel()
+        mesh.userface = shape.facets.faces.ravel()
     geom.contype = geom.conaffinity = 0
     geom.mass = 0.0
 
 
-def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: TriangleMesh, rgba: Rgba) -> None:
-    name = f"facets{len(spec.meshes)}"
-    # a sheet has no inside
-    mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-    mesh.uservert = facets.vertices.ravel()
-    mesh.userface = facets.faces.ravel()
-    geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=rgba, material=MATTE)
-    geom.contype = geom.conaffinity = 0
-    geom.mass = 0.0
-
-
-def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, grid_step: float, emission: float) -> None:
-    """Add a plane with grid lines.
+def add_surroundings(
+    spec: mujoco.MjSpec, camera: Camera, wall: Wall, middle: Array, grid_step: float, *, shadow: bool
+) -> None:
+    """Add what all pictures have: material, camera, light, and a plane with grid lines.
 
     Args:
         spec: specification to extend.
-        name: of texture and material.
-        wall: where it stands.
+        camera: with parallel projection; `set_height` gives one above `HIGHEST` its height.
+        wall: the plane.
+        middle: of the mechanism, (3,) in [m].
         grid_step: edge of a grid cell in [m].
-        emission: emission, which compensates for the camera's light on a slanted plane.
+        shadow: whether shadows fall on the wall.
     """
-    texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
+    _set_visual(spec, camera, middle)
+    # a geom whose colour is MuJoCo's usual one takes that of its material: the same
+    spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=GREY)
+    # a distant lamp over the camera's shoulder
+    towards = -(1.3 * wall.normal + 0.55 * camera.up - 0.5 * camera.right + 0.35 * camera.back)
+    towards = towards / np.linalg.norm(towards)
+    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * towards, dir=towards)
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.diffuse, light.specular = [LAMP] * 3, [0.20] * 3
+    light.castshadow = shadow
+    view = spec.worldbody.add_camera(name=CAMERA, pos=camera.position)
+    view.quat = quaternion(np.column_stack([camera.right, camera.up, camera.back]))
+    view.proj = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+    view.fovy = min(camera.height, HIGHEST)
+    texture = spec.add_texture(name=GRID, type=mujoco.mjtTexture.mjTEXTURE_2D)
     texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
     texture.mark = mujoco.mjtMark.mjMARK_EDGE
     texture.rgb1 = texture.rgb2 = PAPER
     texture.markrgb = GRID_LINE
     texture.width = texture.height = 64
-    material = spec.add_material(name=name)
+    material = spec.add_material(name=GRID, specular=0.0, shininess=0.0)
     textures = material.textures
-    textures[int(mujoco.mjtTextureRole.mjTEXROLE_RGB)] = name
+    textures[int(mujoco.mjtTextureRole.mjTEXROLE_RGB)] = GRID
     material.textures = textures
     material.texrepeat = [2.0 * half / grid_step for half in wall.half]
-    material.specular, material.shininess, material.emission = 0.0, 0.0, emission
-    plane = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, pos=wall.point, material=name)
+    # a slanted wall, on which less of the camera's light falls, looks as white as a frontal one
+    material.emission = 0.25 * (1.0 - float(wall.normal @ camera.back))
+    plane = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, pos=wall.point, material=GRID)
     plane.size = [*wall.half, 1.0]
     plane.quat = quaternion(wall.frame)
     plane.contype = plane.conaffinity = 0
 
 
-def add_camera(spec: mujoco.MjSpec, name: str, camera: Camera) -> None:
-    """Add a camera with parallel projection; `set_height` gives one above `HIGHEST` its height."""
-    view = spec.worldbody.add_camera(name=name, pos=camera.position)
-    view.quat = quaternion(np.column_stack([camera.right, camera.up, camera.back]))
-    view.proj = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
-    view.fovy = min(camera.height, HIGHEST)
-
-
-def set_height(model: mujoco.MjModel, name: str, camera: Camera) -> None:
+def set_height(model: mujoco.MjModel, camera: Camera) -> None:
     """Give a compiled model's camera its height in [m], however high."""
-    model.cam_fovy[model.camera(name).id] = camera.height
+    model.cam_fovy[model.camera(CAMERA).id] = camera.height
 
 
-def light_direction(camera: Camera, normal: Array) -> Array:
-    """Return the direction of the lamp's light, a unit vector: over a camera's shoulder onto a wall."""
-    along = -(1.3 * normal + 0.55 * camera.up - 0.5 * camera.right + 0.35 * camera.back)
-    return along / np.linalg.norm(along)
-
-
-def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array, shadow: bool) -> None:
-    """Add a distant lamp; its shadows, if any, fall on a wall."""
-    light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * light_direction(camera, normal))
-    light.dir = light_direction(camera, normal)
-    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    light.diffuse, light.specular = [LAMP] * 3, [0.20] * 3
-    light.castshadow = shadow
-
-
-def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
-    """Set the common properties of all pictures: material, soft light from the camera, distances."""
-    # a geom whose colour is MuJoCo's usual one takes that of its material: the same
-    spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=GREY)
+def _set_visual(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
+    """Set the quality of drawing, the soft light from the camera, and distances."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.resolution
     spec.visual.quality.shadowsize = min(2048, 4 * max(camera.resolution))
     # details are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
@@ -301,7 +286,6 @@ def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     spec.visual.map.shadowclip = 1.25 * float(np.hypot(1.0, camera.resolution[0] / camera.resolution[1]))
 
 
-CAMERA = "view"
 # default size of a picture in pixels
 RESOLUTION = (960, 720)
 # sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 by default
@@ -330,10 +314,7 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, RESOLUTION)
     grid_step, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
     wall = backdrop(mechanism, camera, up, low, high, grid_step)
-    prepare(spec, camera, middle)
-    add_light(spec, camera, middle, wall.normal, shadow=True)
-    add_grid(spec, "grid", wall, grid_step, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
-    add_camera(spec, CAMERA, camera)
+    add_surroundings(spec, camera, wall, middle, grid_step, shadow=True)
     # MuJoCo's viewer starts with its free camera
     view = spec.visual.global_
     view.azimuth, view.elevation = cameras.free_camera_angles(camera.back, camera.up)

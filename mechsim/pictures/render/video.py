@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from itertools import chain
 from os import PathLike
 from pathlib import Path
@@ -25,9 +26,6 @@ from mechsim.pictures.render.drawing import frames, still
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
 from mechsim.pictures.render.labels import Picture
 from mechsim.pictures.render.look import Look
-
-PICTURES = (".png",)
-VIDEOS = (".mp4", ".webm", ".gif")
 
 # options of mediapy for each kind; webm plays without patents, mp4 everywhere
 CODECS: dict[str, dict[str, Any]] = {
@@ -54,7 +52,7 @@ def write_picture(
         MissingToolError: where this machine has no OpenGL.
     """
     path = Path(path)
-    _require_extension(path, PICTURES)
+    _require_extension(path, ".png")
     with atomic_path(path) as temporary:
         _write_png(temporary, still(mechanism, motion, look, **options))
 
@@ -95,7 +93,7 @@ def write_video(
         raise InputError(f"{fps} frames per second; give a rate above 0 and up to 1000")
     if path.suffix == "":
         return _write_sequence(path, frames(mechanism, motion, look, angles=angles, **options), progress)
-    _require_extension(path, VIDEOS)
+    _require_extension(path, *CODECS)
     ffmpeg = find_ffmpeg()
     with atomic_path(path) as temporary:
         pictures = frames(mechanism, motion, look, angles=angles, **options)
@@ -149,14 +147,12 @@ def find_ffmpeg() -> str:
     executable = shutil.which("ffmpeg")
     if executable and _runs(executable):
         return executable
-    try:
+    with suppress(ImportError, RuntimeError):
         import imageio_ffmpeg
 
         brought = imageio_ffmpeg.get_ffmpeg_exe()
         if _runs(brought):
             return brought
-    except (ImportError, RuntimeError):
-        pass
     what = f"{executable} does not run" if executable else "there is no ffmpeg here"
     raise MissingToolError(
         f"no video can be written: {what}; install the system package ffmpeg "
@@ -234,7 +230,7 @@ def _write_png(path: Path, picture: Picture) -> None:
     Image.fromarray(picture).save(path, optimize=True)
 
 
-def _require_extension(path: Path, extensions: tuple[str, ...]) -> None:
+def _require_extension(path: Path, *extensions: str) -> None:
     if path.suffix not in extensions:
         raise InputError(
             f"cannot write {path.name}: extension {path.suffix or '(none)'!r} "

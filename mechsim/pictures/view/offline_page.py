@@ -2,23 +2,23 @@
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim._version import __version__
 from mechsim.errors import needs
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.link_poses import hinged_normals, with_rods
-from mechsim.mechanism.links import GROUND, Pose
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
+from mechsim.pictures.view.pose_grid import PoseGrid, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import (
     edges,
@@ -51,12 +51,11 @@ def page(view: View, library: str = "") -> str:
         MissingToolError: where jinja2 is not installed.
     """
     data = json.dumps(_data(view), separators=(",", ":"), allow_nan=False)
-    # no name of a mechanism, in a string or a comment of the script, may end its element
     return _template().render(
         title=view.title,
         version=__version__,
         facts=view.facts,
-        # no text of a mechanism may end its enclosing element
+        # no text of a mechanism, in a string or a comment of a script, may end its enclosing element
         data=data.replace("<", "\\u003c"),
         three="" if library else three_js(),
         library=library,
@@ -132,20 +131,19 @@ def _data(view: View) -> dict[str, Any]:
 
 def _edges(mechanism: Mechanism) -> dict[str, Any]:
     """Return link -> which of its points are connected in the picture, and how many points it has."""
-    connected: dict[str, Any] = {}
-    for link in mechanism.links:
-        points = stations(mechanism, link.name)
-        index = {id(point): i for i, point in enumerate(points)}
-        pairs = [(index[id(a)], index[id(b)]) for a, b in edges(points)]
-        connected[link.name] = {"count": len(points), "pairs": pairs}
-    return connected
+    points = {link.name: stations(mechanism, link.name) for link in mechanism.links}
+    index = {id(point): i for own in points.values() for i, point in enumerate(own)}
+    return {
+        link: {"count": len(own), "pairs": [(index[id(a)], index[id(b)]) for a, b in edges(own)]}
+        for link, own in points.items()
+    }
 
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
     """Return poses of every link over all grids, enough to determine the extent."""
     from scipy.spatial.transform import Rotation
 
-    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    poses = {GROUND: IDENTITY}
     for link in mechanism.links:
         positions = np.concatenate([grid.position[link.name] for grid in grids])
         turns = np.concatenate([grid.quaternion[link.name] for grid in grids])
@@ -156,36 +154,27 @@ def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Po
 
 
 def _solid(shape: Shape) -> dict[str, Any]:
+    solid = {"kind": shape.kind}
     if shape.facets is not None:
-        return {
-            "kind": "facets",
-            "at": [0.0, 0.0, 0.0],
-            "turn": [1.0, 0.0, 0.0, 0.0],
-            "half": [],
-            "vertices": _packed(shape.facets.vertices),
-            "faces": _packed(shape.facets.faces, "<u4"),
-            "rgba": [float(f"{channel:.3g}") for channel in shape.rgba],
-        }
-    return {
-        "kind": shape.kind,
-        "at": _short(shape.centre),
-        "turn": _short(quaternions(shape.frame)),
-        "half": _short(np.array(shape.half_sizes)),
-        "rgba": [float(f"{channel:.3g}") for channel in shape.rgba],
-    }
+        solid |= {"at": [0.0, 0.0, 0.0], "turn": [1.0, 0.0, 0.0, 0.0], "half": []}
+        solid |= {"vertices": _packed(shape.facets.vertices), "faces": _packed(shape.facets.faces, "<u4")}
+    else:
+        solid |= {"at": _short(shape.centre), "turn": _short(quaternions(shape.frame))}
+        solid |= {"half": _short(shape.half_sizes)}
+    return solid | {"rgba": _short(shape.rgba, 3)}
 
 
 def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
-    pivots = fixed_pivots(mechanism)
+    labels = {name: label for name, (label, _) in fixed_pivots(mechanism).items()}
     return [
         {
             "name": joint.name,
-            "label": pivots[joint.name][0] if joint.name in pivots else "",
+            "label": labels.get(joint.name, ""),
             "link": joint.a.link,
             "at": joint.a.point,
             "axis": joint.a.axis if KINDS[joint.kind].units else None,
-            "pivot": GROUND in (joint.a.link, joint.b.link),
-            "driven": joint.name in {driven.name for driven in mechanism.driven_joints},
+            "pivot": GROUND in joint.links,
+            "driven": joint in mechanism.driven_joints,
         }
         for joint in mechanism.joints
     ]
@@ -193,43 +182,33 @@ def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 def _cameras(view: View, balls: Array, radii: Array) -> list[dict[str, Any]]:
     """Return the view directions; the first is the default."""
-    mechanism = view.mechanism
     presets: list[dict[str, Any]] = []
-    flat = hinged_normals(mechanism) is not None
+    flat = hinged_normals(view.mechanism) is not None
     usual = {"iso": "straight on" if flat else "corner", "top": "top", "side": "side"}
     if not flat:
         usual["shaft"] = "along shaft"
     for preset, name in usual.items():
-        back, up = cameras.directions(mechanism, preset, view.up, view.angles)
+        back, up = cameras.directions(view.mechanism, preset, view.up, view.angles)
         framed = cameras.framed(back, up, balls, radii, (1, 1), border=0.0)
-        axes = np.cross(up, back), up, back
-        across, over, depth = (cameras.span(balls @ axis, radii)[1] for axis in axes)
-        centre = framed.position - back * (framed.height + depth / 2.0)
-        presets.append(
-            {
-                "name": name,
-                "back": _short(back),
-                "up": _short(up),
-                "centre": _short(centre),
-                "width": across,
-                "height": over,
-                "depth": depth,
-            }
+        across, over, depth = (
+            cameras.span(balls @ axis, radii)[1] for axis in (np.cross(up, back), up, back)
         )
+        centre = framed.position - back * (framed.height + depth / 2.0)
+        axes = {"back": _short(back), "up": _short(up), "centre": _short(centre)}
+        presets.append({"name": name, **axes, "width": across, "height": over, "depth": depth})
     return presets
 
 
 def _grid(grid: PoseGrid) -> dict[str, Any]:
-    links = list(grid.position)
-    poses = np.stack(
-        [np.concatenate([grid.position[link], grid.quaternion[link]], -1) for link in links], -2
-    )  # (n, links, 7)
+    links, slider, ghost = list(grid.position), grid.slider, grid.ghost
+    own = {"name": slider.name, "unit": slider.unit, "nodes": _short(slider.nodes, 15), "ring": slider.ring}
+    landmarks = [asdict(landmark) for landmark in slider.landmarks]
     return {
         "name": grid.name,
         "note": grid.note,
-        "sliders": [_slider(grid.slider)],
+        "sliders": [{**own, "start": slider.start, "marks": landmarks}],
         "links": links,
-        "poses": _packed(poses),
+        "poses": _by_link(links, grid.position, grid.quaternion),
         "readouts": [
             {
                 "name": readout.name,
@@ -239,29 +218,20 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
             }
             for readout in grid.readouts
         ],
-        "ghost": None if grid.ghost is None else _ghost(grid.ghost, links),
+        "ghost": None
+        if ghost is None
+        else {
+            "name": ghost.name,
+            "nodes": _short(ghost.nodes, 15),
+            "by": ghost.by,
+            "values": _by_link(links, ghost.shift, ghost.rotation),
+        },
     }
 
 
-def _slider(slider: Slider) -> dict[str, Any]:
-    return {
-        "name": slider.name,
-        "unit": slider.unit,
-        "nodes": [float(f"{node:.15g}") for node in slider.nodes],
-        "ring": slider.ring,
-        "start": slider.start,
-        "marks": [asdict(landmark) for landmark in slider.landmarks],
-    }
-
-
-def _ghost(ghost: GhostTrack, links: Sequence[str]) -> dict[str, Any]:
-    both = np.stack([np.concatenate([ghost.shift[link], ghost.rotation[link]], -1) for link in links], -2)
-    return {
-        "name": ghost.name,
-        "nodes": [float(f"{node:.15g}") for node in ghost.nodes],
-        "by": ghost.by,
-        "values": _packed(both),
-    }
+def _by_link(links: Sequence[str], positions: Mapping[str, Array], rotations: Mapping[str, Array]) -> str:
+    """Return positions and rotations, (n, links, 6 or 7), as `_packed`."""
+    return _packed(np.stack([np.hstack([positions[link], rotations[link]]) for link in links], -2))
 
 
 def _packed(values: NDArray[Any], kind: str = "<f4") -> str:
@@ -269,5 +239,5 @@ def _packed(values: NDArray[Any], kind: str = "<f4") -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
 
 
-def _short(values: Array) -> list[float]:
-    return [float(f"{value:.9g}") for value in np.ravel(values).tolist()]
+def _short(values: ArrayLike, digits: int = 9) -> list[float]:
+    return [float(f"{value:.{digits}g}") for value in np.ravel(values).tolist()]

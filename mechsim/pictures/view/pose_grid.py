@@ -212,8 +212,8 @@ def ghost_of(name: str, mechanism: Mechanism, shown: Motion, other: Motion) -> G
     run, exact = (moved_links(mechanism, motion) for motion in (shown, other))
     mechanism = with_rods(mechanism, {})[0]
     deviations = errors(mechanism, run, exact, spinning)
-    shift = {link: pair[0][rows] for link, pair in deviations.items()}
-    rotation = {link: pair[1][rows] for link, pair in deviations.items()}
+    shift = {link: own[rows] for link, (own, _) in deviations.items()}
+    rotation = {link: own[rows] for link, (_, own) in deviations.items()}
     nodes = shown.time if shown.drivers and shown.time is not None else shown.angle
     return GhostTrack(name, nodes[rows], shift, rotation, factor(mechanism, deviations))
 

@@ -13,8 +13,7 @@ import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import dynamic_model
 from mechsim.pictures.view.offline_page import page
-from mechsim.report.driver_views import release_view
-from mechsim.report.views import mechanism_view
+from mechsim.report.views import mechanism_view, release_view
 from mechsim.studies.release import Release
 
 LINKAGE = ms.catalog.make("four_bar")
