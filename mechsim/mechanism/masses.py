@@ -135,8 +135,9 @@ def with_inertia(mechanism: Mechanism, density: float = STEEL, diameter: float |
     """Return the mechanism with an inertia on every link.
 
     A link consists of the straight rods of least total length that connect its joint points and outline;
-    overlaps at their ends count twice. A link with a single point is a pin along its first joint's axis. A
-    cam is also a disc of its base radius, as thick as this pin is long.
+    overlaps at their ends count twice. If these are a single point, its tracked points count too, as those of
+    a pendulum; without any it is a pin along its first joint's axis. A cam is also a disc of its base radius,
+    as thick as this pin is long.
 
     Args:
         mechanism: the mechanism.
@@ -163,7 +164,11 @@ def _link_inertia(mechanism: Mechanism, link: Link, density: float, diameter: fl
         for joint, contact in mechanism.contacts.items()
         if contact.carrier == link.name and contact.base_radius
     ]
-    points = distinct([*(end.point for end in ends), *link.outline], 1e-9 * mechanism.characteristic_length)
+    corners, gap = [*(end.point for end in ends), *link.outline], 1e-9 * mechanism.characteristic_length
+    points = distinct(corners, gap)
+    if len(points) == 1:
+        tracked = [point for carrier, point in mechanism.points.values() if carrier == link.name]
+        points = distinct([*corners, *tracked], gap)
     rods = [(vector(points[i]), vector(points[j])) for i, j in _spanning_tree(np.array(points))]
     if len(points) == 1:
         rods = [_pin(points[0], ends[0].axis if ends else (0.0, 0.0, 1.0), length)]

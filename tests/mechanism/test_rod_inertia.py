@@ -77,6 +77,14 @@ def test_collinear_points_are_one_rod_and_triangles_two():
     assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4 * 0.7, rel=1e-13)
 
 
+def test_the_rod_of_a_pendulum_ends_at_its_tracked_point():
+    joint = ms.Joint("hinge", "revolute", ms.End(GROUND), ms.End("rod"))
+    pendulum = ms.Mechanism("pendulum", (ms.Link("rod"),), (joint,), "hinge", {"P": ("rod", (0.6, 0.8, 0.0))})
+    inertia = with_inertia(pendulum, 1000.0, 0.01).links[0].inertia
+    assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4, rel=1e-13)
+    assert inertia.centre == pytest.approx((0.3, 0.4, 0.0), rel=1e-13)
+
+
 def test_a_cam_without_an_inertia_is_a_disc_of_its_base_radius():
     cam = next(link for link in with_inertia(ms.load("cam_follower").mechanism).links if link.name == "cam")
     # base radius 30 mm and roller 8 mm: characteristic length 38 mm, pin 1.9 mm thick and 3.8 mm long
