@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from model_files import model_mechanism
+from model_files import model_mechanism, stated_mechanism
 
 from mechsim import catalog
 from mechsim.mechanism.joints import Coupling, End, Joint
@@ -48,26 +48,9 @@ def circle_intersection(left, right):
     return (a + d) / 2 + np.sqrt(0.09**2 - length**2 / 4) * np.stack([-u[:, 1], u[:, 0]], 1)
 
 
-def boom(**change) -> Mechanism:
+def boom() -> Mechanism:
     """Return a boom lifted by a cylinder, whose length is driven."""
-    whole = Mechanism(
-        "boom",
-        (Link("boom"), Link("barrel"), Link("rod")),
-        (
-            Joint("lift", "revolute", End(GROUND), End("boom")),
-            Joint("foot", "revolute", End(GROUND, (0.5, -0.2, 0.0)), End("barrel")),
-            Joint("stroke", "prismatic", End("barrel", axis=ALONG_X), End("rod", axis=ALONG_X)),
-            Joint("head", "revolute", End("rod"), End("boom", (1.0, 0.0, 0.0))),
-        ),
-        "stroke",
-        {"tip": ("boom", (2.0, 0.0, 0.0))},
-        guess={
-            "boom": Pose(np.zeros(3), rotation_about_z(0.5)),
-            "barrel": Pose(np.array([0.5, -0.2, 0.0]), rotation_about_z(1.0)),
-        },
-        guess_coordinates={"stroke": 0.7},
-    )
-    return replace(whole, **change)
+    return stated_mechanism("driven_mechanisms_boom.toml")
 
 
 def rack_and_cam() -> Mechanism:
@@ -114,22 +97,9 @@ def press() -> Mechanism:
 
 def table(*, backwards: bool) -> Mechanism:
     """Return a plate on a plane, its two displacements and its rotation coupled to the tool on it."""
-    sides = End(GROUND, axis=(0.2, -0.1, 1.0)), End("plate", (0.02, 0.01, 0.0), axis=(0.1, 0.3, 1.0))
-    plane = Joint("plane", "planar", *(sides[::-1] if backwards else sides))
-    tool = Joint("tool", "revolute", End("plate", (0.1, 0.0, 0.0), (0.3, 1.0, 0.2)), End("bit"))
-    return Mechanism(
-        "table",
-        (Link("plate"), Link("bit")),
-        (plane, tool),
-        ("tool",),
-        {"P": ("bit", (0.01, 0.02, 0.0))},
-        locked={},
-        couplings=(
-            Coupling("x", "plane.x", "tool", (0.01, 0.03, 0.002)),
-            Coupling("y", "plane.y", {"tool": 1.0, "plane.x": 2.0}, (0.0, -0.02, 0.001)),
-            Coupling("turn", "plane.turn", "tool", (0.1, 0.5)),
-        ),
-    )
+    whole = stated_mechanism("driven_mechanisms_table.toml")
+    plane, tool = whole.joints
+    return replace(whole, joints=(replace(plane, a=plane.b, b=plane.a), tool)) if backwards else whole
 
 
 def platform():

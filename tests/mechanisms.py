@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from model_files import model_mechanism
+from model_files import model_mechanism, stated_mechanism
 
-from mechsim import loops
-from mechsim.mechanism.joints import End, Gear, Joint
+from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Link, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
-
-START = 0.7
 
 
 def end_at(link: str, point: Vector = (0.0, 0.0, 0.0), axis: Vector = (0.0, 0.0, 1.0)) -> End:
@@ -32,31 +29,9 @@ def bennett() -> Mechanism:
     return model_mechanism("mechanisms_bennett.toml")
 
 
-def geared_five_bar(ratio: float = -1.5) -> Mechanism:
-    """Planar five-bar whose two cranks are geared; a half-integer ratio has a period of two revolutions."""
-    return placed(
-        Mechanism(
-            "geared_five_bar",
-            (Link("one"), Link("two"), Link("rod"), Link("arm")),
-            (
-                Joint("shaft", "revolute", end_at(GROUND), end_at("one")),
-                Joint("second", "revolute", end_at(GROUND, (0.09, 0.01, 0.0)), end_at("two")),
-                Joint("A", "revolute", end_at("one", (0.021, 0.0, 0.0)), end_at("rod")),
-                Joint("B", "revolute", end_at("two", (0.017, 0.0, 0.0)), end_at("arm")),
-                Joint("C", "revolute", end_at("rod", (0.083, 0.0, 0.0)), end_at("arm", (0.071, 0.0, 0.0))),
-            ),
-            "shaft",
-            {"C": ("rod", (0.083, 0.0, 0.0)), "B": ("two", (0.017, 0.0, 0.0))},
-            gears=(Gear("shaft", "second", ratio, 0.4),),
-            start=START,
-        ),
-        {
-            "one": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.7)),
-            "two": ((0.09, 0.01, 0.0), (0.0, 0.0, -0.65)),
-            "rod": ((0.016, 0.014, 0.0), (0.0, 0.0, 0.69)),
-            "arm": ((0.104, 0.0, 0.0), (0.0, 0.0, 1.91)),
-        },
-    )
+def geared_five_bar() -> Mechanism:
+    """Planar five-bar whose two cranks are geared."""
+    return stated_mechanism("mechanisms_geared_five_bar.toml")
 
 
 def three_cranks(
@@ -91,12 +66,3 @@ def swapped(mechanism: Mechanism) -> Mechanism:
 
 def everything() -> list[Mechanism]:
     return [rsup(), rscr(), bennett(), geared_five_bar()]
-
-
-def placed(mechanism: Mechanism, guess: dict[str, tuple[Vector, Vector]]) -> Mechanism:
-    """Return the mechanism with a guess: link -> position and rotation vector."""
-    poses = {
-        name: Pose(np.array(position), loops.turned_by(np.eye(3)[None], np.array([rotation]))[0])
-        for name, (position, rotation) in guess.items()
-    }
-    return mechanism.with_guess(poses, mechanism.start)

@@ -4,6 +4,8 @@ from pathlib import Path
 from string import Template
 
 import mechsim as ms
+from mechsim.io.model_source import Prescription
+from mechsim.io.toml_reader import TomlModel
 
 FOLDER = Path(__file__).parent / "models"
 
@@ -17,3 +19,8 @@ def model_text(name: str, **values: object) -> str:
 def model_mechanism(name: str) -> ms.Mechanism:
     """Return the mechanism of a file, assembled at its start."""
     return ms.load(str(FOLDER / name)).mechanism
+
+
+def stated_mechanism(name: str, **parameters: float) -> ms.Mechanism:
+    """Return the mechanism that a file states, with changed parameters, whether or not its loops close."""
+    return TomlModel(str(FOLDER / name)).describe(parameters, Prescription()).solver.mechanism

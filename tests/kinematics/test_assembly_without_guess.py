@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim import loops
@@ -48,28 +49,10 @@ def test_a_spherical_four_bar_closes_without_a_guess(seed):
 
 @pytest.mark.long
 def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
-    # a slide that starts out of reach of the rod, and a rod too short for every slide position
     def press(rod: float, start: float) -> ms.Mechanism:
-        def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):
-            return ms.Joint(name, kind, *(ms.End(link, q, axis) for link, q in ends))
+        return stated_mechanism("assembly_without_guess_press.toml", rod=rod, start=start)
 
-        return ms.Mechanism(
-            "press",
-            (ms.Link("ram"), ms.Link("rod"), ms.Link("lever")),
-            (
-                joint(
-                    "drive", "prismatic", ("ground", (0.0,) * 3), ("ram", (0.0,) * 3), axis=(1.0, 0.0, 0.0)
-                ),
-                joint("pin", "revolute", ("ram", (0.0,) * 3), ("rod", (0.0,) * 3)),
-                joint("knee", "revolute", ("rod", (rod, 0.0, 0.0)), ("lever", (0.07, 0.0, 0.0))),
-                joint("pivot", "revolute", ("ground", (0.1, 0.3, 0.0)), ("lever", (0.0,) * 3)),
-            ),
-            "drive",
-            {"knee": ("lever", (0.07, 0.0, 0.0))},
-            guess={"ram": ms.Pose(np.array([start, 0.0, 0.0]), np.eye(3))},
-            start=start,
-        )
-
+    # a slide that starts out of reach of the rod, and a rod too short for every slide position
     with pytest.raises(
         ms.AssemblyError, match=r"drive = 0.9 m: .* from the guess they close at drive = "
     ) as output:
@@ -86,27 +69,7 @@ def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     [(0.008, 0.05, 0.048), (-0.008, 0.053, 0.056), (0.03, 0.001, 0.0)],
 )
 def test_the_guess_selects_the_revolution_of_the_screw(lead, initial_position, start_position):
-    ex = (1.0, 0.0, 0.0)
-    jack = ms.Mechanism(
-        "jack",
-        (ms.Link("spindle"), ms.Link("nut")),
-        (
-            ms.Joint("crank", "revolute", ms.End("ground", axis=ex), ms.End("spindle", axis=ex)),
-            ms.Joint("thread", "screw", ms.End("spindle", axis=ex), ms.End("nut", axis=ex), lead=lead),
-            ms.Joint(
-                "guide",
-                "prismatic",
-                ms.End("ground", (0.0, 0.03, 0.0), ex),
-                ms.End("nut", (0.0, 0.03, 0.0), ex),
-            ),
-        ),
-        "crank",
-        {"P": ("nut", (0.0, 0.0, 0.0))},
-        guess={
-            "spindle": ms.Pose(np.zeros(3), np.eye(3)),
-            "nut": ms.Pose(np.array([initial_position, 0.0, 0.0]), np.eye(3)),
-        },
-    )
+    jack = stated_mechanism("assembly_without_guess_jack.toml", lead=lead, initial=initial_position)
     angle = np.linspace(0.0, 20.0, 9)
     exact = start_position - lead * angle / (2.0 * np.pi)
     position = loops.solve(jack, angle).points["P"].position[:, 0]

@@ -1,38 +1,17 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
+from model_files import stated_mechanism
 from strategies import EPS, rssrs
 
 from mechsim import catalog, loops
 from mechsim.kinematics.loops import path
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinematics.vector_method.vectors import rotation
-from mechsim.mechanism.joints import End, Gear, Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import Pose
 
 # a joint of every kind with inclined axes and a gear; not assembled, only differentiated
-EVERY_JOINT = Mechanism(
-    name="everything",
-    links=tuple(Link(name) for name in "abcd"),
-    joints=(
-        Joint("crank", "revolute", End(GROUND, axis=(0.1, 0.2, 1.0)), End("a", (0.1, 0.0, 0.0))),
-        Joint("wheel", "revolute", End(GROUND, (0.3, 0.0, 0.0)), End("b", axis=(1.0, 0.5, 0.2))),
-        Joint("slide", "prismatic", End("a", (0.0, 0.2, 0.1), (1.0, 1.0, 0.3)), End("b", (0.2, 0.1, 0.0))),
-        Joint(
-            "sleeve", "cylindrical", End("b", (0.1, 0.0, 0.2)), End("c", (0.0, 0.1, 0.1), (0.4, -1.0, 0.2))
-        ),
-        Joint(
-            "cross", "universal", End("c", (0.2, 0.0, 0.1)), End("d", (0.1, 0.1, 0.0), (1.0, 0.0, 0.7)), 1.2
-        ),
-        Joint("ball", "spherical", End("d", (0.0, 0.3, 0.0)), End("a", (0.1, 0.2, 0.3))),
-    ),
-    driver="crank",
-    points={},
-    gears=(Gear("crank", "wheel", -1.7, 0.3),),
-)
-
-
+EVERY_JOINT = stated_mechanism("closure_every_joint.toml")
 # gear and driver equations are linearised at assembled joints; tests of rates cover them
 JOINT_ROWS = slice(0, -2)
 
@@ -115,19 +94,8 @@ def test_assembly_from_a_guess_gives_the_selected_branch(linkage):
 
 
 def test_a_geared_crank_turns_beyond_one_revolution():
-    mechanism = Mechanism(
-        name="pair",
-        links=(Link("one"), Link("two")),
-        joints=(
-            Joint("crank", "revolute", End(GROUND), End("one")),
-            Joint("second", "revolute", End(GROUND, (0.1, 0.0, 0.0)), End("two")),
-        ),
-        driver="crank",
-        points={"P": ("two", (0.02, 0.0, 0.0))},
-        gears=(Gear("crank", "second", -1.5, 0.4),),
-    )
     angles = np.linspace(0.0, 9.0, 4)
-    motion = loops.solve(mechanism, angles, 2.0, 1.0)
+    motion = loops.solve(stated_mechanism("closure_pair.toml"), angles, 2.0, 1.0)
     rotated = -1.5 * angles + 0.4
     expected = np.stack([0.1 + 0.02 * np.cos(rotated), 0.02 * np.sin(rotated), 0 * rotated], 1)
     assert np.abs(motion.points["P"].position - expected).max() <= 1e-14

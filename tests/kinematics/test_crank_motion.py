@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from driven_mechanisms import five_bar
 from mechanisms import end_at
+from model_files import stated_mechanism
 
 from mechsim import catalog, loops
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops.motion import driven_path, motion_along
 from mechsim.mechanism.joints import Coupling, Joint
-from mechsim.mechanism.links import EX, GROUND, Link, Pose
+from mechsim.mechanism.links import GROUND, Link, Pose
 from mechsim.mechanism.mechanism import Mechanism
 
 REVOLUTION = 2.0 * np.pi
@@ -106,18 +107,4 @@ def test_links_with_a_passive_spin_are_reported(name, idle):
 
 
 def test_a_rod_that_spins_about_a_frame_axis_is_reported():
-    joints = (
-        Joint("crank", "revolute", end_at(GROUND), end_at("crank")),
-        Joint("A", "spherical", end_at("crank", (0.1, 0.0, 0.0)), end_at("rod")),
-        Joint("B", "spherical", end_at("rod", (0.3, 0.0, 0.0)), end_at("block")),
-        Joint("way", "prismatic", end_at(GROUND, (0.4, 0.0, 0.0), EX), end_at("block", (0.0, 0.0, 0.0), EX)),
-    )
-    guess = {
-        "rod": Pose(np.array([0.1, 0.0, 0.0]), np.eye(3)),
-        "block": Pose(np.array([0.4, 0.0, 0.0]), np.eye(3)),
-    }
-    links = tuple(Link(name) for name in ("crank", "rod", "block"))
-    points = {"P": ("block", (0.0, 0.0, 0.0))}
-    assert loops.solve(Mechanism("line", links, joints, "crank", points, guess=guess), [0.0]).spinning == {
-        "rod"
-    }
+    assert loops.solve(stated_mechanism("crank_motion_line.toml"), [0.0]).spinning == {"rod"}

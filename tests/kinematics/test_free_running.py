@@ -5,12 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 from mechsim import catalog, dynamics, load_profile, motors
 from mechsim.mechanism.forces import Forces, Friction, Load
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Inertia, Link
-from mechsim.mechanism.mechanism import Mechanism
 
 DOWN = (0.0, -9.81, 0.0)
 PERIOD = 2.367841947576237  # IFToMM benchmark A01: 1 m, released level, g = 9.81
@@ -18,15 +16,7 @@ PERIOD = 2.367841947576237  # IFToMM benchmark A01: 1 m, released level, g = 9.8
 
 def pendulum(**forces):
     """A01: a point mass of 1 kg on 1 m; angle zero is level."""
-    bob = Inertia(1.0, (1.0, 0.0, 0.0), (1e-14, 1e-14, 1e-14))
-    arm = Mechanism(
-        "pendulum",
-        (Link("bob", inertia=bob),),
-        (Joint("crank", "revolute", End(GROUND), End("bob")),),
-        "crank",
-        {"B": ("bob", (1.0, 0.0, 0.0))},
-    )
-    return dynamics.dynamic_model(arm, Forces(**forces))
+    return dynamics.dynamic_model(stated_mechanism("free_running_pendulum.toml"), Forces(**forces))
 
 
 def test_the_bearing_of_a_pendulum_carries_three_times_its_weight():

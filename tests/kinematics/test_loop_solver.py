@@ -5,12 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from mechanisms import end_at as end
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.loops.constraints import tree_loops
 from mechsim.kinematics.loops.mobility import checked_start
-from mechsim.mechanism.links import GROUND
 from mechsim.numerics.loop_solver import NEARBY, Linearised, LoopSolver, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.path_segments import PathStates
@@ -63,16 +62,7 @@ def test_the_solver_matrix_is_the_jacobian_of_its_residual(distance):
 
 
 def test_an_undetermined_slide_keeps_its_scaled_displacement():
-    mechanism = ms.Mechanism(
-        "arm",
-        (ms.Link("arm"), ms.Link("block")),
-        (
-            ms.Joint("crank", "revolute", end(GROUND), end("arm")),
-            ms.Joint("slide", "prismatic", end("arm", (0.2, 0.0, 0.0)), end("block")),
-        ),
-        "crank",
-        {"P": ("block", (0.05, 0.0, 0.0))},
-    )
+    mechanism = stated_mechanism("loop_solver_slide.toml")
     loops, q = tree_loops(mechanism, {name: ms.Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
     solver = loop_solver(loops, q)
     assert len(solver.rows) == 0

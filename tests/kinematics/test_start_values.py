@@ -4,44 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 from mechsim import loops, simulate
-from mechsim.io.model_source import Prescription
 from mechsim.io.readers import load
-from mechsim.io.toml_reader import TomlModel
 from mechsim.io.toml_writer import to_toml
 from mechsim.kinematics.loops.start import start_poses, with_closed_guess
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
 
-
-def spherical_four_bar() -> Mechanism:
-    """Return four revolute joints through one point, with an inaccurate guess."""
-
-    def end(link: str, arc: float = 0.0) -> End:
-        arc = np.deg2rad(arc)
-        return End(link, axis=(float(np.sin(arc)), 0.0, float(np.cos(arc))))
-
-    turns = {"three": ((0.2, 1.0, 0.4), 40.0), "four": ((0.0, 1.0, 0.5), 75.0)}
-    guess: dict[str, Pose] = {}
-    for link, (axis, angle) in turns.items():
-        u, a = np.array(axis) / np.linalg.norm(axis), np.deg2rad(angle)
-        tilde = np.cross(np.eye(3), -u)
-        guess[link] = Pose(np.zeros(3), np.eye(3) + np.sin(a) * tilde + (1.0 - np.cos(a)) * tilde @ tilde)
-    return Mechanism(
-        "spherical",
-        tuple(Link(name) for name in ("two", "three", "four")),
-        (
-            Joint("crank", "revolute", end(GROUND), end("two")),
-            Joint("A", "revolute", end("two", 25.0), end("three")),
-            Joint("B", "revolute", end("three", 70.0), end("four", 60.0)),
-            Joint("O", "revolute", replace(end(GROUND, 75.0), reference=(0.0, 1.0, 0.0)), end("four")),
-        ),
-        "crank",
-        {"P": ("three", (0.04, 0.01, 0.04)), "Q": ("four", (0.04, 0.01, 0.04))},
-        guess=guess,
-    )
+# four revolute joints through one point, with an inaccurate guess
+SPHERICAL = stated_mechanism("start_values_spherical.toml")
 
 
 def test_links_without_a_guess_assemble_with_the_given_plate():
@@ -54,20 +27,20 @@ def test_links_without_a_guess_assemble_with_the_given_plate():
 
 
 def test_both_methods_start_from_the_assembled_configuration():
-    mechanism = with_closed_guess(spherical_four_bar())
+    mechanism = with_closed_guess(SPHERICAL)
     poses = {name: Pose(item.position[None], item.rotation[None]) for name, item in mechanism.guess.items()}
     assert max(opened.max() for opened in loops.residual_norms(mechanism, poses, 0.0)) < 1e-14
     assert with_closed_guess(mechanism) is mechanism
     result = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
-    exact = loops.solve(spherical_four_bar(), result.angle)
+    exact = loops.solve(SPHERICAL, result.angle)
     assert max(difference.max() for difference in result.position_errors(exact).values()) < 1e-13
 
 
 def test_an_assembled_file_is_written_and_read_back(tmp_path):
     source = tmp_path / "rough.toml"
-    source.write_text(to_toml(spherical_four_bar()), "utf-8")
+    source.write_text(to_toml(SPHERICAL), "utf-8")
     started = load(str(source)).mechanism
-    reported = TomlModel(str(source)).describe({}, Prescription()).solver.mechanism.guess["three"].rotation
+    reported = stated_mechanism(source).guess["three"].rotation
     assert np.abs(started.guess["three"].rotation - reported).max() > 0.1
     again = tmp_path / "again.toml"
     again.write_text(to_toml(started), "utf-8")
@@ -76,7 +49,7 @@ def test_an_assembled_file_is_written_and_read_back(tmp_path):
 
 
 def test_a_loose_body_stays_where_it_is_and_changes_nothing():
-    crank = spherical_four_bar()
+    crank = SPHERICAL
     joints = (*crank.joints, Joint("free", "floating", End(GROUND), End("body")))
     result = simulate(replace(crank, links=(*crank.links, Link("body")), joints=joints), speed=1.0).motion
     assert not np.ptp(result.links["body"].position, axis=0).any()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from model_files import stated_mechanism
 
 from mechsim import catalog
 from mechsim.errors import InputError
@@ -120,44 +121,14 @@ def test_the_guide_removes_the_passive_spin():
 
 def test_a_spin_that_moves_a_tracked_point_is_not_passive():
     plain = catalog.make("rssr").mechanism
-    tracked = Mechanism(
-        name=plain.name,
-        links=plain.links,
-        joints=plain.joints,
-        driver=plain.driver,
-        points={**plain.points, "F": ("coupler", (0.0, 0.01, 0.003))},
-        guess=plain.guess,
-        start=plain.start,
-    )
+    tracked = replace(plain, points={**plain.points, "F": ("coupler", (0.0, 0.01, 0.003))})
     m = mobility(tracked)
     assert (m.undetermined, m.idle) == (("point F",), ())
     assert "undriven degree of freedom: point F moves with the crank locked" in m.lines()
 
 
 def test_each_passive_spin_is_named():
-    plain = catalog.make("rssr").mechanism
-    poses = assemble(plain, [plain.start])
-    rocker, position = poses["rocker"].select(0), np.array([0.071, 0.013, 0.009])
-    arm = np.array([0.003, 0.002, 0.019])
-    local = rocker.rotation.T @ (position + arm - rocker.position)
-    rod = (
-        Joint("Q2", "spherical", End("rocker", tuple(local.tolist())), End("rod", tuple(arm.tolist()))),
-        Joint("Q3", "spherical", End("rod"), End("slider", tuple(position.tolist()))),
-    )
-    slide = Joint(
-        "slide", "prismatic", End(GROUND, (0.0, 0.013, 0.009), EX), End("slider", (0.0, 0.013, 0.009), EX)
-    )
-    guess = {name: poses[name].select(0) for name in ("crank", "coupler", "rocker")}
-    mechanism = Mechanism(
-        name="two rods",
-        links=(*plain.links, Link("rod"), Link("slider")),
-        joints=(*plain.joints, *rod, slide),
-        driver="crank",
-        points=plain.points,
-        guess={**guess, "rod": Pose(position, np.eye(3)), "slider": IDENTITY},
-        start=plain.start,
-    )
-    m = mobility(mechanism)
+    m = mobility(stated_mechanism("structure_two_rods.toml"))
     assert m.actual == m.somov_malyshev == 3
     assert (m.undetermined, m.idle) == ((), ("coupler", "rod"))
     assert "idle degree of freedom: rod spins" in m.lines()

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven_mechanisms import circle_intersection, five_bar, sinusoidal
-from mechanisms import end_at
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.loops.motion import driven_path, motion_along
 from mechsim.kinematics.loops.path import CHUNK, rates_of_polynomial
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.links import EX, GROUND
 from mechsim.mechanism.motion import JointMotion
 from mechsim.mechanism.motion_laws import make_motion_laws
 
@@ -123,12 +122,7 @@ def test_several_chunks_keep_the_order_of_instants():
 
 
 def test_a_slide_on_a_rotating_arm_has_its_coriolis_acceleration():
-    joints = (
-        ms.Joint("turn", "revolute", end_at(GROUND), end_at("arm")),
-        ms.Joint("way", "prismatic", end_at("arm", axis=EX), end_at("block", axis=EX)),
-    )
-    points = {"P": ("block", (0.3, 0.0, 0.0))}
-    arm = ms.Mechanism("arm", (ms.Link("arm"), ms.Link("block")), joints, ("turn", "way"), points)
+    arm = stated_mechanism("tree_rates_arm.toml")
     states = {"turn": sinusoidal(2.0, 0.3, 6.0, 0.2), "way": sinusoidal(0.02, 0.4, 9.0, 1.0)}
     solver = KinematicSolver(arm, motion_laws=make_motion_laws(arm, states, 1.0))
     times = np.linspace(0.0, 1.0, 12)

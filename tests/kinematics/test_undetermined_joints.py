@@ -1,46 +1,28 @@
 """The loop equations report undetermined joints and assume no motion for them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from driven_mechanisms import five_bar
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.errors import MobilityError
 from mechsim.kinematics.loops.mobility import driver_determinacy, with_component_locked
 from mechsim.mechanism.links import GROUND
 
-LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
-
-
-def five_bar(*gears):
-    """Return a five-bar linkage with two degrees of freedom."""
-    joints = (
-        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("a")),
-        ms.Joint("A", "revolute", ms.End("a", (0.03, 0.0, 0.0)), ms.End("b")),
-        ms.Joint("B", "revolute", ms.End("b", (0.03, 0.06, 0.0)), ms.End("c", (-0.04, 0.01, 0.0))),
-        ms.Joint("C", "revolute", ms.End("c"), ms.End("d", (0.0, 0.05, 0.0))),
-        ms.Joint("D", "revolute", ms.End(GROUND, (0.1, 0.0, 0.0)), ms.End("d")),
-    )
-    guess = {name: ms.Pose(np.array([*position, 0.0]), np.eye(3)) for name, position in LINKS.items()}
-    whole = ms.Mechanism(
-        name="five-bar",
-        links=tuple(ms.Link(name) for name in LINKS),
-        joints=joints,
-        driver="crank",
-        points={"P": ("b", (0.03, 0.06, 0.0))},
-        gears=gears,
-    )
-    return whole.with_guess(guess, 0.0)
-
 
 def test_a_five_bar_with_one_driver_is_rejected():
-    with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as error:
-        ms.loops.solve(five_bar(), [0.0, 0.1])
+    with pytest.raises(MobilityError, match=r"underdetermined: .* right can still move") as error:
+        ms.loops.solve(replace(five_bar(), driver="left", start=2.0), [2.0, 2.1])
     assert error.value.outcome == "underdetermined"
 
 
 def test_a_gear_pair_determines_a_five_bar():
-    motion = ms.loops.solve(five_bar(ms.Gear("crank", "D", 1.0)), [0.0, 0.1])
-    assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
+    pair = ms.Gear("left", "right", 1.0, phase=-1.0)
+    motion = ms.loops.solve(replace(five_bar(), driver="left", start=2.0, gears=(pair,)), [2.0, 2.1])
+    assert motion.joints["right"].rate == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize("name", ms.catalog.MECHANISMS)
@@ -50,17 +32,7 @@ def test_a_passive_spin_is_not_underdetermined(name):
 
 
 def test_an_unobserved_ball_is_not_underdetermined():
-    mechanism = ms.Mechanism(
-        "crank and ball",
-        (ms.Link("crank"), ms.Link("ball")),
-        (
-            ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank")),
-            ms.Joint("ball", "spherical", ms.End(GROUND), ms.End("ball")),
-        ),
-        "crank",
-        {"P": ("crank", (0.1, 0.0, 0.0))},
-    )
-    motion = ms.loops.solve(mechanism, [0.0, np.pi / 2])
+    motion = ms.loops.solve(stated_mechanism("undetermined_joints_ball.toml"), [0.0, np.pi / 2])
     np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
 
 

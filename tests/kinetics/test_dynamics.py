@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 from mechsim import catalog, dynamics, load_profile
 from mechsim.errors import AssemblyError, InputError
 from mechsim.kinetics import prescribed_motion
 from mechsim.kinetics.reduced_equation import kinetic_energy_of_links
 from mechsim.mechanism.forces import Forces, Friction, JointSpring, Load, Spring
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Inertia, Link
+from mechsim.mechanism.links import GROUND, Inertia
 from mechsim.mechanism.masses import slender_rod
-from mechsim.mechanism.mechanism import Mechanism
 
 GRAVITY = (0.3, -9.81, 2.1)
 REVOLUTION = 2.0 * np.pi
@@ -256,12 +255,7 @@ def test_the_speed_fluctuation_agrees_with_a_free_run():
 
 
 def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
-    links = (Link("arm"), Link("hand"))
-    joints = (
-        Joint("shoulder", "spherical", End(GROUND), End("arm")),
-        Joint("crank", "revolute", End("arm", (0.1, 0.0, 0.0)), End("hand")),
-    )
-    loose = Mechanism("loose", links, joints, "crank", {"tip": ("hand", (0.1, 0.0, 0.0))})
+    loose = stated_mechanism("dynamics_loose.toml")
     with pytest.raises(InputError, match="first link is 'arm', not the frame"):
         dynamics.dynamic_model(loose, Forces(flywheel=1.0))
     rocking = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)

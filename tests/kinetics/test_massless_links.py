@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -101,9 +102,7 @@ def test_mujoco_has_negligible_masses_in_place_of_zeros():
 
 
 def test_a_driver_moves_a_link_without_mass():
-    arm = ms.Link("arm", inertia=NOTHING)
-    hinge = ms.Joint("crank", "revolute", ms.End("ground"), ms.End("arm"))
-    pendulum = ms.Mechanism("arm", (arm,), (hinge,), "crank", {"P": ("arm", (0.1, 0.0, 0.0))})
-    solver = ms.load(pendulum, drive={"crank": "2rad/s"}, duration=0.5)
+    arm = stated_mechanism("massless_links_arm.toml")
+    solver = ms.load(arm, drive={"crank": "2rad/s"}, duration=0.5)
     run = ms.dynamics.run(solver, prescribed=["crank"], duration=0.5)
     assert run.motion.joints["crank"].value[-1] == pytest.approx(1.0, abs=1e-12)

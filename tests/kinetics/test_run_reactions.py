@@ -4,25 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 from scipy.integrate import simpson
 
 import mechsim as ms
 
 MASS, ARM, INERTIA, GRAVITY = 1.0, 2.0, 0.1, 9.80665
 WEIGHT = ms.Forces(gravity=(0.0, -GRAVITY, 0.0))
-
-
-def pendulum(driver=()):
-    moments = tuple(map(tuple, np.diag([0.04, INERTIA, INERTIA])))
-    body = ms.Link("body", inertia=ms.Inertia(MASS, (ARM, 0.0, 0.0), moments))
-    joint = ms.Joint("pin", "revolute", ms.End("ground"), ms.End("body"))
-    return ms.Mechanism("pendulum", (body,), (joint,), driver, {})
+# of this mass, arm and moment of inertia about its centre
+PENDULUM = stated_mechanism("run_reactions_pendulum.toml")
 
 
 @pytest.mark.parametrize("driver", [(), "pin"])
 def test_reaction_of_a_released_pendulum(driver):
     """From horizontal rest: w^2 = 2 m g l sin(fall) / I0 and alpha = m g l cos(fall) / I0."""
-    model = ms.dynamics.dynamic_model(pendulum(driver), WEIGHT)
+    model = ms.dynamics.dynamic_model(replace(PENDULUM, driver=driver), WEIGHT)
     run = ms.dynamics.run(model, WEIGHT, duration=3.0, samples=50)
     fall = -run.motion.joints["pin"].value
     k = MASS * GRAVITY * ARM / (INERTIA + MASS * ARM**2)

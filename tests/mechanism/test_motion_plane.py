@@ -3,6 +3,7 @@ from dataclasses import replace
 import mechanisms
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.mechanism.link_poses import plane_normals
@@ -27,21 +28,7 @@ def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
 
 
 def test_plane_normals_are_expressed_in_the_frame_of_each_link():
-    ends = (
-        ms.End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
-        ms.End("slider", axis=(1.0, 0.0, 0.0), reference=(0.0, 0.0, 1.0)),
-    )
-    mechanism = ms.Mechanism(
-        name="arm",
-        links=(ms.Link("arm"), ms.Link("slider")),
-        joints=(
-            ms.Joint("crank", "revolute", ms.End("arm"), ms.End(GROUND, axis=(0.0, -1.0, 0.0))),
-            ms.Joint("slide", "prismatic", *ends),
-        ),
-        driver="crank",
-        points={},
-    )
-    normals = plane_normals(mechanism)
+    normals = plane_normals(stated_mechanism("motion_plane_arm.toml"))
     assert normals is not None
     assert {link: tuple(np.round(normal, 12) + 0.0) for link, normal in normals.items()} == {
         "arm": (0.0, 0.0, 1.0),

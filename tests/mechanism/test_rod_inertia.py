@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
-from mechsim.mechanism.links import EY, GROUND
+from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.masses import RELATIVE_DIAMETER, STEEL, round_rod, slender_rod, with_inertia
 
 
@@ -41,19 +42,9 @@ def test_inertias_of_catalogue_links_scale_with_density():
 
 
 def test_explicit_inertias_are_kept():
-    own = ms.Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    mechanism = ms.Mechanism(
-        "arm",
-        (ms.Link("arm", inertia=own), ms.Link("pin")),
-        (
-            ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("arm")),
-            ms.Joint("knee", "revolute", ms.End("arm", (0.2, 0.0, 0.0), EY), ms.End("pin", axis=EY)),
-        ),
-        "crank",
-        {},
-    )
+    mechanism = stated_mechanism("rod_inertia_arm.toml")
     kept = with_inertia(mechanism)
-    assert kept.links[0].inertia is own
+    assert kept.links[0].inertia is mechanism.links[0].inertia
     # a link of one point is a pin along its joint's axis, twice as long as thick
     thick = RELATIVE_DIAMETER * 0.2
     assert kept.links[1].inertia == round_rod((0.0, -thick, 0.0), (0.0, thick, 0.0), STEEL, thick)

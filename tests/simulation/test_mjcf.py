@@ -4,10 +4,10 @@ import mechanisms
 import mujoco
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim import loops
-from mechsim.mechanism.links import GROUND
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.generator import generate
@@ -118,17 +118,7 @@ def test_an_unassemblable_loop_is_rejected() -> None:
 
 
 def test_an_open_chain_has_no_constraints() -> None:
-    arm = ms.Mechanism(
-        "arm",
-        (ms.Link("upper"), ms.Link("lower")),
-        (
-            ms.Joint("shoulder", "revolute", ms.End(GROUND), ms.End("upper")),
-            ms.Joint("elbow", "revolute", ms.End("upper", (0.3, 0.0, 0.0)), ms.End("lower")),
-        ),
-        "shoulder",
-        {"hand": ("lower", (0.2, 0.0, 0.0))},
-    )
-    assert model_of(arm).neq == 0
+    assert model_of(stated_mechanism("mjcf_arm.toml")).neq == 0
 
 
 def test_inertia_tensors_round_trip_exactly():

@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.loops import motion as loop_motion
@@ -13,24 +16,13 @@ from mechsim.simulation.source import assembled, from_source, initial_guess
 
 def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
     """A wheel with gear ratio twenty turns a four-bar: its angle is twenty times that of the crank."""
-    ground = {name: ms.End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
-    joints = (
-        ms.Joint("crank", "revolute", ground["p"], ms.End("crank")),
-        ms.Joint("wheel", "revolute", ground["q"], ms.End("wheel")),
-        ms.Joint("pin", "revolute", ms.End("wheel", (0.02, 0.0, 0.0)), ms.End("rod")),
-        ms.Joint("end", "revolute", ms.End("rod", (0.08, 0.0, 0.0)), ms.End("lever", (0.05, 0.0, 0.0))),
-        ms.Joint("lever", "revolute", ground["r"], ms.End("lever")),
-    )
-    links = tuple(ms.Link(name) for name in ("crank", "wheel", "rod", "lever"))
-    points = {"P": ("rod", (0.04, 0.0, 0.0))}
-    gears = (ms.Gear("crank", "wheel", 20.0),)
-    mechanism = ms.Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
+    mechanism = replace(stated_mechanism("geared_four_bar.toml", ratio=20.0), start=0.02)
     loops, guess = initial_guess(with_closed_guess(mechanism), ms.Scene(level="pose"))
     start = loop_jacobian.close(loops, guess[None])[0]
     angles = start[loops.crank_address] + np.linspace(0.0, 0.4, 40)
     states = follow(loops, start, angles)
-    positions = loops.posed.site_positions(states)[:, loops.model.site("P").id]
-    exact = loop_motion.solve(with_closed_guess(mechanism), angles).points["P"].position
+    positions = loops.posed.site_positions(states)[:, loops.model.site("Q").id]
+    exact = loop_motion.solve(with_closed_guess(mechanism), angles).points["Q"].position
     assert np.abs(positions - exact).max() < 1e-13
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import model_text, stated_mechanism
 from pendulums import WEIGHT, double_pendulum, point_mass, slider
 from scipy.integrate import solve_ivp
 
@@ -125,24 +125,13 @@ def test_runs_are_compared_between_friction_reversals():
     assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 30.0})).passed
 
 
-def arm():
-    """Return three links in a chain that start level."""
-    masses = (1.2, 0.8, 0.05)
-    links = tuple(
-        ms.Link(
-            f"link{i}", inertia=ms.Inertia(mass, (0.15, 0.0, 0.0), np.diag([1e-4, 1e-2 * mass, 1e-2 * mass]))
-        )
-        for i, mass in enumerate(masses)
-    )
-    ends = ms.End("ground"), *(ms.End(f"link{i}", (0.3, 0.0, 0.0)) for i in range(2))
-    joints = tuple(ms.Joint(f"J{i}", "revolute", end, ms.End(f"link{i}")) for i, end in enumerate(ends))
-    return ms.Mechanism("arm", links, joints, ("J0", "J1", "J2"), {"P": ("link2", (0.3, 0.0, 0.0))})
-
-
 def test_a_joint_reverses_between_sticking_joints():
     sizes = {"J0": 20.0, "J1": 0.6, "J2": 0.6}
     friction = tuple(ms.Friction(name, 0.3, torque) for name, torque in sizes.items())
-    model = ms.dynamics.dynamic_model(arm(), ms.Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
+    model = ms.dynamics.dynamic_model(
+        stated_mechanism("forward_dynamics_check_arm.toml"),
+        ms.Forces(gravity=(0.0, -9.81, 0.0), friction=friction),
+    )
     run = ms.dynamics.run(model, initial={"J1.v": 0.5, "J2.v": 0.5}, duration=0.2, samples=40)
     rates = {name: joint.rate[-1] for name, joint in run.motion.joints.items()}
     # the weight of both outer links, 1.3 N m at the least, exceeds 0.6 N m

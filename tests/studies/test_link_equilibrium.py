@@ -11,6 +11,7 @@ import equilibrium
 import gear_trains
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
@@ -183,20 +184,7 @@ def test_the_check_detects_every_omitted_force(case, method):
 
 def press() -> Case:
     """A spindle whose nut presses with 100 N."""
-    body = ms.Inertia(1.0, (0.0, 0.0, 0.0), ((1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3)))
-    guide_axis_point, along = (0.05, 0.0, 0.0), (0.0, 0.0, 1.0)
-    joints = (
-        ms.Joint("motor", "revolute", ms.End(GROUND), ms.End("spindle")),
-        ms.Joint("thread", "screw", ms.End("spindle", (0.0, 0.0, 0.1)), ms.End("nut"), lead=0.005),
-        ms.Joint(
-            "guide",
-            "prismatic",
-            ms.End(GROUND, guide_axis_point, along),
-            ms.End("nut", guide_axis_point, along),
-        ),
-    )
-    links = ms.Link("spindle", inertia=body), ms.Link("nut", inertia=body)
-    mechanism = ms.Mechanism("press", links, joints, "motor", {"P": ("nut", (0.02, 0.0, 0.0))})
+    mechanism = stated_mechanism("link_equilibrium_press.toml")
     forces = ms.Forces(loads=(ms.Load("P", ms.load_profile.constant((0.0, 0.0, -100.0))),))
     return Case(mechanism, forces, {"motor": lambda t: (2.0 * t, 2.0 + 0.0 * t, 0.0 * t)})
 
@@ -237,23 +225,12 @@ def test_the_force_of_a_locked_joint_balances_its_links(method):
 
 def test_bearing_forces_of_redundant_planets_are_undetermined():
     """With a second planet the distribution of the load is undetermined."""
-    joints = [
-        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("arm")),
-        ms.Joint("sun", "revolute", ms.End("arm"), ms.End("sun")),
-    ]
-    gears = []
-    for i, side in enumerate((1.0, -1.0)):
-        pivot = (0.04 * side, 0.0, 0.0)
-        joints.append(ms.Joint(f"planet{i}", "revolute", ms.End("arm", pivot), ms.End(f"planet{i}")))
-        gears += [ms.Gear("crank", f"planet{i}", -2.0), ms.Gear(f"planet{i}", "sun", -1.5)]
-    links = tuple(ms.Link(joint.b.link) for joint in joints)
-    points = {"P": ("sun", (0.02, 0.0, 0.0))}
-    mechanism = ms.Mechanism("planets", links, tuple(joints), "crank", points, tuple(gears))
+    mechanism = stated_mechanism("link_equilibrium_planets.toml")
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(mechanism), [0.3, 0.4], 5.0)
     for i in range(2):
         assert {"fx", "fy"} <= {*study.forces.reactions[f"planet{i}"].undetermined}
     assert study.forces.undetermined == {*study.forces.gears}
-    single = replace(mechanism, gears=tuple(gears[:3]))
+    single = replace(mechanism, gears=mechanism.gears[:3])
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(single), [0.3, 0.4], 5.0)
     assert {"fx", "fy"}.isdisjoint(study.forces.reactions["planet0"].undetermined)
     assert not study.forces.undetermined

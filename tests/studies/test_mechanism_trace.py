@@ -1,9 +1,12 @@
 """Curves of assembly modes agree with the closed forms in both directions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from catalog_faults import COLLINEAR, SWINGING
 from grids import grid
+from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim import loops
@@ -199,24 +202,7 @@ def test_poses_are_assigned_to_their_own_curve():
 
 def geared(ratio):
     """Return a four-bar driven through a gear: its curve closes after a common period."""
-    z = (0.0, 0.0, 1.0)
-    ground = {"p": (0.0, 0.0, 0.0), "q": (0.05, 0.0, 0.0), "r": (0.13, 0.0, 0.0)}
-    ends = {name: ms.End("ground", position, z) for name, position in ground.items()}
-    return ms.Mechanism(
-        "geared",
-        (ms.Link("crank"), ms.Link("wheel"), ms.Link("rod"), ms.Link("lever")),
-        (
-            ms.Joint("crank", "revolute", ends["p"], ms.End("crank")),
-            ms.Joint("wheel", "revolute", ends["q"], ms.End("wheel")),
-            ms.Joint("pin", "revolute", ms.End("wheel", (0.02, 0.0, 0.0)), ms.End("rod")),
-            ms.Joint("end", "revolute", ms.End("rod", (0.08, 0.0, 0.0)), ms.End("lever", (0.05, 0.0, 0.0))),
-            ms.Joint("lever", "revolute", ends["r"], ms.End("lever")),
-        ),
-        "crank",
-        {"P": ("crank", (0.02, 0.0, 0.0)), "Q": ("rod", (0.04, 0.0, 0.0))},
-        gears=(ms.Gear("crank", "wheel", ratio),),
-        start=0.4,
-    )
+    return stated_mechanism("geared_four_bar.toml", ratio=ratio)
 
 
 @pytest.mark.long
@@ -242,26 +228,12 @@ def test_a_curve_that_never_closes_is_rejected(monkeypatch):
     assert reported[-1] == ("component 1, segment 60 of at most 60", 1.0)
 
 
-def on_a_rail(kind, *, lead=0.0):
-    """Return a carriage on a rail, driven directly or by a screw."""
-    rail = ms.Joint("rail", "prismatic", ms.End("ground", (0.06, 0.0, 0.0)), ms.End("car", (0.06, 0.0, 0.0)))
-    points = {"P": ("car", (0.08, 0.02, 0.0))}
-    if kind == "slide":
-        return ms.Mechanism("carriage", (ms.Link("car"),), (rail,), "rail", points)
-    joints = (
-        ms.Joint("crank", "revolute", ms.End("ground"), ms.End("spindle")),
-        ms.Joint("thread", "screw", ms.End("spindle", (0.0, 0.0, 0.05)), ms.End("car"), lead=lead),
-        rail,
-    )
-    return ms.Mechanism("press", (ms.Link("spindle"), ms.Link("car")), joints, "crank", points)
-
-
 def test_an_unbounded_slide_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_DISPLACEMENT", 20)
     with pytest.raises(
         ms.AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
     ):
-        ms.trace(on_a_rail("slide"), starts=0)
+        ms.trace(stated_mechanism("mechanism_trace_carriage.toml"), starts=0)
 
 
 def test_an_unbounded_screw_is_rejected(monkeypatch):
@@ -269,28 +241,14 @@ def test_an_unbounded_screw_is_rejected(monkeypatch):
     with pytest.raises(
         ms.AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"
     ):
-        ms.trace(on_a_rail("screw", lead=0.005), starts=0)
-
-
-def arms(*, joined=False):
-    gears = (ms.Gear("one", "two", -1.0),) if joined else ()
-    return ms.Mechanism(
-        "arms",
-        (ms.Link("first"), ms.Link("second")),
-        (
-            ms.Joint("one", "revolute", ms.End("ground"), ms.End("first")),
-            ms.Joint("two", "revolute", ms.End("ground", (0.1, 0.0, 0.0)), ms.End("second")),
-        ),
-        "one",
-        {"P": ("first", (0.05, 0.0, 0.0)), "Q": ("second", (0.05, 0.0, 0.0))},
-        gears=gears,
-    )
+        ms.trace(stated_mechanism("mechanism_trace_press.toml"), starts=0)
 
 
 def test_a_trace_of_two_dofs_is_rejected():
+    arms = stated_mechanism("mechanism_trace_arms.toml")
     with pytest.raises(MobilityError, match=r"arms: underdetermined: .*two can still move; drive, lock or"):
-        ms.trace(arms())
-    (curve,) = ms.trace(arms(joined=True)).curves
+        ms.trace(arms)
+    (curve,) = ms.trace(replace(arms, gears=(ms.Gear("one", "two", -1.0),))).curves
     assert curve.turns == 1
 
 
