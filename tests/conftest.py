@@ -86,8 +86,8 @@ def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments: str) -> Answer:
-        monkeypatch.setattr("sys.argv", ["mechsim", *arguments])
+    def call(*arguments: str | Path) -> Answer:
+        monkeypatch.setattr("sys.argv", ["mechsim", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             main()
         output = capsys.readouterr()

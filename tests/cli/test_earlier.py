@@ -4,15 +4,7 @@ import json
 
 import pytest
 
-from mechsim.cli import main
 from mechsim.cli.earlier import changes_since
-
-
-def run(argv, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["mechsim", *argv])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return end.value.code or 0, capsys.readouterr()
 
 
 def output(**worst):
@@ -57,16 +49,15 @@ def test_a_change_far_below_the_tolerance_is_rounding(tmp_path):
     assert changes_since(earlier, output(P=9e-9)) == []
 
 
-def test_the_command_compares_with_a_file_and_rejects_others(tmp_path, monkeypatch, capsys):
-    code, printed = run(["validate", "slider_crank", "--json"], monkeypatch, capsys)
-    data = json.loads(printed.out)
+def test_the_command_compares_with_a_file_and_rejects_others(tmp_path, mechsim):
+    data = json.loads(mechsim("validate", "slider_crank", "--json").out)
     data["mechanisms"]["slider_crank"]["checks"][0] |= {"worst": 1.0, "passed": False}
     (tmp_path / "earlier.json").write_text(json.dumps(data))
-    argv = ["validate", "slider_crank", "--compare-to", str(tmp_path / "earlier.json")]
-    code, printed = run([*argv, "--json"], monkeypatch, capsys)
-    (row,) = json.loads(printed.out)["compared"]
-    assert (code, row["change"], row["before"]) == (0, "better", 1.0)
+    compared = ("validate", "slider_crank", "--compare-to", "earlier.json")
+    answer = mechsim(*compared, "--json")
+    (row,) = json.loads(answer.out)["compared"]
+    assert (answer.code, row["change"], row["before"]) == (0, "better", 1.0)
     (tmp_path / "earlier.json").write_text('{"passed": true}')
-    code, printed = run(argv, monkeypatch, capsys)
-    assert code == 2
-    assert "validate --json" in printed.err
+    answer = mechsim(*compared)
+    assert answer.code == 2
+    assert "validate --json" in answer.err

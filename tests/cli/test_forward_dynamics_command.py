@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 from model_files import model_text
 
-from mechsim import cli, files
+from mechsim import files
 
 
 @pytest.fixture
-def command(capsys, monkeypatch):
+def command(mechsim):
     """Run `mechsim dynamics ANALYSIS four_bar` and return exit code, output and errors."""
 
     def run(*arguments):
         analysis, *options = ("forward", *arguments) if arguments[0].startswith("-") else arguments
-        monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", analysis, "four_bar", *options])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code, *capsys.readouterr()
+        return mechsim("dynamics", analysis, "four_bar", *options)
 
     return run
 

@@ -13,7 +13,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 
@@ -24,15 +23,12 @@ SAMPLE = ["sample", "tree.urdf", "--loops", "loops.yaml", "-n", "3", "-o", "out.
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
+def run(mechsim, tmp_path):
     def command(arguments, axis="1", mimic=""):
-        monkeypatch.chdir(tmp_path)
         (tmp_path / "tree.urdf").write_text(TREE.format(axis=axis, mimic=mimic))
         (tmp_path / "loops.yaml").write_text(LOOPS)
-        monkeypatch.setattr("sys.argv", ["mechsim", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code, capsys.readouterr()
+        answer = mechsim(*arguments)
+        return answer.code, answer
 
     return command
 
@@ -64,11 +60,14 @@ def test_parts_that_are_not_read_are_reported(run, arguments):
     assert "did you mean 'motor'" in shown.err
 
 
-@pytest.mark.parametrize("rate", ["0", "1"])
-def test_a_controller_that_is_not_finite_is_one_line(run, recwarn, rate):
+@pytest.mark.parametrize(
+    ("rate", "law"),
+    [("0", "log(0)"), *(("1", law) for law in ("log(0)", "sqrt(-1)", "1/crank.q", "sqrt(crank.q-1)"))],
+)
+def test_a_controller_that_is_not_finite_is_one_line(run, recwarn, rate, law):
     with np.errstate(all="warn", under="ignore"):
         run_on = f"dynamics forward four_bar --initial crank.v={rate} --duration 0.1s"
-        code, shown = run([*run_on.split(), "--motor", "crank=log(0)"])
+        code, shown = run([*run_on.split(), "--motor", f"crank={law}"])
     assert code == 2
     assert "crank are not finite" in shown.err
     assert not [warning for warning in recwarn if warning.category is RuntimeWarning]

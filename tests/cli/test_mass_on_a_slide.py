@@ -7,7 +7,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 
 # two springs of 50 N/m, at rest length 0.2 m and 0.3 m long, hold 2 kg: omega^2 = 2 * 50 / 2
 OSCILLATOR = model_text("mass_on_a_slide_oscillator.toml")
@@ -19,18 +18,9 @@ def path(tmp_path):
     return tmp_path / "oscillator.toml"
 
 
-def printed(capsys, monkeypatch, *arguments):
-    monkeypatch.setattr("sys.argv", ["mechsim", *map(str, arguments), "--json"])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    output = capsys.readouterr()
-    assert ended.value.code == 0, output
-    return json.loads(output.out)
-
-
-def test_its_frequency_and_free_motion_are_those_of_the_oscillator(path, capsys, monkeypatch):
+def test_its_frequency_and_free_motion_are_those_of_the_oscillator(path, mechsim):
     omega = np.sqrt(50.0)
-    (mode,) = printed(capsys, monkeypatch, "dynamics", "modes", path)["modes"]
+    (mode,) = json.loads(mechsim("dynamics", "modes", str(path), "--json").out)["modes"]
     assert mode["frequency"] == pytest.approx(omega / (2.0 * np.pi), rel=1e-9)
     run = ms.dynamics.run(path, initial={"x.q": 0.05}, duration=0.5)
     assert run.motion.joints["x"].value[-1] == pytest.approx(0.05 * np.cos(0.5 * omega), abs=1e-9)

@@ -10,47 +10,33 @@ import pytest
 from ball_joints import fourth_order_only
 from typed_call import Call
 
-from mechsim import catalog, cli, dynamics, files, motors, units
+from mechsim import catalog, dynamics, files, motors, units
 from mechsim.cli import inverse_dynamics as cli_dynamics
 from mechsim.cli import options, progress, solve
 from mechsim.mechanism.forces import Forces
 
 
-def rejection_line(
-    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> str:
-    """Return the line on stderr with which a command rejects its arguments."""
-    monkeypatch.setattr("sys.argv", ["mechsim", *arguments.split()])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    output = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert len(output.splitlines()) == 1
-    return output
-
-
-def test_too_many_steps_of_a_scene_are_rejected(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_too_many_steps_of_a_scene_are_rejected(mechsim: Call) -> None:
     Path("pendulum.xml").write_text(
         """<mujoco><worldbody><body><joint name="pivot"/><geom size=".1"/></body></worldbody>
         <actuator><motor name="torque" joint="pivot"/></actuator></mujoco>"""
     )
-    arguments = "simulate pendulum.xml --ctrl torque=1 --duration 1e5"
-    output = rejection_line(arguments, monkeypatch, capsys)
-    assert "a motion of 100000 s with a time step of 0.002 s needs 5e+07 time steps" in output
-    assert "the limit is 2,000,000" in output
+    answer = mechsim(*["simulate", "pendulum.xml", "--ctrl", "torque=1", "--duration", "1e5"])
+    assert (answer.code, len(answer.err.splitlines())) == (2, 1)
+    assert "a motion of 100000 s with a time step of 0.002 s needs 5e+07 time steps" in answer.err
+    assert "the limit is 2,000,000" in answer.err
 
 
 def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, mechsim: Call
 ) -> None:
     def fails(*_: object, **__: object) -> None:
         raise mujoco.FatalError("Could not allocate memory")
 
     monkeypatch.setattr(options, "load", fails)
-    assert "not enough memory" in rejection_line("solve four_bar", monkeypatch, capsys)
+    answer = mechsim("solve", "four_bar")
+    assert (answer.code, len(answer.err.splitlines())) == (2, 1)
+    assert "not enough memory" in answer.err
 
 
 @pytest.mark.slow

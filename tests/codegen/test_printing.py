@@ -12,7 +12,6 @@ from grids import grid
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.cli import main
 from mechsim.codegen.kinematics import identifiers
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import STATUSES
@@ -206,28 +205,16 @@ def test_javascript_passes_its_self_test(compiled, tmp_path, name):
     assert node(tmp_path / "test.js").returncode == 1
 
 
-def command(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["mechsim", "compile", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    captured = capsys.readouterr()
-    return ended.value.code or 0, captured.out, captured.err
-
-
 @pytest.mark.long
-def test_the_command_writes_solver_and_self_test(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_solver_and_self_test(tmp_path, mechsim):
     header, test = tmp_path / "leg.h", tmp_path / "leg.c"
-    code, out, _ = command(
-        monkeypatch, capsys, REFERENCE / "bricard.toml", "-o", header, "--test", test, "--json"
-    )
+    code, out, _ = mechsim("compile", REFERENCE / "bricard.toml", "-o", header, "--test", test, "--json")
     data = json.loads(out)
     assert code == 0
     assert data["drivers"] == ["crank"]
     assert data["range"][0] == pytest.approx(-0.5235988)
     assert run(built("gcc", test)).returncode == 0
-    code, out, _ = command(
-        monkeypatch, capsys, "slider_crank", "-o", tmp_path / "a.js", "--test", tmp_path / "b.js"
-    )
+    code, out, _ = mechsim("compile", "slider_crank", "-o", tmp_path / "a.js", "--test", tmp_path / "b.js")
     assert code == 0
     assert "slider_crank_solve from crank (any value)" in out
     assert node(tmp_path / "b.js").returncode == 0
@@ -241,9 +228,8 @@ def test_the_command_writes_solver_and_self_test(tmp_path, monkeypatch, capsys):
         (["no_such_model", "-o", "solver.h"], "no_such_model"),
     ],
 )
-def test_invalid_input_ends_with_exit_code_2(tmp_path, monkeypatch, capsys, arguments, message):
-    monkeypatch.chdir(tmp_path)
-    code, _, err = command(monkeypatch, capsys, *arguments)
+def test_invalid_input_ends_with_exit_code_2(tmp_path, mechsim, arguments, message):
+    code, _, err = mechsim("compile", *arguments)
     assert code == 2
     assert message in err
     assert not [*tmp_path.iterdir()]

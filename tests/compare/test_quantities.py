@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.compare.checks import check_of, concluded
 from mechsim.compare.crosscheck import crosscheck_forces
 from mechsim.compare.quantities import (
     CRANK_DRIVE,
@@ -121,15 +120,6 @@ def test_zero_potential_energy_is_scaled_by_forces():
 def test_every_wrong_quantity_of_forces_fails_only_its_check(kind, route):
     assert crosscheck_forces(EXACT, EXACT, method=route).passed
     assert failed_kinds(crosscheck_forces(wrong_forces(kind), EXACT, method=route)) == {kind}
-
-
-def test_a_nan_never_passes():
-    tolerance = ms.Tolerance(1.0, "m", "")
-    check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
-    assert check.fraction_of_tolerance is None
-    assert check.instant == 0.5
-    assert not check.passed
-    assert concluded([check]).outcome == "diverged"
 
 
 def test_a_check_has_a_title_of_variant_method_quantity_and_subject():

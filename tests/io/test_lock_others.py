@@ -93,12 +93,7 @@ def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(tmp_path
 
 
 # a rod between two balls, of which a point off its axis is tracked: its spin alone is undetermined
-ROD = """<mujoco><worldbody>
-<body name="crank"><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
-<body name="rod" pos=".1 0 0"><joint name="A" type="ball"/>
-<geom size=".01" pos=".1 0 .1"/><site name="P" pos=".1 0 .1"/></body></body>
-<body name="rocker" pos=".4 .2 -.2"><joint name="C" axis="1 0 0"/><geom size=".01" pos="0 0 .3"/></body>
-</worldbody><equality><connect body1="rod" body2="rocker" anchor=".3 .2 .1"/></equality></mujoco>"""
+ROD = model_text("lock_others_rod.xml")
 
 
 @pytest.mark.long

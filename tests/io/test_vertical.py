@@ -1,13 +1,11 @@
 """The vertical of pictures: opposite to gravity, or as the file states."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from model_files import model_text
 
-from mechsim.cli import main
 from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
 from mechsim.mechanism.mechanism import against
@@ -24,13 +22,6 @@ def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):
     path = tmp_path / name
     path.write_text(text)
     return load(str(path))
-
-
-def exit_code(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["mechsim", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
 
 
 @pytest.mark.parametrize(
@@ -74,18 +65,18 @@ def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
 
 
 @pytest.mark.slow
-def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatch):
+def test_pages_and_pictures_accept_another_vertical(tmp_path, mechsim):
     solver = loaded(tmp_path, ARM)
     view = mechanism_view(solver, 1.0)
     assert page(view) != page(replace(view, up="z"))
     paths = [tmp_path / "y.png", tmp_path / "z.png"]
     for path in paths:
         words = ["render", str(tmp_path / "arm.toml"), "-o", str(path), "--up", path.stem, "--size", "64x48"]
-        assert exit_code(monkeypatch, *words) == 0
+        assert mechsim(*words).code == 0
     assert paths[0].read_bytes() != paths[1].read_bytes()
     for command, target in (("render", tmp_path / "no.png"), ("view", tmp_path / "no.html")):
-        assert exit_code(monkeypatch, command, "rssr", "-o", str(target), "--up", "w") == 2
-        message = capsys.readouterr().err
+        code, _, message = mechsim(command, "rssr", "-o", str(target), "--up", "w")
+        assert code == 2
         assert "--up" in message
         assert "-z" in message
         assert not target.exists()

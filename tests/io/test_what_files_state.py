@@ -4,18 +4,11 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 
-SDF = """<sdf version="{version}"><world name="w">{world}<model name="arm" {model}>
-<pose>1 0 0 0 0 1.5707963267948966</pose>{parts}
-<link name="base"><pose>0 0 0.1 0 0 0</pose></link>
-<link name="arm">{link}<pose {pose}>0 0 0.5 0 0 0.3</pose>
-<inertial {inertial}><mass>2</mass>{mass}</inertial></link>
-<joint name="fix" type="fixed"><parent>world</parent><child>base</child></joint>
-<joint name="shoulder" type="{type}"><parent>base</parent><child>arm</child>{joint}
-<axis>{axis}<xyz {xyz}>1 0 0</xyz><limit><lower>-1</lower><upper>2</upper>{limit}</limit>
-<dynamics><damping>0.3</damping></dynamics></axis>{axis2}</joint></model></world></sdf>"""
+SDF = model_text("what_files_state_arm.sdf")
 SECOND = "<axis2><xyz>0 1 0</xyz><dynamics><damping>5</damping></dynamics></axis2>"
 
 
@@ -78,24 +71,7 @@ def test_gravity_and_frames_without_attachment_are_those_of_sdf(tmp_path):
     assert old.forces.gravity == (0.0, 0.0, -1.62)
 
 
-USD = """#usda 1.0
-( defaultPrim = "rig"
-  metersPerUnit = 0.01
-  kilogramsPerUnit = 0.001 )
-def Xform "rig" {{
-  def Xform "wheel" ( prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"{schemas}] {meta} ) {{
-    float physics:mass = 2000
-    point3f physics:centerOfMass = {centre}
-    float3 physics:diagonalInertia = {moments}
-    {body}
-  }}
-  def {type} "shaft" ( prepend apiSchemas = ["PhysicsDriveAPI:angular"{joint_schemas}] ) {{
-    rel physics:body1 = </rig/wheel>
-    uniform token physics:axis = "Z"
-    {joint}
-  }}
-  {prims}
-}}"""
+USD = model_text("what_files_state_rig.usda")
 # 2e6 g cm2, and a damper of 1e5 g cm2/s a degree: 0.2 kg m2 and 0.01 N m s a degree
 MOMENT, DAMPING = 0.2, 0.01 * 180 / np.pi
 

@@ -3,24 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 
-FORCES = """
-[forces]
-gravity = [0, 0, -9.81]
-friction.slide = { viscous = 2.0, coulomb = 0.5 }
-joint_springs.slide = { stiffness = 3.0, rest = 0.4 }
-springs.s = { a = { link = "ground", at = [0, 0, 1] }, b = "P", stiffness = 7.0, rest = 0.2, damping = 0.1 }
-loads.l = { at = "P", force = [1, 0, 0] }
-armature.slide = 0.3
-[forces.motors.m]
-kind = "general"
-gear = { slide = 2.0 }
-gain = [4.0, 0, 0]
-control = "sin(t)"
-force_range = [-6, 5]
-"""
+FORCES = model_text("written_forces.toml")
 LIMITS = "limits = { lower = -0.9, upper = 0.8 }"
 
 

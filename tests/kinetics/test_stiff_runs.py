@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.kinetics.forward_dynamics import BUDGET
@@ -9,9 +10,7 @@ from mechsim.mechanism.forces import Forces, Friction, JointSpring
 
 WEIGHT = (0.0, -9.81, 0.0)
 # a rod of 2 kg and 0.5 m that starts level, with 0.05 kg m2 about its centre
-ROD = """<mujoco><option gravity="0 -9.81 0"/><worldbody><body>
-<inertial pos="0.25 0 0" mass="2" diaginertia="0.05 0.05 0.05"/><joint name="j" axis="0 0 1"/>
-</body></worldbody></mujoco>"""
+ROD = model_text("stiff_runs_rod.xml")
 INERTIA, TORQUE = 0.05 + 2.0 * 0.25**2, 2.0 * 9.81 * 0.25
 
 

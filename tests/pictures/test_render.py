@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawing import draws
 from grids import grid
 from picture_colours import coloured, hues
 
@@ -29,16 +30,6 @@ from mechsim.shapes.shape import PALETTE
 NAMES = list(catalog.MECHANISMS)
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 SIZE = (320, 240)
-
-try:
-    BACKEND = gl_backend.choose()
-except MissingToolError as missing:
-    BACKEND = None
-    REASON = str(missing)
-else:
-    REASON = ""
-
-draws = pytest.mark.skipif(BACKEND is None, reason=REASON or "OpenGL works")
 
 
 @pytest.fixture(scope="module")

@@ -4,15 +4,12 @@ import hashlib
 import json
 import re
 import subprocess
-import sys
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from browser import CHROMIUM, in_browser
 from model_files import model_text
-
-from mechsim.cli import main
 
 SRMD = "{http://ssp-standard.org/SSPTraceability1/SimulationResourceMetaData}"
 COMMON = "{http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon}"
@@ -25,19 +22,11 @@ def piston(angle):
 
 
 @pytest.fixture
-def write(monkeypatch, tmp_path):
+def write(mechsim, tmp_path):
     """Return a function that runs a command line in a folder with the pump, and gives its exit code."""
     (tmp_path / "pump.toml").write_text(model_text("dossier_pump.toml"))
     (tmp_path / "wrong.py").write_text(TOO_LONG)
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str) -> int:
-        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return int(ended.value.code or 0)
-
-    return run
+    return lambda *words: mechsim(*words).code
 
 
 def read(folder, name):
@@ -139,19 +128,19 @@ def test_a_dossier_states_that_nothing_is_stated(write, tmp_path):
     ]
 
 
-def test_a_model_that_is_rejected_leaves_no_dossier(write, tmp_path, capsys):
+def test_a_model_that_is_rejected_leaves_no_dossier(mechsim, tmp_path):
     (tmp_path / "loop.xml").write_text(model_text("closed_configurations_four_bar.xml"))
-    assert write("validate", "loop.xml", "--dossier", "out") == 2
+    answer = mechsim("validate", "loop.xml", "--dossier", "out")
+    assert answer.code == 2
     assert not (tmp_path / "out").exists()
     # the message is that of the model, not of the folder
-    assert "cannot write" not in capsys.readouterr().err
+    assert "cannot write" not in answer.err
 
 
-def test_sensitivity_takes_the_uncertainties_of_a_file(write, tmp_path, capsys):
-    assert write("sensitivity", "pump.toml", "--of", "B.x", "--json") == 0
-    by_file = json.loads(capsys.readouterr().out)
-    stated = ["--tolerances", "crank=0.01mm,rod=0.02mm"]
-    assert write("sensitivity", "pump.toml", "--of", "B.x", *stated, "--json") == 0
-    by_option = json.loads(capsys.readouterr().out)
-    assert by_file["tolerances"] == by_option["tolerances"]
-    assert by_file["tolerances"]["bounds"] == {"crank": 1e-5, "rod": 2e-5}
+@pytest.mark.usefixtures("write")
+def test_sensitivity_takes_the_uncertainties_of_a_file(mechsim):
+    of_piston = ("sensitivity", "pump.toml", "--of", "B.x", "--json")
+    by_file = json.loads(mechsim(*of_piston).out)["tolerances"]
+    by_option = json.loads(mechsim(*of_piston, "--tolerances", "crank=0.01mm,rod=0.02mm").out)["tolerances"]
+    assert by_file == by_option
+    assert by_file["bounds"] == {"crank": 1e-5, "rod": 2e-5}

@@ -1,14 +1,12 @@
 """Output of `mechsim validate --report` with and without OpenGL."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mechsim import validate
-from mechsim.cli import main
 from mechsim.io.readers import parametric_model
 from mechsim.pictures.render import gl_backend
 from mechsim.report import validation
@@ -16,18 +14,10 @@ from mechsim.report import validation
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def validated(monkeypatch, tmp_path, capsys, *arguments):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["mechsim", "validate", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return ended.value.code, capsys.readouterr()
-
-
 @pytest.mark.long
-def test_the_report_contains_page_numbers_plots_and_picture(monkeypatch, tmp_path, capsys):
-    code, output = validated(monkeypatch, tmp_path, capsys, "slider_crank", "--report", "out/", "--json")
-    assert not code, output.err
+def test_the_report_contains_page_numbers_plots_and_picture(mechsim, tmp_path):
+    output = mechsim("validate", "slider_crank", "--report", "out/", "--json")
+    assert not output.code, output.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {
         "index.html",
@@ -54,12 +44,12 @@ def test_the_report_contains_page_numbers_plots_and_picture(monkeypatch, tmp_pat
 
 @pytest.mark.long
 @pytest.mark.parametrize("shared_from", [2, 3])
-def test_without_opengl_a_report_notes_the_missing_package(monkeypatch, tmp_path, capsys, shared_from):
+def test_without_opengl_a_report_notes_the_missing_package(mechsim, monkeypatch, tmp_path, shared_from):
     monkeypatch.setattr(validation, "MIN_SHARED", shared_from)
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
     monkeypatch.setattr(validation, "PLOTS", {})
-    code, output = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
-    assert not code, output.err
+    output = mechsim("validate", "four_bar", "slider_crank", "--report", "out")
+    assert not output.code, output.err
     lines = [line for line in output.err.splitlines() if "libegl1" in line or "libosmesa6" in line]
     assert len(lines) == 1
     page = (tmp_path / "out" / "index.html").read_text()

@@ -1,5 +1,6 @@
 """Extremes: equal dimensionless problems give equal results, and every run reports its true outcome."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -78,18 +79,10 @@ def test_bisection_finds_a_known_border():
 
 
 @pytest.mark.slow
-def test_the_command_prints_json(monkeypatch, capsys, tmp_path):
-    import json
-    import sys
-
-    from mechsim.cli import main
-
-    monkeypatch.setattr(sys, "argv", ["mechsim", "extremes", "bennett", "--quick", "--json"])
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main()
-    output = json.loads(capsys.readouterr().out)
-    assert ended.value.code == 0
+def test_the_command_prints_json(mechsim):
+    answer = mechsim("extremes", "bennett", "--quick", "--json")
+    output = json.loads(answer.out)
+    assert answer.code == 0
     assert output["passed"]
     assert {border["axis"] for border in output["borders"]} >= {"steps", "speed"}
 

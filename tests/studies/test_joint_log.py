@@ -6,26 +6,13 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
-from model_files import FOLDER
+from model_files import FOLDER, model_text
 
 import mechsim as ms
 from mechsim.studies.joint_log import read_log
 from mechsim.studies.measured_table import measured_of
 
-JOINT_STATE = """std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
+JOINT_STATE = model_text("joint_log_joint_state.msg")
 TIMES = np.arange(200) * 0.02
 # seconds of the first stamp; the messages are logged one second later
 EPOCH = 1_700_000_000

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.cli import main
 from mechsim.numerics.resources import Budget
 from mechsim.studies.tradeoff.methods import (
     COMPARED,
@@ -31,22 +30,6 @@ SHORT = (72, 288)
 @pytest.fixture(scope="module")
 def tradeoff() -> Tradeoff:
     return measure_tradeoff(subject_of(catalog.make("rssr"), SPEED), budget=90.0, steps=SHORT)
-
-
-def run(*words: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main_with(words)
-    return ended.value.code or 0
-
-
-def main_with(words):
-    import sys
-
-    before, sys.argv = sys.argv, ["mechsim", *words]
-    try:
-        main()
-    finally:
-        sys.argv = before
 
 
 @pytest.mark.long
@@ -98,11 +81,12 @@ def test_the_seed_determines_the_trials_of_a_short_budget():
 
 @pytest.mark.long
 @pytest.mark.usefixtures("fast_timers")
-def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
+def test_the_command_writes_table_plot_and_json(tmp_path, mechsim):
     table, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "-o", str(plot))
-    assert run("tradeoff", *words) == 0
-    result = json.loads(capsys.readouterr().out)
+    answer = mechsim("tradeoff", *words)
+    assert answer.code == 0
+    result = json.loads(answer.out)
     assert [item["limit"] for item in result["recommended"]] == list(BOUNDS)
     with table.open() as file:
         rows = list(csv.DictReader(file))

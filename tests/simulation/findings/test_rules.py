@@ -8,7 +8,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import cli
 from mechsim.simulation.findings.rule_table import RULES
 
 SOUND = model_text("rules_sound.xml")
@@ -32,13 +31,6 @@ def written(tmp_path, text):
     path = tmp_path / "model.xml"
     path.write_text(text)
     return str(path)
-
-
-def run(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["mechsim", "check", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return ended.value.code or 0, capsys.readouterr()
 
 
 def test_a_valid_file_has_no_errors_and_no_warnings(tmp_path):
@@ -68,25 +60,25 @@ def test_rules_are_selected_and_ignored_by_prefix(tmp_path):
     assert "MS202" not in {violation.rule for violation in ms.check(path, ignore=["MS202"])}
 
 
-def test_exit_code_1_needs_an_error(tmp_path, monkeypatch, capsys):
-    code, out = run(monkeypatch, capsys, written(tmp_path, FAULTS["MS102"]))
+def test_exit_code_1_needs_an_error(tmp_path, mechsim):
+    code, out, _ = mechsim("check", written(tmp_path, FAULTS["MS102"]))
     assert code == 1
-    assert "MS102 error" in out.out
-    code, out = run(monkeypatch, capsys, written(tmp_path, SOFT))
+    assert "MS102 error" in out
+    code, out, _ = mechsim("check", written(tmp_path, SOFT))
     assert code == 0
-    assert "0 errors, 1 warning" in out.out
+    assert "0 errors, 1 warning" in out
 
 
 @pytest.mark.long
-def test_all_formats_report_the_same_findings(tmp_path, monkeypatch, capsys):
+def test_all_formats_report_the_same_findings(tmp_path, mechsim):
     path = written(tmp_path, FAULTS["MS102"])
     expected = [violation.rule for violation in ms.check(path)]
-    _, out = run(monkeypatch, capsys, path, "--output-format", "json")
-    assert [finding["rule"] for finding in json.loads(out.out)["findings"]] == expected
-    _, out = run(monkeypatch, capsys, path, "--output-format", "github")
-    assert out.out.startswith(f"::error file={path},line=7,title=MS102::")
-    _, out = run(monkeypatch, capsys, path, "--output-format", "sarif")
-    sarif = json.loads(out.out)
+    _, out, _ = mechsim("check", path, "--output-format", "json")
+    assert [finding["rule"] for finding in json.loads(out)["findings"]] == expected
+    _, out, _ = mechsim("check", path, "--output-format", "github")
+    assert out.startswith(f"::error file={path},line=7,title=MS102::")
+    _, out, _ = mechsim("check", path, "--output-format", "sarif")
+    sarif = json.loads(out)
     assert sarif["version"] == "2.1.0"
     (one_run,) = sarif["runs"]
     assert [result["ruleId"] for result in one_run["results"]] == expected
@@ -96,19 +88,19 @@ def test_all_formats_report_the_same_findings(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.long
-def test_piped_text_has_one_line_per_finding(tmp_path, monkeypatch, capsys):
+def test_piped_text_has_one_line_per_finding(tmp_path, mechsim):
     path = written(tmp_path, FAULTS["MS102"])
-    _, out = run(monkeypatch, capsys, path, "--select", "MS102")
-    assert out.out.splitlines()[0].startswith(f"{path}:7: MS102 error: loop is open at the start")
-    assert out.out.splitlines()[1].startswith("    MuJoCo closes it")
+    _, out, _ = mechsim("check", path, "--select", "MS102")
+    assert out.splitlines()[0].startswith(f"{path}:7: MS102 error: loop is open at the start")
+    assert out.splitlines()[1].startswith("    MuJoCo closes it")
 
 
 @pytest.mark.long
-def test_a_compliant_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
+def test_a_compliant_loop_is_repaired_in_a_copy(tmp_path, mechsim):
     path, copy = written(tmp_path, SOFT), tmp_path / "fixed.xml"
-    code, out = run(monkeypatch, capsys, path, "--fix", str(copy))
+    code, out, _ = mechsim("check", path, "--fix", str(copy))
     assert code == 0
-    assert "repaired: MS110" in out.out
+    assert "repaired: MS110" in out
     assert "MS110" in {violation.rule for violation in ms.check(path)}
     assert "MS110" not in {violation.rule for violation in ms.check(str(copy))}
     assert Path(path).read_text() == SOFT
@@ -129,42 +121,42 @@ ONE_REMEDY = {
 
 @pytest.mark.long
 @pytest.mark.parametrize("rules", ONE_REMEDY)
-def test_a_finding_with_one_remedy_is_repaired(rules, tmp_path, monkeypatch, capsys):
+def test_a_finding_with_one_remedy_is_repaired(rules, tmp_path, mechsim):
     path, copy = written(tmp_path, ONE_REMEDY[rules]), tmp_path / "fixed.xml"
-    _, out = run(monkeypatch, capsys, path, "--fix", str(copy))
-    assert {*rules.split()} <= {*out.out.partition("repaired: ")[2].strip().split(", ")}
+    _, out, _ = mechsim("check", path, "--fix", str(copy))
+    assert {*rules.split()} <= {*out.partition("repaired: ")[2].strip().split(", ")}
     remaining = {finding.rule for finding in ms.check(str(copy)) if finding.severity != "note"}
     assert not remaining & {*rules.split()}
 
 
-def test_a_repaired_copy_in_another_folder_finds_its_included_files(tmp_path, monkeypatch, capsys):
+def test_a_repaired_copy_in_another_folder_finds_its_included_files(tmp_path, mechsim):
     path = written(tmp_path, SOFT.replace("<worldbody>", '<include file="parts/extra.xml"/><worldbody>', 1))
     (tmp_path / "parts").mkdir()
     extra = "<mujocoinclude><worldbody><site name='of_the_included_file'/></worldbody></mujocoinclude>"
     (tmp_path / "parts" / "extra.xml").write_text(extra)
     (tmp_path / "copies").mkdir()
-    code, _ = run(monkeypatch, capsys, path, "--fix", str(tmp_path / "copies" / "fixed.xml"))
+    code, *_ = mechsim("check", path, "--fix", str(tmp_path / "copies" / "fixed.xml"))
     assert code == 0
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "copies" / "fixed.xml"))
     assert model.site("of_the_included_file").id >= 0
 
 
-def test_a_line_end_in_a_name_starts_no_workflow_command(tmp_path, monkeypatch, capsys):
+def test_a_line_end_in_a_name_starts_no_workflow_command(tmp_path, mechsim):
     path = tmp_path / "a\n::error title=b,c%::d.xml"
     path.write_text(FAULTS["MS102"])
-    _, out = run(monkeypatch, capsys, str(path), "--output-format", "github")
-    lines = out.out.splitlines()
+    _, out, _ = mechsim("check", str(path), "--output-format", "github")
+    lines = out.splitlines()
     # the file is a property, in which GitHub reads %3A as : and %2C as ,
     assert f"file={tmp_path}/a%0A%3A%3Aerror title=b%2Cc%25%3A%3Ad.xml,line=7,title=MS102::" in lines[0]
     assert all(line.startswith(("::error file=", "::warning file=", "::notice file=")) for line in lines)
-    _, out = run(monkeypatch, capsys, str(path))
-    assert not any(line.startswith("::") for line in out.out.splitlines())
+    _, out, _ = mechsim("check", str(path))
+    assert not any(line.startswith("::") for line in out.splitlines())
 
 
-def test_only_mjcf_is_repaired(tmp_path, monkeypatch, capsys):
+def test_only_mjcf_is_repaired(tmp_path, mechsim):
     path = tmp_path / "tree.urdf"
     path.write_text('<robot name="r"><link name="base"/></robot>')
-    code, out = run(monkeypatch, capsys, str(path), "--fix", str(tmp_path / "out.xml"))
+    code, _, err = mechsim("check", str(path), "--fix", str(tmp_path / "out.xml"))
     assert code == 2
-    assert "tree.urdf is URDF" in out.err
+    assert "tree.urdf is URDF" in err
     assert not (tmp_path / "out.xml").exists()

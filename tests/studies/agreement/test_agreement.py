@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.cli import main
 
 
 def slider(angle):
@@ -79,14 +78,6 @@ def test_two_components_of_a_spatial_point_need_a_named_plane():
         ms.validate(linkage, against=lambda angle: {"P3": own(angle)["P3.yz"]})
 
 
-def run_command(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr("sys.argv", ["mechsim", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    output = capsys.readouterr()
-    return int(ended.value.code or 0), output.out, output.err
-
-
 @pytest.mark.long
 def test_the_attributed_error_contributions_add_up():
     result = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
@@ -98,13 +89,12 @@ def test_the_attributed_error_contributions_add_up():
 
 
 @pytest.mark.slow
-def test_a_failed_formula_gets_a_page_with_the_cause(monkeypatch, capsys, tmp_path):
+def test_a_failed_formula_gets_a_page_with_the_cause(mechsim, tmp_path):
     (tmp_path / "own.py").write_text(
         "import numpy as np\ndef f(a):\n    return {'A': 0.051 * np.column_stack([np.cos(a), np.sin(a)])}\n"
     )
-    monkeypatch.chdir(tmp_path)
     arguments = ("slider_crank", "--against", "own.py:f", "--report", "out")
-    code, out, _ = run_command(monkeypatch, capsys, "validate", *arguments)
+    code, out, _ = mechsim("validate", *arguments)
     assert code == 1
     assert "  likely cause       crank is 0.051 m instead of 0.05 m," in out
     page = (tmp_path / "out" / "index.html").read_text()
