@@ -121,10 +121,9 @@ def _prepared(
     q, rates = initial_state(equations, values)
     start = equations.kinematics(q, rates)
     require_regular(start)
-    equations, rates = with_determined_motion(start)
     # a missing compiler is an error here, and not in a run
     library()
-    run = Integration(equations, q, rates, TOLERANCE)
+    run = Integration(with_determined_motion(start), TOLERANCE)
     compiled = run.prepared(duration)
     if compiled is None:
         raise InputError(f"{name}: {run.note}; leave it out")

@@ -29,6 +29,8 @@ def with_clearances(model: DynamicModel) -> DynamicModel:
 
     The centres coincide at the start unless initial values place them elsewhere.
     """
+    if not model.forces.clearances:
+        return model
     mechanism, springs = model.mechanism, [*model.forces.nonlinear_springs]
     ranges, initial = {**model.solver.ranges}, {**model.solver.initial}
     restitution = {**model.solver.restitution}

@@ -7,6 +7,7 @@ A model with an element that is not listed here has no such data.
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from mechsim.kinematics.loops.constraints import Cut
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion
+from mechsim.kinetics.model import REPEATED
 from mechsim.mechanism.forces import Friction, Location, located
 from mechsim.mechanism.instructions import (
     CONTROLLER,
@@ -152,7 +154,7 @@ class ModelData(ctypes.Structure):
     ]
 
 
-@dataclass(frozen=True)
+@dataclass
 class CompiledModel:
     """A dynamic model for the C code.
 
@@ -160,13 +162,16 @@ class CompiledModel:
         data: the structure that the C code reads.
         tables: arrays to which it points.
         library: the compiled code.
+        agreed: whether it gave the same accelerations as numpy.
     """
 
     data: ModelData
     tables: dict[str, np.ndarray[Any, Any]]
     library: ctypes.CDLL
+    agreed: bool = False
 
 
+@cache
 def c_sources() -> str:
     """Return the C code that evaluates and integrates equations of motion."""
     folder = Path(__file__).parent / "c"
@@ -184,6 +189,7 @@ def library() -> ctypes.CDLL:
     return loaded_library("forward_dynamics", c_sources())
 
 
+@lru_cache(maxsize=REPEATED)
 def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
     """Return the equations of motion of a model for the C code.
 

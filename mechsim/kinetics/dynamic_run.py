@@ -50,8 +50,9 @@ Initial = float | str | Sequence[float]
 # C, and below 4e-12 in numpy (validation/published/forward_dynamics.py)
 TOLERANCE = 3e-13
 # displacement in units, such as radians, below which a motion is integrated again with errors relative to it;
-# instants at which it is measured; and roundings of a coordinate that the tolerance of a step contains
-SMALL, DISPLACEMENTS, ROUNDINGS = 0.1, 400, 3.0
+# numbers of instants at which it is measured, the second where it is small at the first; and roundings of a
+# coordinate that the tolerance of a step contains
+SMALL, DISPLACEMENTS, ROUNDINGS = 0.1, (10, 400), 3.0
 # smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
 # loops close to 1e-7 only, and accelerations have no significant digits
 SINGULAR_START = 1e-6
@@ -233,14 +234,13 @@ def run(
     q, rates = initial_state(equations, values)
     start = equations.kinematics(q, rates)
     require_regular(start)
-    equations, rates = with_determined_motion(start)
+    start = with_determined_motion(start)
+    equations = start.equations
     stops = stops_of(equations)
     _require_within(equations, q, stops)
 
     def integrated(displacement: float) -> Trajectory:
-        integration = Integration(
-            equations, q, rates, tolerance, stops, restitution, progress, budget, displacement
-        )
+        integration = Integration(start, tolerance, stops, restitution, progress, budget, displacement)
         if turns is not None:
             crank = CrankTurns.from_state(equations, turns, integration.kinematics())
             return crank.trajectory(integration, end)
@@ -256,7 +256,7 @@ def run(
     def coordinates_at(times: Array) -> Coordinates:
         return layout.unpack_states(_states_at(trajectory.pieces, times)[1])[0]
 
-    singular = singular_passages(equations, coordinates_at, trajectory.end) if trajectory.pieces else ()
+    singular = singular_passages(equations, coordinates_at, trajectory) if trajectory.pieces else ()
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
     result = replace(result, singular=singular)
     return result if result.outcome == "failed" else with_ranges_checked(result, model.mechanism, ranges)
@@ -269,9 +269,13 @@ def _displacement(trajectory: Trajectory, layout: StateLayout, tolerance: float)
     """
     if trajectory.outcome != "done":
         return 1.0
-    states = _states_at(trajectory.pieces, np.linspace(0.0, trajectory.end, DISPLACEMENTS))[1]
-    positions = states[:, : layout.positions]
-    largest = float(np.abs(positions - positions[0]).max())
+    largest, positions = 0.0, np.empty(0)
+    for count in DISPLACEMENTS:
+        states = _states_at(trajectory.pieces, np.linspace(0.0, trajectory.end, count))[1]
+        positions = states[:, : layout.positions]
+        largest = float(np.abs(positions - positions[0]).max())
+        if largest >= SMALL:
+            return largest
     rounding = ROUNDINGS * EPS * float(np.abs(positions).max())
     return max(largest, rounding / tolerance) if largest > 0.0 else 1.0
 

@@ -9,7 +9,7 @@ matrix is summed over the links from their spatial inertias at the ground's orig
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ from mechsim.kinetics.link_forces import (
     spatial_inertias,
 )
 from mechsim.kinetics.load_friction import ConstrainedMotion, frictions_in_motion
-from mechsim.kinetics.model import DynamicModel
+from mechsim.kinetics.model import REPEATED, DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.actuators import no_control
 from mechsim.mechanism.joint_kinds import KINDS
@@ -164,7 +164,7 @@ class Dynamics:
     activation: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EquationsOfMotion:
     """The equations of motion of a dynamic model; its drivers are free or follow motion laws.
 
@@ -609,15 +609,24 @@ def equations_of_motion(
         AssemblyError: if the loops do not close.
     """
     mechanism, laws = model.mechanism, prescribed or {}
-    controlled = sorted(model.forces.controlled)
-    named = {*(coordinates or {}), *laws, *controlled, *model.forces.sprung} - {*mechanism.drivers}
+    named = {*(coordinates or {}), *laws, *model.forces.controlled, *model.forces.sprung} - {
+        *mechanism.drivers
+    }
     needed = [name for joint in mechanism.joints for name in joint.coordinates if name in named]
+    equations = _free_equations(model, tuple(needed))
+    return replace(equations, prescribed=laws) if laws else equations
+
+
+@lru_cache(maxsize=REPEATED)
+def _free_equations(model: DynamicModel, needed: tuple[str, ...]) -> EquationsOfMotion:
+    """Return the equations of motion of a model with free drivers and needed coordinates in the tree."""
+    mechanism = model.mechanism
     loops, start = assembled(mechanism, needed)
-    for name in controlled:
+    for name in sorted(model.forces.controlled):
         if name not in loops.tree.index_of or name in mechanism.locked:
             raise InputError(
                 f"{mechanism.name}: a controller or actuator names {name!r}, which is locked or closes a "
                 "loop among the coordinates of controllers and initial values; name another one"
             )
     locked = tuple(loops.tree.index_of[name] for name in mechanism.locked)
-    return EquationsOfMotion(model, replace(loops, driven=locked), start, laws)
+    return EquationsOfMotion(model, replace(loops, driven=locked), start)

@@ -199,9 +199,7 @@ class Integration:
     """The state of a run during integration.
 
     Args:
-        equations: equations of motion.
-        q: initial coordinates.
-        rates: initial rates in units, (count, 1).
+        start: initial coordinates and rates.
         tolerance: relative error of a step.
         stops: limits of joints.
         restitution: rate after an impact divided by the rate before it, 0 to 1.
@@ -212,9 +210,7 @@ class Integration:
 
     def __init__(
         self,
-        equations: EquationsOfMotion,
-        q: Coordinates,
-        rates: Array,
+        start: Kinematics,
         tolerance: float,
         stops: tuple[Stop, ...] = (),
         restitution: float = 0.0,
@@ -222,19 +218,21 @@ class Integration:
         budget: int = BUDGET,
         displacement: float = 1.0,
     ) -> None:
-        self.equations, self.progress = equations, progress
+        self.equations, self.progress = start.equations, progress
+        equations = self.equations
         turning = bool(equations.loops.tree.balls)
         self.tolerance = max(TURNING * tolerance, LEAST_TURNING) if turning else tolerance
         self.budget, self.displacement = budget, displacement
         self.contacts = Contacts(equations, stops, restitution)
         self.layout = StateLayout(equations)
-        self.time, self.state = 0.0, self.layout.pack(q, rates, 0.0, 0.0)
+        self.time, self.state = 0.0, self.layout.pack(start.q, start.rates, 0.0, 0.0)
         self.origin = self.layout.origin(self.state)
-        start = equations.kinematics(q, rates, self.layout.activation(self.state[None]))
+        if len(self.layout.start):
+            start = replace(start, activation=self.layout.activation(self.state[None]))
         self.at_state = self.state, start
         mode = ContactMode(np.zeros(len(equations.frictions)), phases=self.contacts.phases(start))
         self.right = RightHandSide(equations, self.contacts, self.layout, mode)
-        self.fastest = float(np.abs(rates).max(initial=0.0))
+        self.fastest = float(np.abs(start.rates).max(initial=0.0))
         self.pieces: list[Piece] = []
         self.events: list[float] = []
         self.steps = 0
@@ -336,7 +334,9 @@ class Integration:
     def _find_stiffness(self, duration: float) -> None:
         """Set the fastest decay in [1/s], and whether it needs the implicit method."""
         derivatives = self.right.derivatives if self.compiled is None else self._derivatives_in_c
-        self.decay = self.right.fastest_decay(self.time, self.state, max(self.fastest, 1.0), derivatives)
+        loops = self.kinematics().jacobian[:, : self.equations.loops.rows]
+        rate = max(self.fastest, 1.0)
+        self.decay = self.right.fastest_decay(self.time, self.state, loops, rate, derivatives)
         most = MAX_DECAYS if self.compiled is None else MAX_DECAYS_IN_C
         self.implicit = bool(self.decay * duration > most)
 
@@ -527,9 +527,9 @@ class Integration:
 
     def _choose_mode(self) -> None:
         before, state = self.right.mode.phases, self.kinematics()
-        self.state = self.layout.replaced(
-            self.state[None], state.q, self.contacts.rates_at_rest(state, self.fastest)
-        )[0]
+        rates = self.contacts.rates_at_rest(state, self.fastest)
+        if rates is not state.rates:
+            self.state = self.layout.replaced(self.state[None], state.q, rates)[0]
         self.right.mode = self.contacts.choose(self.kinematics(), self.time, self.fastest, before)
         if self.right.mode.contacts:
             # a contact may be slow instead of at rest
@@ -630,9 +630,11 @@ class Integration:
         self, dense: StepSolution | DenseSteps, before: float, after: float
     ) -> tuple[float, str] | None:
         """Return the instant and kind of the first event between two instants."""
-        times = search_instants(dense, before, after)
         functions = [*self.ends.items()]
         functions += [(MODE, function) for function in self.contacts.end_functions(self.right.mode)]
+        if not (functions or self.contacts.stops):
+            return None
+        times = search_instants(dense, before, after)
 
         def states_at(times: Array) -> Kinematics:
             return self.right.kinematics(dense(times))

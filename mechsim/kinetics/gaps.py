@@ -8,11 +8,12 @@ side: left - g = p(right) with -b/2 <= g <= b/2, and a force only where g is at 
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from mechsim.kinetics.clearances import with_clearances
-from mechsim.kinetics.model import DynamicModel
+from mechsim.kinetics.model import REPEATED, DynamicModel
 from mechsim.mechanism.bristle_friction import with_bristles
 from mechsim.mechanism.joint_kinds import PRISMATIC, REVOLUTE
 from mechsim.mechanism.joints import Coupling, End, Joint
@@ -75,6 +76,7 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
     )
 
 
+@lru_cache(maxsize=REPEATED)
 def released(model: DynamicModel) -> DynamicModel:
     """Return a model for runs from an initial state: with free pins, gaps, and bristles of frictions."""
     model = with_clearances(model)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.kinematics.loops.constraints import TreeLoops
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinematics.loops.mobility import independent_coordinates
 from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED, close_nearest
@@ -20,11 +21,14 @@ from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.rank import RANK_TOLERANCE, null_space
 
-# largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model
-# of the loops is valid for several times that
+# shortest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear
+# model of the loops is valid for several times that
 STEP = 0.05
 # residual of closed loops between such steps
 BETWEEN = 1e-6
+# longer steps are predicted by polynomials through so many points before, and miss at most this fraction of
+# the motion: another assembly mode is farther away
+POINTS, PREDICTED = 4, 0.1
 # relative error of rates above which their requested values contradict the loops
 CONSISTENT = 1e-9
 
@@ -81,7 +85,13 @@ def projected(
         AssemblyError: if Newton's method does not close the loops.
     """
     value, rate, _ = equations.prescribed_motion(times)
-    q = _closed(equations, q, equations.prescribed_indices, value)
+    loops, indices = equations.loops, equations.prescribed_indices
+    if len(indices):
+        q = Coordinates(q.values.copy(), q.turns)
+        q.values[indices] = value * loops.units[indices][:, None]
+        loops = replace(loops, driven=(*loops.driven, *indices))
+    q, gap = _nearest(loops, q, CLOSED)
+    _require_closed(equations, gap)
     loop_jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
     jacobian = with_locked_rows(equations, loop_jacobian, [*equations.prescribed_indices, *resting])
     rates = rates.copy()
@@ -95,32 +105,64 @@ def projected(
 def _moved(
     equations: EquationsOfMotion, coordinates: Mapping[str, float | Array], rotations: Mapping[str, Array]
 ) -> Coordinates:
-    from scipy.spatial.transform import Rotation
-
-    requested = _columns(coordinates)
+    requested, loops = _columns(coordinates), equations.loops
     named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(requested.shape[1])
     balls = {name: _ball_index(equations, name) for name in rotations}
     constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
-    kept = _independent(equations, q, [*named, *constant])
     first_rotations = [q.turns[number, ..., 0] for _, number in balls.values()]
-    changes = [
-        Rotation.from_matrix(target @ start.T).as_rotvec()
-        for target, start in zip(rotations.values(), first_rotations, strict=True)
+    changes = _rotation_vectors(first_rotations, [*rotations.values()])
+    units = loops.units[named][:, None]
+    widest = np.abs(np.append((requested - q.values[named]) / units, changes)).max(initial=0.0)
+    if not widest:
+        return q
+    kept = _independent(equations, q, [*named, *constant])
+    begin, change = q.values[named], requested - q.values[named]
+    loops = replace(loops, driven=(*loops.driven, *named, *kept.values(), *constant))
+    least = min(1.0, STEP / widest)
+    reached, step, path = 0.0, least, [(0.0, q)]
+    while reached < 1.0:
+        goal = min(1.0, reached + step)
+        short, residual = goal - reached <= 1.01 * least, CLOSED if goal == 1.0 else BETWEEN
+        guess = _extrapolated(path[-1:] if short else path[-POINTS:], goal)
+        guess.values[named] = begin + change * goal
+        guess.values[[*kept.values()]] = q.values[[*kept.values()]]
+        for (_, number), start, vector in zip(balls.values(), first_rotations, changes, strict=True):
+            guess.turns[number] = turned_by(start[None], vector[None] * goal)[0][..., None]
+        new, gap = _nearest(loops, guess, residual)
+        moved, deviation = (_distances(loops.units, new, other) for other in (path[-1][1], guess))
+        if short or ((gap <= residual).all() and (deviation <= PREDICTED * moved + 10.0 * BETWEEN).all()):
+            _require_closed(equations, gap, residual, kept)
+            reached, step, path = goal, 2.0 * (goal - reached), [*path, (goal, new)]
+        else:
+            step = max(0.5 * (goal - reached), least)
+    return path[-1][1]
+
+
+def _rotation_vectors(starts: Sequence[Array], ends: Sequence[Array]) -> list[Array]:
+    """Return the rotation vectors from matrices (3, 3) to others, (3,) each."""
+    if not ends:
+        return []
+    from scipy.spatial.transform import Rotation
+
+    return [Rotation.from_matrix(end @ start.T).as_rotvec() for start, end in zip(starts, ends, strict=True)]
+
+
+def _extrapolated(path: Sequence[tuple[float, Coordinates]], parameter: float) -> Coordinates:
+    """Return coordinates at a parameter by the polynomial through those at others."""
+    weights = [
+        np.prod([(parameter - other) / (own - other) for other, _ in path if other != own]) for own, _ in path
     ]
-    indices = [*named, *kept.values()]
-    units = equations.loops.units[indices][:, None]
-    begin = q.values[indices] / units
-    target = begin.copy()
-    target[: len(named)] = requested / units[: len(named)]
-    widest = np.abs(np.concatenate([np.ravel(target - begin), np.ravel(changes)])).max(initial=0.0)
-    steps = max(1, int(np.ceil(widest / STEP)))
-    for k in range(1, steps + 1):
-        q = Coordinates(q.values, q.turns.copy())
-        for (_, number), start, change in zip(balls.values(), first_rotations, changes, strict=True):
-            q.turns[number] = turned_by(start[None], change[None] * (k / steps))[0][..., None]
-        values = begin + (target - begin) * (k / steps)
-        q = _closed(equations, q, indices, values, kept, constant, CLOSED if k == steps else BETWEEN)
-    return q
+    points = [q for _, q in path]
+    turns = sum(weight * q.turns for weight, q in zip(weights, points, strict=True))
+    for i in range(len(turns) if len(path) > 1 else 0):
+        turns[i] = rotation_matrices(rotation_quaternions(turns[i]))
+    return Coordinates(sum(weight * q.values for weight, q in zip(weights, points, strict=True)), turns)
+
+
+def _distances(units: Array, q: Coordinates, other: Coordinates) -> Array:
+    """Return the largest difference of coordinates in units, and of entries of rotations, (n,)."""
+    values = np.abs((q.values - other.values) / units[:, None]).max(0, initial=0.0)
+    return np.maximum(values, np.abs(q.turns - other.turns).max((0, 1, 2), initial=0.0))
 
 
 def _columns(values: Mapping[str, float | Array]) -> Array:
@@ -145,28 +187,16 @@ def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[i
     return {name: index_of[name] for name in independent}
 
 
-def _closed(
-    equations: EquationsOfMotion,
-    q: Coordinates,
-    indices: Sequence[int] = (),
-    values: Array | float = 0.0,
-    kept: Iterable[str] = (),
-    constant: Sequence[int] = (),
-    residual: float = CLOSED,
-) -> Coordinates:
-    """Return coordinates with closed loops, some at values (k, n) in units; the others change least.
-
-    `kept` names those among them that keep their start, for the message. The rotations of spherical joints
-    with indices `constant` do not change. The loops close to a largest residual.
-    """
-    loops = equations.loops
-    if len(indices):
-        q = Coordinates(q.values.copy(), q.turns)
-        q.values[list(indices)] = values * loops.units[list(indices)][:, None]
-    if len(indices) or len(constant):
-        loops = replace(loops, driven=(*loops.driven, *indices, *constant))
+def _nearest(loops: TreeLoops, q: Coordinates, residual: float) -> tuple[Coordinates, Array]:
+    """Return coordinates whose loops close up to a residual, changed least, and their residuals, (n,)."""
     settings = ASSEMBLY if residual == CLOSED else replace(ASSEMBLY, tolerance=residual)
-    q, gap = close_nearest(loops, q, settings)
+    return close_nearest(loops, q, settings)
+
+
+def _require_closed(
+    equations: EquationsOfMotion, gap: Array, residual: float = CLOSED, kept: Iterable[str] = ()
+) -> None:
+    """Raise AssemblyError if a gap exceeds a residual; `kept` names coordinates that keep their start."""
     if not (gap <= residual).all():
         start = ", ".join(kept)
         condition, remedy = (f" with {start} at the start", f", or one of {start} too") if start else ("", "")
@@ -175,7 +205,6 @@ def _closed(
             f"gap of {gap.max():.3g} of the longest link is left); give values within the range of motion, "
             f"of independent coordinates only{remedy}"
         )
-    return q
 
 
 def _rates(
@@ -192,6 +221,8 @@ def _rates(
     spinning = np.concatenate([np.empty(0), *spins.values()])[:, None]
     columns = _columns(rates)
     count = max(columns.shape[1], len(q))
+    if not (columns.any() or spinning.any()):
+        return np.zeros((loops.tree.count, count))
     requested_rows = [np.broadcast_to(rates_of, (len(rates_of), count)) for rates_of in (columns, spinning)]
     requested = np.concatenate(requested_rows) / loops.units[indices][:, None]
     kept = [*_independent(equations, q, indices).values()]

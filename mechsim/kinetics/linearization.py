@@ -297,10 +297,14 @@ def null_directions(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArr
 
     The last vectors, as many as degrees of freedom, are a basis of the rates that satisfy the loops.
     """
-    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
-    free = jacobian.shape[2]
+    return directions_within(equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1))
+
+
+def directions_within(jacobian: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return the same of constraint Jacobians (n, rows, free)."""
+    n, _, free = jacobian.shape
     if not jacobian.size:
-        return np.full(len(q), free), np.broadcast_to(np.eye(free), (len(q), free, free))
+        return np.full(n, free), np.broadcast_to(np.eye(free), (n, free, free))
     values, right = right_vectors(jacobian)
     return free - significant(values, NEAR_SINGULAR).sum(1), right.astype(np.float64)
 

@@ -159,10 +159,10 @@ def _in_c(
     q, rates = initial_state(equations, values)
     count = len(next(iter(columns.values())))
     q, rates = (q if len(q) == count else q.repeated(count)), np.broadcast_to(rates, (len(rates), count))
-    first = Integration(equations, q.select(np.arange(1)), rates[:, :1], tolerance)
+    start = equations.kinematics(q.select(np.arange(1)), rates[:, :1])
+    first = Integration(start, tolerance)
     require_regular(equations.kinematics(q, rates))
-    moved, _ = with_determined_motion(equations.kinematics(q.select(np.arange(1)), rates[:, :1]))
-    if equations.frictions or moved is not equations:
+    if equations.frictions or with_determined_motion(start) is not start:
         return None
     compiled = first.prepared(float(times[-1]))
     if compiled is None:
@@ -171,8 +171,7 @@ def _in_c(
     settings = StepSettings(
         first.tolerance, first.state, first.origin, first.longest, *unlocked, first.implicit
     )
-    blank = first.layout.pack(q.select(np.arange(1)), rates[:, :1], 0.0, 0.0)
-    states = first.layout.replaced(np.tile(blank, (count, 1)), q, rates)
+    states = first.layout.replaced(np.tile(first.state, (count, 1)), q, rates)
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         results = pool.map(lambda state: _sampled(equations, compiled, settings, state, times), states)
         return equations, [*results]

@@ -18,10 +18,13 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, at_unit_speed, short_repr
 from mechsim.mechanism.motion_laws import MotionLaws
 
+# number of models whose equations are not set up again when they run again
+REPEATED = 4
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DynamicModel:
-    """A mechanism with masses and forces; made by `dynamic_model`.
+    """A mechanism with masses and forces; made by `dynamic_model`. It equals itself only.
 
     Attributes:
         mechanism: the mechanism; every link has an inertia.

@@ -23,8 +23,8 @@ NO_INERTIA = 1e-14
 ROUNDING = 1e-9
 
 
-def with_determined_motion(state: Kinematics) -> tuple[EquationsOfMotion, Array]:
-    """Return the equations of a state in which every motion moves mass, and rates without passive rotations.
+def with_determined_motion(state: Kinematics) -> Kinematics:
+    """Return a state whose equations let every motion move mass, with rates without passive rotations.
 
     Raises:
         InputError: if the loops allow another motion that moves no mass, so that its acceleration is
@@ -35,7 +35,7 @@ def with_determined_motion(state: Kinematics) -> tuple[EquationsOfMotion, Array]
     values, vectors = np.linalg.eigh(null @ mass @ null.T)
     empty = values <= NO_INERTIA * np.trace(mass)
     if not empty.any() and (len(values) or equations.prescribed):
-        return equations, rates
+        return state
     directions = null.T @ vectors[:, empty]
     require_idle(equations, state, directions)
     moment = float(np.trace(mass)) / max(len(mass), 1) or 1.0
@@ -45,7 +45,7 @@ def with_determined_motion(state: Kinematics) -> tuple[EquationsOfMotion, Array]
         local = np.einsum("lji,lj->li", state.poses.rotation[equations.links, ..., 0], spins)
         moments += moment * np.einsum("li,lj->lij", local, local)
     equations = replace(equations, added_moments=moments)
-    return equations, _without_spin(equations, state.q, rates, directions)
+    return equations.kinematics(state.q, _without_spin(equations, state.q, rates, directions))
 
 
 def require_idle(equations: EquationsOfMotion, state: Kinematics, directions: Array) -> None:

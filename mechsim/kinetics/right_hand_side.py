@@ -9,7 +9,7 @@ from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.kinetics.contacts import ContactMode, Contacts
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
 from mechsim.kinetics.initial_state import StateLayout, projected
-from mechsim.kinetics.linearization import independent_rates
+from mechsim.kinetics.linearization import directions_within
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import StepSolution, collocated, node_times
 
@@ -108,13 +108,16 @@ class RightHandSide:
         jacobians[:, :, :count] = (values[:, 1:] - values[:, :1]).transpose(0, 2, 1) / scale
         return jacobians
 
-    def fastest_decay(self, time: float, state: Array, rate: float, derivatives: Derivatives) -> float:
+    def fastest_decay(
+        self, time: float, state: Array, loops: Array, rate: float, derivatives: Derivatives
+    ) -> float:
         """Return the fastest decay of free rates and of states of actuators, in [1/s].
 
         It is the largest eigenvalue of the derivative of their rates of change by them, by forward
-        differences of the derivatives at a rate.
+        differences of the derivatives at a rate. `loops` is the Jacobian of the loops, (1, rows, free).
         """
-        tangents = independent_rates(self.equations, self.layout.unpack(state)[0])
+        (dof,), (right,) = directions_within(loops)
+        tangents = right[len(right) - dof :].T
         free, rates = tangents.shape[1], self.layout.positions
         states = np.arange(rates + self.layout.count, len(state) - 2)
         directions = np.zeros((free + len(states), len(state)))

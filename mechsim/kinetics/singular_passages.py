@@ -7,11 +7,13 @@ import numpy as np
 
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, constraint_jacobians
+from mechsim.kinetics.forward_dynamics import Trajectory
 from mechsim.kinetics.gaps import gaps_of
 from mechsim.numerics.arrays import Array
 
-# number of instants at which singular configurations are searched, and number of operations that limits it
-INSTANTS, OPERATIONS = 1000, 2e8
+# largest and least number of instants at which singular configurations are searched, of those in each step
+# in C, and of operations
+INSTANTS, LEAST, WITHIN, OPERATIONS = 1000, 200, 4, 2e8
 # participation of the drivers, relative to the largest in the run, below which a minimum is refined, and
 # below which the configuration is nearly singular
 REFINED, SINGULAR = 0.2, 1e-2
@@ -20,7 +22,7 @@ SMALL = 1e-9
 
 
 def singular_passages(
-    equations: EquationsOfMotion, coordinates_at: Callable[[Array], Coordinates], end: float
+    equations: EquationsOfMotion, coordinates_at: Callable[[Array], Coordinates], trajectory: Trajectory
 ) -> tuple[float, ...]:
     """Return the instants of (nearly) singular configurations inside a run, in [s].
 
@@ -32,7 +34,7 @@ def singular_passages(
     Args:
         equations: equations of motion.
         coordinates_at: times (n,) in [s] -> coordinates.
-        end: end of the run in [s].
+        trajectory: solution of the run.
     """
     tree = equations.loops.tree
     free = [name for name in equations.model.mechanism.drivers if name not in equations.prescribed]
@@ -49,11 +51,13 @@ def singular_passages(
     def participation(times: Array) -> Array:
         jacobian = constraint_jacobians(equations, coordinates_at(times))
         regular = jacobian.transpose(0, 2, 1) @ jacobian + SMALL * np.eye(len(equations.free))
-        squares = np.linalg.eigvalsh(SMALL * chosen.T @ np.linalg.solve(regular, chosen))[:, omitted]
-        return np.sqrt(np.maximum(squares, 0.0))
+        squares = SMALL * chosen.T @ np.linalg.solve(regular, chosen)
+        least = np.linalg.eigvalsh(squares)[:, omitted] if len(rows) > 1 else squares[:, 0, 0]
+        return np.sqrt(np.maximum(least, 0.0))
 
-    count = max(20, min(INSTANTS, int(OPERATIONS / tree.count**3)))
-    times = np.linspace(0.0, end, count + 1)
+    resolved = max(LEAST, WITHIN * trajectory.steps) if trajectory.executed == "C" else INSTANTS
+    count = max(20, min(INSTANTS, resolved, int(OPERATIONS / tree.count**3)))
+    times = np.linspace(0.0, trajectory.end, count + 1)
     values = participation(times)
     inner, limit = values[1:-1], float(values.max())
     lowest = (inner < values[:-2]) & (inner <= values[2:]) & (inner < REFINED * limit)

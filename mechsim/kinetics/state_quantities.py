@@ -23,14 +23,14 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
     tree, mechanism = equations.loops.tree, equations.model.mechanism
     scale = equations.loops.units[:, None]
     spatial = state.bias + twists(tree, state.poses, accelerations * scale)
-    links: dict[str, LinkMotion] = {}
-    for name, i in tree.links.items():
-        origin, (linear, angular) = state.poses.position[i].T, np.split(state.twist[i].T, 2, 1)
-        linear_second, angular_second = np.split(spatial[i].T, 2, 1)
-        velocity = linear + cross(angular, origin)
-        acceleration = linear_second + cross(angular_second, origin) + cross(angular, velocity)
-        rotation = state.poses.rotation[i].transpose(2, 0, 1)
-        links[name] = LinkMotion(origin, rotation, velocity, angular, acceleration, angular_second)
+    origins, rotations = state.poses.position.transpose(0, 2, 1), state.poses.rotation.transpose(0, 3, 1, 2)
+    (linear, spins), (linear_second, spins_second) = (
+        np.split(values.transpose(0, 2, 1), 2, 2) for values in (state.twist, spatial)
+    )
+    velocities = linear + cross(spins, origins)
+    accelerations_of = linear_second + cross(spins_second, origins) + cross(spins, velocities)
+    motions = origins, rotations, velocities, spins, accelerations_of, spins_second
+    links = {name: LinkMotion(*(values[i] for values in motions)) for name, i in tree.links.items()}
     values = state.q.values, state.rates * scale, accelerations * scale
     joints = tree_joint_motions(tree, mechanism.joints, links, values)
     first = leading_joint(joints, mechanism.drivers, len(times))

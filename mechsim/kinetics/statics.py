@@ -431,9 +431,8 @@ def holding_range(
         values = initial_values(model, {**(initial or {}), f"{driver}.v": sign * IMPENDING})
         equations = equations_of_motion(model, {**values.coordinates, driver: 0.0})
         q, rates = initial_state(equations, values)
-        equations, rates = with_determined_motion(equations.kinematics(q, rates))
-        index = equations.loops.tree.index_of[driver]
-        state = equations.kinematics(q, rates)
+        state = with_determined_motion(equations.kinematics(q, rates))
+        equations, index = state.equations, state.equations.loops.tree.index_of[driver]
         sliding = np.sign(equations.friction_rates(state)[:, 0])
         try:
             force = float(equations.accelerate(state, np.zeros(1), sliding, (), [index]).contact[0, 0])
@@ -454,7 +453,7 @@ def prepared_equations(
     limited = dict.fromkeys(getattr(model.solver, "ranges", {}), 0.0)
     equations = equations_of_motion(model, {**limited, **values.coordinates})
     q, rates = initial_state(equations, values)
-    return with_determined_motion(equations.kinematics(q, rates))[0], q
+    return with_determined_motion(equations.kinematics(q, rates)).equations, q
 
 
 def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bool = False) -> Equilibrium:

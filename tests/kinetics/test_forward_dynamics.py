@@ -278,3 +278,22 @@ def test_a_dependent_initial_value_moves_the_last_driver_or_is_rejected():
     # with the left arm at 120 deg the tool must stay within 140 mm of the right pivot
     with pytest.raises(ms.AssemblyError, match="with left at the start"):
         ms.dynamics.run(solver, initial={"elbow_l.q": 1.0}, duration=0.01)
+
+
+def test_a_model_that_runs_again_gives_what_a_new_one_gives():
+    solver = ms.load("four_bar")
+    model = ms.dynamics.dynamic_model(solver, WEIGHT)
+    for angle in (0.4, 2.5, -1.0):
+        again = ms.dynamics.run(model, initial={"crank.q": angle}, duration=0.3, samples=3)
+        new = ms.dynamics.run(solver, WEIGHT, initial={"crank.q": angle}, duration=0.3, samples=3)
+        np.testing.assert_array_equal(again.motion.points["B"].position, new.motion.points["B"].position)
+        assert again.executed == new.executed
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr"])
+def test_distant_initial_values_are_in_the_assembly_mode_of_the_start(name):
+    solver = ms.load(name)
+    for angle in (-2.9, -0.3, 1.7, 3.1):
+        run = ms.dynamics.run(solver, initial={"crank.q": angle}, duration=1e-3, samples=1)
+        rocker = solver.solve([angle]).joints["rocker"].value[0]
+        assert run.motion.joints["rocker"].value[0] == pytest.approx(rocker, abs=1e-12)
