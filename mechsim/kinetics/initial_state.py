@@ -149,14 +149,14 @@ def _rotation_vectors(starts: Sequence[Array], ends: Sequence[Array]) -> list[Ar
 
 def _extrapolated(path: Sequence[tuple[float, Coordinates]], parameter: float) -> Coordinates:
     """Return coordinates at a parameter by the polynomial through those at others."""
-    weights = [
-        np.prod([(parameter - other) / (own - other) for other, _ in path if other != own]) for own, _ in path
-    ]
-    points = [q for _, q in path]
-    turns = sum(weight * q.turns for weight, q in zip(weights, points, strict=True))
+    weights = np.array(
+        [np.prod([(parameter - b) / (a - b) for b, _ in path if b != a]) for a, _ in path], dtype=np.float64
+    )
+    values = np.tensordot(weights, np.array([q.values for _, q in path]), 1)
+    turns = np.tensordot(weights, np.array([q.turns for _, q in path]), 1)
     for i in range(len(turns) if len(path) > 1 else 0):
         turns[i] = rotation_matrices(rotation_quaternions(turns[i]))
-    return Coordinates(sum(weight * q.values for weight, q in zip(weights, points, strict=True)), turns)
+    return Coordinates(values, turns)
 
 
 def _distances(units: Array, q: Coordinates, other: Coordinates) -> Array:
