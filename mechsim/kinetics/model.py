@@ -22,9 +22,9 @@ from mechsim.mechanism.motion_laws import MotionLaws
 REPEATED = 4
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class DynamicModel:
-    """A mechanism with masses and forces; made by `dynamic_model`. It equals itself only.
+    """A mechanism with masses and forces; made by `dynamic_model`.
 
     Attributes:
         mechanism: the mechanism; every link has an inertia.
@@ -37,6 +37,8 @@ class DynamicModel:
     solver: KinematicSolver
 
     __repr__ = short_repr
+    # what follows from a model is kept for this object, not for equal ones
+    __hash__ = object.__hash__
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
