@@ -22,8 +22,8 @@ from mechsim.mechanism.motion import Motion, join, select_instants, short_repr
 from mechsim.numerics.arrays import Array, cross, require
 from mechsim.numerics.resources import Progress, no_progress, require_memory
 
-# number of instants solved together, and bytes per instant and element of the matrix of the balance
-BATCH_SIZE, STORED_NUMBERS = 4096, 80.0
+# number of instants solved together, at most, and products of these and the number of links: 200 MB
+BATCH_SIZE, BATCH_LINKS = 4096, 32768
 # numbers stored per instant, and per joint and instant; each exists twice while chunks are merged
 NUMBERS_PER_INSTANT, NUMBERS_PER_JOINT, COPIES = 40.0, 27.0, 16.0
 FEWER = "take {most} instants at the most"
@@ -169,9 +169,8 @@ def prescribed_along(
         model = model.starting_at(angle, float(np.ravel(rate)[0]))
     time = model.solver.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
-    equations = 6.0 * len(model.mechanism.links)
-    matrices = STORED_NUMBERS * equations**2 * min(1.0, BATCH_SIZE / n)
-    each = COPIES * (NUMBERS_PER_INSTANT + NUMBERS_PER_JOINT * joints) + matrices
+    batch = min(BATCH_SIZE, -(-BATCH_LINKS // len(model.mechanism.links)))
+    each = COPIES * (NUMBERS_PER_INSTANT + NUMBERS_PER_JOINT * joints)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
@@ -179,14 +178,14 @@ def prescribed_along(
         times = angle / w
     standing = np.abs(w) <= STILL * np.abs(w).max()
     chunks: list[InverseDynamics] = []
-    for first in range(0, n, BATCH_SIZE):
-        rows = slice(first, first + BATCH_SIZE)
+    for first in range(0, n, batch):
+        rows = slice(first, first + batch)
         instants = None if times is None else times[rows]
         run = None if as_run is None else select_instants(as_run, rows)
         unit = model.unit_motion(angle[rows], run, within=True)
         acting = {name: effort[rows] for name, effort in (actuators or {}).items()}
         chunks.append(moved_as(model, unit, w[rows], e[rows], instants, standing[rows], acting))
-        finished = min(first + BATCH_SIZE, n)
+        finished = min(first + batch, n)
         progress(f"{finished:,} of {n:,} instants", finished / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
 
@@ -296,7 +295,10 @@ def _sliding(dry: Sequence[Dry], sign: Array) -> Array:
 
 
 def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
-    """Return chunks joined; a component is determined if it is in all chunks."""
+    """Return chunks joined; a component is determined if it is in all chunks.
+
+    Chunks with more self-stresses than others are at branch points.
+    """
 
     def bare(reaction: Reaction) -> Reaction:
         projector = (
@@ -306,24 +308,32 @@ def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
         )
         return replace(reaction, determined=None, projector=projector if indeterminacy else None)
 
-    indeterminacy = max(chunk.indeterminacy for chunk in chunks)
+    indeterminacy = min(chunk.indeterminacy for chunk in chunks)
+    sound = [chunk for chunk in chunks if chunk.indeterminacy == indeterminacy]
 
     def joined(select: Callable[[ForceRecord], Mapping[str, Reaction]]) -> dict[str, Reaction]:
         records = [select(chunk.forces) for chunk in chunks]
         return {
             name: replace(
                 join([bare(record[name]) for record in records]),
-                determined=np.all([record[name].is_determined for record in records], 0),
+                determined=np.all([select(chunk.forces)[name].is_determined for chunk in sound], 0),
             )
             for name in records[0]
         }
 
     reactions, sums = joined(lambda record: record.reactions), joined(lambda record: record.sums)
     whole = join([replace(chunk.forces, reactions={}, sums={}) for chunk in chunks])
-    undetermined = frozenset[str]().union(*(chunk.forces.undetermined for chunk in chunks))
+    branched = [chunk.forces.unbounded | (chunk.indeterminacy > indeterminacy) for chunk in chunks]
+    undetermined = frozenset[str]().union(*(chunk.forces.undetermined for chunk in sound))
     return InverseDynamics(
         model=chunks[0].model,
-        forces=replace(whole, reactions=reactions, sums=sums, undetermined=undetermined),
+        forces=replace(
+            whole,
+            reactions=reactions,
+            sums=sums,
+            undetermined=undetermined,
+            at_branch_point=np.concatenate(branched),
+        ),
         load=np.concatenate([chunk.load for chunk in chunks]),
         reduced=join([chunk.reduced for chunk in chunks]),
         second_torque=np.concatenate([chunk.second_torque for chunk in chunks]),

@@ -1,7 +1,8 @@
 """Joint reactions by Newton and Euler with the Jacobian of the loop equations, and their indeterminacy."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,11 +16,15 @@ from mechsim.mechanism.joints import Coupling, Joint
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.meshes import Mesh, mesh_of, meshes_of, threads_of
 from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.block_least_norm import block_least_norm
+from mechsim.numerics.graphs import components
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
 from mechsim.numerics.rank import RANK_TOLERANCE
 
 # component of a self-stress below which it is zero
 DETERMINED = 1e-9
+# number of links up to which the balance is solved by one dense matrix, in about the same time
+DENSE_LINKS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,18 +72,12 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         unit: the motion per radian.
         needed: inertial wrenches less applied ones, about link origins, (n, L, 6) in [N, N m].
     """
-    mechanism, jacobian = unit.mechanism, unit.locked_rows.jacobian
-    columns, rows = _scales(mechanism, jacobian.shape[1])
-    scaled = np.swapaxes(jacobian * columns, 1, 2) * rows  # (n, 6 L, m)
-    right = needed.reshape(len(unit), -1) * columns
-    solution, slack, sound = _least_norm(scaled, right[..., None])
-    solution = solution[..., 0]
-    multipliers = solution * rows
-    imbalance = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
-    scale = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
+    mechanism = unit.mechanism
+    solved, imbalance = _multipliers(unit, needed[..., None])
+    multipliers, sound = solved.values[..., 0], solved.sound
     named = _named(mechanism, multipliers)
     carried = [
-        _carried(unit, joint, span, multipliers, slack * rows[:, None])
+        _carried(unit, joint, span, solved)
         for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
     ]
     return Balance(
@@ -91,12 +90,87 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         frozenset(
             name
             for name in mechanism.named_laws
-            if (np.abs(slack[sound, _row(mechanism, name, multipliers)]) > DETERMINED).any()
+            if (
+                np.abs(solved.stresses([_row(mechanism, name, multipliers.shape[1])])[sound]) > DETERMINED
+            ).any()
         ),
-        imbalance / scale,
-        slack.shape[-1],
+        imbalance,
+        solved.indeterminacy,
         ~sound,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Multipliers:
+    """Multipliers of the loop equations, and the independent self-stresses.
+
+    Attributes:
+        values: minimum-norm multipliers of k sets of wrenches, (n, m, k).
+        stresses: equations of a joint and its couplings -> their multipliers in self-stresses, (n, rows, s).
+        indeterminacy: number of self-stresses.
+        sound: whether there are no more of them, (n,).
+    """
+
+    values: Array
+    stresses: Callable[[Sequence[int]], Array]
+    indeterminacy: int
+    sound: NDArray[np.bool_]
+
+
+def _multipliers(unit: UnitMotion, needed: Array) -> tuple[Multipliers, Array]:
+    """Return multipliers that exert sets of wrenches (n, L, 6, k), and relative imbalances of the first."""
+    mechanism, equations = unit.mechanism, unit.locked_rows
+    count, links = len(equations.blocks), len(mechanism.links)
+    columns = np.array([mechanism.characteristic_length] * 3 + [1.0] * 3)
+    rows = row_units(mechanism, count)
+    right = needed * columns[:, None]
+    if links <= DENSE_LINKS or np.iscomplexobj(right) or np.iscomplexobj(unit.position):
+        scaled = np.swapaxes(equations.jacobian * np.tile(columns, links), 1, 2) * rows  # (n, 6 L, m)
+        flat = right.reshape(len(unit), -1, right.shape[-1])
+        solution, slack, sound = _least_norm(scaled, flat)
+        exerted = scaled @ solution[..., :1]
+        stresses = partial(_selected, slack * rows[:, None])
+        nullity = slack.shape[-1]
+    else:
+        blocks = [
+            {slot: values * columns * unit_of for slot, values in block.items()}
+            for block, unit_of in zip(equations.blocks, rows, strict=True)
+        ]
+        clusters = _clusters(mechanism, count)
+        solved = block_least_norm(blocks, clusters, right)
+        solution, sound, nullity = solved.solution, solved.complete, solved.nullity
+        exerted = np.zeros_like(right[..., :1])
+        for i, block in enumerate(blocks):
+            for slot, values in block.items():
+                exerted[:, slot] += values[..., None] * solution[:, None, i, :1]
+        cluster_of = {i: (k, j) for k, cluster in enumerate(clusters) for j, i in enumerate(cluster)}
+
+        def stresses(which: Sequence[int]) -> Array:
+            null = solved.null[cluster_of[which[0]][0]] if which else np.zeros((len(unit), 0, 0))
+            return null[:, [cluster_of[i][1] for i in which]] * rows[which, None]
+
+    first = right[..., 0].reshape(len(unit), -1)
+    imbalance = np.abs(exerted.reshape(first.shape) - first).max(1)
+    scale = np.maximum(np.abs(first).max(1), np.finfo(np.float64).tiny)
+    return Multipliers(solution * rows[:, None], stresses, nullity, sound), imbalance / scale
+
+
+def _selected(values: Array, which: Sequence[int]) -> Array:
+    return values[:, which]
+
+
+def _clusters(mechanism: Mechanism, count: int) -> list[list[int]]:
+    """Return all equations, those together whose self-stresses add up in a reaction or a sum of them."""
+    edges: list[tuple[int, int]] = []
+    first = dict[frozenset[str], int]()
+    coupled = {name: {*law.coordinates} for name, law in mechanism.named_laws.items()}
+    for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True):
+        edges += pairwise(range(span.start, span.stop))
+        if span.start < span.stop:
+            edges.append((span.start, first.setdefault(frozenset({joint.a.link, joint.b.link}), span.start)))
+            laws = [name for name, names in coupled.items() if names.intersection(joint.coordinates)]
+            edges += [(span.start, _row(mechanism, name, count)) for name in laws]
+    return [sorted(members) for members in components(range(count), edges)]
 
 
 def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -117,19 +191,9 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
     return np.swapaxes(vt[:, :rank], 1, 2) @ projected, np.swapaxes(vt[:, rank:], 1, 2), sound
 
 
-def _linear_multipliers(unit: UnitMotion, needed: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return multipliers that exert sets of wrenches (n, L, 6, k), (n, m, k); null space, where complete."""
-    jacobian = unit.locked_rows.jacobian
-    columns, rows = _scales(unit.mechanism, jacobian.shape[1])
-    scaled = np.swapaxes(jacobian * columns, 1, 2) * rows
-    right = needed.reshape(len(unit), -1, needed.shape[-1]) * columns[:, None]
-    solution, slack, sound = _least_norm(scaled, right)
-    return solution * rows[:, None], slack * rows[:, None], sound
-
-
 def linear_drives(unit: UnitMotion, needed: Array) -> Array:
     """Return torques and forces of the drivers that exert sets of wrenches (n, L, 6, k), (n, drivers, k)."""
-    multipliers, _, _ = _linear_multipliers(unit, needed)
+    multipliers = _multipliers(unit, needed)[0].values
     return multipliers[:, multipliers.shape[1] - len(unit.mechanism.drivers) :]
 
 
@@ -148,32 +212,32 @@ def linear_reactions(
         and whether these are all, (n,). Tooth forces that separate wheels are linear about the state.
     """
     mechanism = unit.mechanism
-    multipliers, slack, sound = _linear_multipliers(unit, needed)
+    solved, _ = _multipliers(unit, needed)
+    multipliers, sound = solved.values, solved.sound
     spans = dict(zip([joint.name for joint in mechanism.joints], _spans(mechanism), strict=True))
     result: list[tuple[Array, Array, NDArray[np.bool_]]] = []
     for joint in joints:
         if isinstance(joint, str):
-            row = _row(mechanism, joint, multipliers)
+            row = _row(mechanism, joint, multipliers.shape[1])
             wrench, alone = (
-                np.pad(values[:, row, None], ((0, 0), (0, 5), (0, 0))) for values in (multipliers, slack)
+                np.pad(values, ((0, 0), (0, 5), (0, 0)))
+                for values in (multipliers[:, [row]], solved.stresses([row]))
             )
             result.append((wrench, alone, sound))
             continue
-        wrench, _ = _wrench(unit, joint, spans[joint.name], multipliers)
-        alone, _ = _wrench(unit, joint, spans[joint.name], slack)
-        for share in shares(unit, joint):
-            row = _row(mechanism, share.coupling, multipliers)
-            along = share.linear + share.separating * np.sign(multipliers[:, row, :1])
-            wrench = wrench + along[..., None] * multipliers[:, None, row]
-            alone = alone + along[..., None] * slack[:, None, row]
+        span, related = spans[joint.name], [*shares(unit, joint)]
+        rows = [_row(mechanism, share.coupling, multipliers.shape[1]) for share in related]
+        slack = solved.stresses([*range(span.start, span.stop), *rows])
+        count = span.stop - span.start
+        wrench, _ = _wrench(unit, joint, span, multipliers[:, span])
+        alone, _ = _wrench(unit, joint, span, slack[:, :count])
+        for i, share in enumerate(related):
+            effort = multipliers[:, None, rows[i]]
+            along = (share.linear + share.separating * np.sign(effort[:, 0, :1]))[..., None]
+            wrench = wrench + along * effort
+            alone = alone + along * slack[:, None, count + i]
         result.append((wrench, alone, sound))
     return result
-
-
-def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
-    """Return the units of the columns and rows of the loop Jacobian in characteristic lengths."""
-    columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
-    return columns, row_units(mechanism, count)
 
 
 def _spans(mechanism: Mechanism) -> list[slice]:
@@ -200,13 +264,16 @@ class JointLoad:
     point: Array
 
 
-def _carried(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array, slack: Array) -> JointLoad:
-    wrench, point = _wrench(unit, joint, span, multipliers[..., None])
-    alone, _ = _wrench(unit, joint, span, slack)
+def _carried(unit: UnitMotion, joint: Joint, span: slice, solved: Multipliers) -> JointLoad:
+    values, related = solved.values[..., 0], [*shares(unit, joint)]
+    rows = [_row(unit.mechanism, share.coupling, values.shape[1]) for share in related]
+    slack = solved.stresses([*range(span.start, span.stop), *rows])
+    count = span.stop - span.start
+    wrench, point = _wrench(unit, joint, span, values[:, span, None])
+    alone, _ = _wrench(unit, joint, span, slack[:, :count])
     apart = [np.zeros((*alone.shape[:2], 0))]
-    for share in shares(unit, joint):
-        row = _row(unit.mechanism, share.coupling, multipliers)
-        effort, stress = multipliers[:, row, None], slack[:, None, row]
+    for i, share in enumerate(related):
+        effort, stress = values[:, rows[i], None], slack[:, None, count + i]
         wrench = wrench + (share.linear * effort + share.separating * magnitude(effort))[..., None]
         alone = alone + share.linear[..., None] * stress
         apart.append(share.separating[..., None] * stress)
@@ -237,7 +304,12 @@ def _together(loads: Sequence[JointLoad]) -> JointLoad:
         return sign * np.concatenate([force, moment], 1)
 
     wrench = sum((moved(load, load.wrench[..., None]) for load in loads), np.zeros((1, 6, 1)))
-    alone = sum((moved(load, load.alone) for load in loads), np.zeros((1, 6, 1)))
+    # a joint without equations has no self-stress
+    stressed = max((load.alone for load in loads), key=lambda alone: alone.shape[-1])
+    alone = sum(
+        (moved(load, load.alone) for load in loads if load.alone.shape == stressed.shape),
+        np.zeros_like(stressed),
+    )
     apart = np.concatenate([moved(load, load.apart) for load in loads], -1)
     return JointLoad(first.joint, wrench[..., 0], alone, apart, first.point)
 
@@ -265,12 +337,16 @@ def _determined_projector(alone: Array) -> Array:
 
 
 def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> tuple[Array, Array]:
-    """Return wrenches on link b about its joint point per column of multipliers, (n, 6, k), and the point."""
+    """Return wrenches on link b about its point by multipliers of a joint, (n, rows, k), and the point.
+
+    The wrenches are (n, 6, k).
+    """
     end, sign = (joint.b, 1.0) if unit.slot(joint.b.link) is not None else (joint.a, -1.0)
     slot = unit.slot(end.link)
     assert slot is not None
-    jacobian = unit.locked_rows.jacobian[:, span, 6 * slot : 6 * slot + 6]
-    wrench = sign * np.swapaxes(jacobian, 1, 2) @ multipliers[:, span]
+    blocks = [row[slot] for row in unit.locked_rows.blocks[span]]
+    empty = np.zeros((len(unit), 6, 0))
+    wrench = sign * (np.stack(blocks, 2) if blocks else empty) @ multipliers
     point, _ = unit.point(joint.b.link, joint.b.point)
     arm = point - unit.position[:, slot]
     force = wrench[:, :3]
@@ -285,10 +361,10 @@ def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
     return {name: multipliers[:, first + i] for i, name in enumerate(names)}
 
 
-def _row(mechanism: Mechanism, coupling: str, multipliers: Array) -> int:
-    """Return the row of a coupling among all multipliers, (n, m)."""
+def _row(mechanism: Mechanism, coupling: str, count: int) -> int:
+    """Return the row of a coupling among all `count` equations."""
     names = [*mechanism.named_laws]
-    first = multipliers.shape[1] - len(names) - len(mechanism.locked) - len(mechanism.drivers)
+    first = count - len(names) - len(mechanism.locked) - len(mechanism.drivers)
     return first + names.index(coupling)
 
 

@@ -97,9 +97,11 @@ class UnitMotion:
 
     def slot(self, link: str) -> int | None:
         """Return the index of a link in the stacked arrays; None for the frame."""
-        if link == GROUND:
-            return None
-        return [other.name for other in self.mechanism.links].index(link)
+        return None if link == GROUND else self._slots[link]
+
+    @cached_property
+    def _slots(self) -> dict[str, int]:
+        return {link.name: i for i, link in enumerate(self.mechanism.links)}
 
     def point(self, link: str, local: Vector) -> tuple[Array, Array]:
         """Return a point of a link and its derivative by the crank angle, (n, 3) each."""

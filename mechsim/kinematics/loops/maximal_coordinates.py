@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,19 +21,32 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array, cross, wrapped
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Rows:
     """Some loop equations, linearised.
 
     Attributes:
         residual: (n, m).
-        jacobian: (n, m, 6 links).
+        blocks: for each equation link's slot -> its derivative by the six coordinates of the link, (n, 6).
         bias: velocity-product term: second derivative of the residual at zero link accelerations, (n, m).
+        links: number of links.
     """
 
     residual: Array
-    jacobian: Array
+    blocks: tuple[Mapping[int, Array], ...]
     bias: Array
+    links: int
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Derivative of the residual by the coordinates of all links, (n, m, 6 links)."""
+        n, m = self.residual.shape
+        dtype = np.result_type(np.float64, *(values for row in self.blocks for values in row.values()))
+        jacobian = np.zeros((n, m, 6 * self.links), dtype)
+        for i, row in enumerate(self.blocks):
+            for slot, values in row.items():
+                jacobian[:, i, 6 * slot : 6 * slot + 6] = values
+        return jacobian
 
 
 class Side:
@@ -60,18 +74,18 @@ class Stack:
     def __init__(self, links: int, n: int):
         self.links, self.n = links, n
         self.residual: list[Array] = []
-        self.jacobian: list[Array] = []
+        self.blocks: list[dict[int, Array]] = []
         self.bias: list[Array] = []
 
     def _add(self, residual: Array, bias: Array, terms: list[tuple[int | None, Array, Array]]) -> None:
-        dtype = np.result_type(*(block for _, *both in terms for block in both))
-        row = np.zeros((self.n, 6 * self.links), dtype)
+        row: dict[int, Array] = {}
         for slot, linear, angular in terms:
             if slot is not None:
-                row[:, 6 * slot : 6 * slot + 3] += linear
-                row[:, 6 * slot + 3 : 6 * slot + 6] += angular
+                values = np.empty((self.n, 6), np.result_type(linear, angular))
+                values[:, :3], values[:, 3:] = linear, angular
+                row[slot] = row[slot] + values if slot in row else values
         self.residual.append(np.broadcast_to(residual, (self.n,)))
-        self.jacobian.append(row)
+        self.blocks.append(row)
         self.bias.append(np.broadcast_to(bias, (self.n,)))
 
     def coincide(self, a: Side, b: Side) -> None:
@@ -116,7 +130,8 @@ class Stack:
 
     def rows(self) -> Rows:
         """Return all collected equations."""
-        return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
+        residual, bias = np.stack(self.residual, 1), np.stack(self.bias, 1)
+        return Rows(residual, tuple(self.blocks), bias, self.links)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +232,7 @@ def equations(
         Equations in the order of joints, couplings (`Mechanism.laws`), locked coordinates and drivers.
         Residuals in [m], [rad] or cosines of angles.
     """
-    names = [link.name for link in mechanism.links]
+    slots = {link.name: i for i, link in enumerate(mechanism.links)}
     n = next(iter(poses.values())).position.shape[0]
     at_rest = np.zeros((n, 6))
     ground = Pose(np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
@@ -227,12 +242,12 @@ def equations(
         if end.link == GROUND:
             return Side(ground, at_rest, end.point, end.frame, None)
         twist = at_rest if twists is None else twists[end.link]
-        return Side(poses[end.link], twist, end.point, end.frame, names.index(end.link))
+        return Side(poses[end.link], twist, end.point, end.frame, slots[end.link])
 
     def pose(link: str) -> Pose:
         return ground if link == GROUND else poses[link]
 
-    stack = Stack(len(names), n)
+    stack = Stack(len(slots), n)
     for joint in mechanism.joints:
         add_joint_equations(stack, joint, side(joint, "a"), side(joint, "b"))
     joint_of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}

@@ -1,0 +1,62 @@
+"""Dynamics of rows of many four-bars: no operation grows faster than their number."""
+
+import numpy as np
+from kinematics.test_exact_geometry import row_of_four_bars
+
+from mechsim.kinetics import prescribed, prescribed_motion, reactions
+from mechsim.kinetics.model import dynamic_model
+
+ANGLES = np.linspace(0.0, 0.1, 4)
+
+
+def solved(count):
+    return prescribed(dynamic_model(row_of_four_bars(count)), ANGLES, speed=3.0)
+
+
+def test_reactions_of_a_row_are_those_of_one_dense_balance(monkeypatch):
+    by_blocks = solved(5)
+    monkeypatch.setattr(reactions, "DENSE_LINKS", 1000)
+    dense = solved(5)
+    largest = max(np.abs(reaction.force).max() for reaction in dense.forces.reactions.values())
+    for name, reaction in by_blocks.forces.reactions.items():
+        expected = dense.forces.reactions[name]
+        assert np.abs(reaction.force - expected.force).max() <= 1e-11 * largest
+        assert np.abs(reaction.moment - expected.moment).max() <= 1e-11 * largest
+        assert (reaction.is_determined == expected.is_determined).all()
+        assert np.abs(reaction.projector - expected.projector).max() <= 1e-12
+    assert by_blocks.indeterminacy == dense.indeterminacy == 15
+    # the balance, by Newton and Euler, gives the torque of virtual power
+    assert np.abs(by_blocks.second_torque / by_blocks.forces.torque - 1.0).max() <= 1e-10
+
+
+def factorised(monkeypatch, count):
+    """Return the shapes of the matrices that the forces of a row are solved with."""
+    shapes, factorise = [], np.linalg.qr
+
+    def recorded(matrix, **options):
+        shapes.append(matrix.shape)
+        return factorise(matrix, **options)
+
+    with monkeypatch.context() as context:
+        context.setattr(np.linalg, "qr", recorded)
+        solved(count)
+    return shapes
+
+
+def test_matrices_of_a_row_do_not_grow_and_their_number_is_linear(monkeypatch):
+    """Each has the components of a few joints, in the plane or across it."""
+    short, middle, long = (factorised(monkeypatch, count) for count in (4, 8, 16))
+    assert len(long) - len(middle) == 2 * (len(middle) - len(short))
+    assert {shape[1:] for shape in long} == {shape[1:] for shape in middle}
+    assert max(shape[1] for shape in long) <= 12
+
+
+def test_chunks_of_instants_give_the_same_forces(monkeypatch):
+    whole = solved(4)
+    monkeypatch.setattr(prescribed_motion, "BATCH_LINKS", 1)
+    one_by_one = solved(4)
+    assert np.allclose(one_by_one.forces.torque, whole.forces.torque, rtol=1e-13)
+    assert (one_by_one.forces.unbounded == whole.forces.unbounded).all()
+    for name, reaction in one_by_one.forces.reactions.items():
+        assert np.allclose(reaction.force, whole.forces.reactions[name].force, rtol=1e-12, atol=1e-9)
+        assert (reaction.is_determined == whole.forces.reactions[name].is_determined).all()
