@@ -204,12 +204,8 @@ class LazyCommands(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a list of commands for each group."""
         for group, commands in GROUPS.items():
-            rows = [
-                (name.removeprefix(self.prefix), line)
-                for name, (_, line) in commands.items()
-                if name.startswith(self.prefix)
-            ]
-            if rows:
+            own = {name: line for name, (_, line) in commands.items() if name.startswith(self.prefix)}
+            if rows := [(name.removeprefix(self.prefix), line) for name, line in own.items()]:
                 with formatter.section(group):
                     formatter.write_dl(rows)
         with formatter.section("Examples"):
@@ -221,14 +217,11 @@ class LazyCommands(TyperGroup):
         if self.prefix and args[0] not in self.commands and not ctx.resilient_parsing:
             former = {arg.partition("=")[0] for arg in args}
             name = next((name for name, old in FORMER.items() if former & {*old.split()}), "inverse")
-            text = shlex.join(
-                arg for arg in args if arg not in ("--statics", "--modes", "--response", "--free")
-            )
+            flags = ("--statics", "--modes", "--response", "--free")
+            text = shlex.join(arg for arg in args if arg not in flags)
             text = text.replace("--speed ", "--initial crank.v=") if "--free" in former else text
-            raise InputError(
-                f"dynamics has the sub-commands {', '.join(self.commands)}; write: mechsim dynamics {name} "
-                f"{text}"
-            )
+            names = ", ".join(self.commands)
+            raise InputError(f"dynamics has the sub-commands {names}; write: mechsim dynamics {name} {text}")
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else load_command(self.prefix + name), rest
 
@@ -245,11 +238,10 @@ def load_command(name: str) -> Any:
         return get_command(_group(DynamicsCommands, DYNAMICS))
     module, _, attribute = COMMANDS[name][0].partition(".")
     function: Callable[..., None] = getattr(import_module(f"mechsim.cli.{module}"), attribute)
+    if name in LATE or "mujoco" in sys.modules:
+        function = _without_mujoco_log(function)
     app = typer.Typer(add_completion=False, **PLAIN)
-    runs_mujoco = name in LATE or "mujoco" in sys.modules
-    app.command(name.split()[-1], cls=PlainCommand)(
-        _without_mujoco_log(function) if runs_mujoco else function
-    )
+    app.command(name.split()[-1], cls=PlainCommand)(function)
     return get_command(app)
 
 
@@ -272,9 +264,8 @@ def _group(cls: type[LazyCommands], text: str) -> typer.Typer:
     group = typer.Typer(cls=cls, help=text, add_completion=not cls.prefix, **PLAIN)
     # a former spelling may begin with an option
     group.info.context_settings = PLAIN["context_settings"] | {"ignore_unknown_options": bool(cls.prefix)}
-    for name in dict.fromkeys(
-        name.removeprefix(cls.prefix).split()[0] for name in COMMANDS if name.startswith(cls.prefix)
-    ):
+    own = (name.removeprefix(cls.prefix) for name in COMMANDS if name.startswith(cls.prefix))
+    for name in dict.fromkeys(name.split()[0] for name in own):
         group.command(name)(lambda: None)
     return group
 

@@ -89,34 +89,31 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     A parameter of type `Stated` receives the options on the command line. A function that returns a `Result`
     gets the option --json.
     """
+    signature, keyword = inspect.signature(function, eval_str=True), inspect.Parameter.KEYWORD_ONLY
     parameters: list[inspect.Parameter] = []
     own: dict[str, Field[Any]] = {}
     stated: str | None = None
     groups: dict[str, tuple[Callable[..., Any], list[Field[Any]]]] = {}
-    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+    for name, parameter in signature.parameters.items():
         kinds = (parameter.annotation, *get_args(parameter.annotation)[:1])
         cls: Any = next((kind for kind in kinds if is_dataclass(kind)), None)
         if cls is Stated:
-            stated = parameter.name
-            keyword = inspect.Parameter.KEYWORD_ONLY
+            stated = name
             parameters.append(parameter.replace(kind=keyword, annotation=typer.Context))
-            continue
-        if isinstance(parameter.default, Field):
-            own[parameter.name] = parameter.default
-            parameters.append(_parameter(parameter.name, parameter.default, parameter.annotation))
-            continue
-        if cls is None:
-            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
-            continue
-        types = get_type_hints(cls, include_extras=True)
-        declared = _declared_fields(cls, types, parameter.annotation)
-        groups[parameter.name] = cls, declared
-        parameters += [_parameter(field.name, field, types[field.name]) for field in declared]
-    returned = inspect.signature(function, eval_str=True).return_annotation
-    has_json = Result in (returned, *get_args(returned)) and all(p.name != "as_json" for p in parameters)
+        elif isinstance(parameter.default, Field):
+            own[name] = parameter.default
+            parameters.append(_parameter(name, parameter.default, parameter.annotation))
+        elif cls is None:
+            parameters.append(parameter.replace(kind=keyword))
+        else:
+            types = get_type_hints(cls, include_extras=True)
+            declared = _declared_fields(cls, types, parameter.annotation)
+            groups[name] = cls, declared
+            parameters += [_parameter(field.name, field, types[field.name]) for field in declared]
+    returned = signature.return_annotation
+    has_json = Result in (returned, *get_args(returned)) and "as_json" not in signature.parameters
     if has_json:
-        kind = inspect.Parameter.KEYWORD_ONLY
-        parameters.append(inspect.Parameter("as_json", kind, default=False, annotation=JSON_OPTION))
+        parameters.append(inspect.Parameter("as_json", keyword, default=False, annotation=JSON_OPTION))
 
     def run(**values: Any) -> None:
         as_json = values.pop("as_json", False) if has_json else values.get("as_json", False)
@@ -184,14 +181,12 @@ def _value(name: str, field: Field[Any], text: Any) -> Any:
         return field.default
     option_name = rule["name"] or f"--{name.replace('_', '-')}"
     if rule["many"]:
-        values = tuple(rule["read"](item) for item in text)
+        values = tuple(map(rule["read"], text))
         require_once(option_name, [value[0] for value in values if isinstance(value, tuple)])
         return values
     if rule["read"]:
         return rule["read"](text)
-    if rule["unit"]:
-        return units.parse(text, rule["unit"], option_name)
-    return text
+    return units.parse(text, rule["unit"], option_name) if rule["unit"] else text
 
 
 def output_file(contents: str, *suffixes: str, name: str = "--output", metavar: str = "FILE") -> Any:

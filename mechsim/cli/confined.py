@@ -54,12 +54,6 @@ def require_confined(arguments: Sequence[str], folder: Path) -> None:
                 _require_confined_names(path, folder, set())
 
 
-def _is_xml(path: Path) -> bool:
-    """Return whether a file starts as XML does; an included one can have any name."""
-    with path.open("rb") as file:
-        return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
-
-
 def _require_confined_names(path: Path, folder: Path, read: set[Path]) -> None:
     read.add(path)
     for name in NAMED_FILE.findall(read_text(path)):
@@ -70,8 +64,12 @@ def _require_confined_names(path: Path, folder: Path, read: set[Path]) -> None:
                 raise InputError(
                     f"{path.name} names {name!r}, which is outside {folder}; copy it into that folder"
                 )
-            if named.is_file() and named not in read and _is_xml(named):
-                _require_confined_names(named, folder, read)
+            if named in read or not named.is_file():
+                continue
+            # an included file can have any name, but starts as XML does
+            with named.open("rb") as file:
+                if file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+                    _require_confined_names(named, folder, read)
 
 
 def confine(folder: Path) -> None:

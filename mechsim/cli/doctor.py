@@ -38,12 +38,8 @@ def doctor() -> Result:
     def text() -> None:
         print_table("Versions", ("library", "version"), data["versions"].items())
         rows = [
-            (
-                backend["name"],
-                backend["driver"] if backend["works"] else "does not work",
-                "software" if backend["software"] else "",
-            )
-            for backend in data["opengl"]
+            (row["name"], row["driver"] or "does not work", "software" if row["software"] else "")
+            for row in data["opengl"]
         ]
         print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
         print_text(f"ffmpeg: {data['ffmpeg'] or 'none'}")
@@ -69,8 +65,7 @@ def examine() -> dict[str, Any]:
     from mechsim.report.page import versions
 
     backends = describe_backend()
-    remedies: list[str] = []
-    remedies += [install_command(extra) for extra, libraries in EXTRAS.items() if missing(libraries)]
+    remedies = [install_command(extra) for extra, libraries in EXTRAS.items() if missing(libraries)]
     if not any(backend["works"] for backend in backends):
         packages = " ".join(str(backend["package"]) for backend in backends if backend["package"])
         remedies.append(f"apt-get install {packages}")

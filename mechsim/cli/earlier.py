@@ -1,6 +1,7 @@
 """What became better or worse since an earlier `mechsim validate --json`."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
@@ -15,6 +16,8 @@ from mechsim.pictures.number_text import quantity_text
 Key = tuple[str, str, str]
 # change of an error that is reported, in tolerances of the check: a hundred such changes fail it
 REPORTED = 0.01
+# in the order in which changes are listed
+CHANGES = ("worse", "better", "gone", "new")
 
 
 def _checks(data: Mapping[str, Any]) -> dict[Key, dict[str, Any]]:
@@ -53,23 +56,14 @@ def changes_since(earlier: Mapping[Key, dict[str, Any]], data: Mapping[str, Any]
     """
     now = _checks(plain(data))
     changes: list[dict[str, Any]] = []
-    for key in [*now, *(key for key in earlier if key not in now)]:
+    for key in dict.fromkeys([*now, *earlier]):
         was, check = earlier.get(key), now.get(key)
-        change = _change(was, check)
-        if change is not None:
+        if change := _change(was, check):
             mechanism, quantity, method = key
-            changes.append(
-                {
-                    "mechanism": mechanism,
-                    "quantity": quantity,
-                    "method": method,
-                    "unit": (check or was or {})["unit"],
-                    "before": None if was is None else was["worst"],
-                    "now": None if check is None else check["worst"],
-                    "change": change,
-                }
-            )
-    return sorted(changes, key=lambda row: ("worse", "better", "gone", "new").index(row["change"]))
+            row = {"mechanism": mechanism, "quantity": quantity, "method": method}
+            row |= {"unit": (check or was or {})["unit"], "before": was and was["worst"]}
+            changes.append(row | {"now": check and check["worst"], "change": change})
+    return sorted(changes, key=lambda row: CHANGES.index(row["change"]))
 
 
 def _change(was: dict[str, Any] | None, check: dict[str, Any] | None) -> Any:
@@ -90,10 +84,8 @@ def compared_with(path: str, earlier: Mapping[Key, dict[str, Any]], result: Resu
 
     def text() -> None:
         result.text()
-        count = {
-            kind: sum(row["change"] == kind for row in changes) for kind in ("worse", "better", "gone", "new")
-        }
-        print_text(f"compared with {path}: " + ", ".join(f"{n} {kind}" for kind, n in count.items()))
+        count = Counter(row["change"] for row in changes)
+        print_text(f"compared with {path}: " + ", ".join(f"{count[kind]} {kind}" for kind in CHANGES))
         for row in changes:
             before, now = (
                 "-" if value is None else quantity_text(value, row["unit"])

@@ -55,14 +55,6 @@ class FitOptions:
         None, f"Crank speed; a bare number is rad/s. Default: that of the table, else {SPEED}."
     )
 
-    def table_path(self) -> str:
-        """Return the path of the measured table; raise InputError for missing options."""
-        if self.to is None:
-            raise InputError("the measured motion is missing; name its table, as in --to measured.csv")
-        if not self.vary:
-            raise InputError("--vary is missing; name the dimensions to identify, as in --vary crank,coupler")
-        return self.to
-
     @property
     def inertial(self) -> bool:
         """Whether masses, friction or motor constants are to be identified; InputError for a mixture."""
@@ -96,7 +88,11 @@ def fit(
     mechsim fit arm.toml --to measured.csv --vary reach,crank.offset -o fit.json
     mechsim fit arm.toml --to log.csv --vary forearm.mass,elbow.viscous
     """
-    table = options.table_path()
+    table = options.to
+    if table is None:
+        raise InputError("the measured motion is missing; name its table, as in --to measured.csv")
+    if not options.vary:
+        raise InputError("--vary is missing; name the dimensions to identify, as in --vary crank,coupler")
     if options.inertial:
         stated.exclude(["speed", *FROM_LOG], "on parameters from torques")
         return _identify(source, options.vary, table, output)

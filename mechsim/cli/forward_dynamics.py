@@ -33,7 +33,6 @@ from mechsim.kinetics.forward_dynamics import BUDGET
 from mechsim.kinetics.gaps import released
 from mechsim.mechanism.quantities import quantity_names
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.resources import Progress
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_forward
 from mechsim.studies.release import Release
@@ -81,6 +80,8 @@ class ForwardOptions(InitialOptions):
                 raise InputError("--turns and --until both end the run; drop one of them")
 
 
+# why MuJoCo is compared only between the events of a run
+SOFT = "its impacts, contacts and changes of friction are soft"
 # number of intervals in which an open contact is printed
 SPANS = 4
 # duration in [s] above which a run states its work budget at once
@@ -125,7 +126,10 @@ def forward(
         with progress("dynamics", None, at_least=True) as report:
             formulas, check = sections(report, SHARES)
             result = release.run(options.samples - 1, formulas)
-            verdict = _verdict(release, result, options, check)
+            verdict = None
+            if options.method == "step" and result.outcome in ("done", "stopped"):
+                values = initial_values(model, release.initial)
+                verdict = crosscheck_forward(result, model, values, progress=check)
     except FrictionError as error:
         return with_masses(model, without_solution(error), verbose)
     values = release.values(result, options.quantities)
@@ -141,17 +145,6 @@ def forward(
     return with_masses(model, reported, verbose)
 
 
-def _verdict(
-    release: Release, result: DynamicRun, options: ForwardOptions, report: Progress
-) -> Verdict | None:
-    """Return the comparison with MuJoCo; None if it is omitted."""
-    if options.method == "none" or result.outcome not in ("done", "stopped"):
-        return None
-    values = initial_values(release.model, release.initial)
-    verdict = crosscheck_forward(result, release.model, values, progress=report)
-    return verdict if verdict.checks or verdict.outcome == "diverged" else None
-
-
 def _result(
     release: Release,
     result: DynamicRun,
@@ -162,6 +155,8 @@ def _result(
 ) -> Result:
     """Return data and text of a run from an initial state."""
     model = release.model
+    if verdict is not None and not verdict.checks and verdict.outcome != "diverged":
+        verdict = None
     data: dict[str, Any] = {
         **files.attributes(result, "outcome", "reason", "energy_error", "events", "openings", "singular"),
         **files.attributes(result, "steps", "executed", "note"),
@@ -204,7 +199,9 @@ def _result(
         _print_extents(model, result, quantities)
         print_comparison(verdict, verbose=verbose)
         if result.events or result.segments[0].sticking:
-            print_text(_comparison(result, verdict is not None))
+            times = [f"{number(s.first)} to {number(s.last)} s" for s in compared_segments(result)]
+            compared = f"not compared with MuJoCo: {SOFT}"
+            print_text(f"compared with MuJoCo in {', '.join(times)}: {SOFT}" if verdict else compared)
         print_text("" if drawn else DRAWN)
 
     # a run without a number of turns may come to rest
@@ -240,15 +237,6 @@ def _openings(result: DynamicRun) -> str:
         more = f" and in {len(spans) - SPANS} more intervals" if len(spans) > SPANS else ""
         texts.append(f"{name} is open, or slack, from {shown}{more}" if spans else f"{name} stays closed")
     return "; ".join(texts)
-
-
-def _comparison(result: DynamicRun, compared: bool) -> str:
-    """Return which segments of a run with impacts or changes of friction are compared with MuJoCo."""
-    soft = "its impacts, contacts and changes of friction are soft"
-    if not compared:
-        return f"not compared with MuJoCo: {soft}"
-    spans = [f"{number(segment.first)} to {number(segment.last)} s" for segment in compared_segments(result)]
-    return f"compared with MuJoCo in {', '.join(spans)}: {soft}"
 
 
 def _extent(values: Array, unit: str) -> dict[str, Any]:

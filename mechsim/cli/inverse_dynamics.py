@@ -28,7 +28,6 @@ from mechsim.errors import FrictionError, InputError, require_once
 from mechsim.kinetics import DynamicModel, actuated, fluctuation
 from mechsim.kinetics.contact_forces import contact_forces
 from mechsim.kinetics.prescribed_motion import prescribed_along
-from mechsim.mechanism.force_record import Fluctuation
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
@@ -77,14 +76,6 @@ class InverseOptions:
             require_samples(self.samples)
         require_turns(self.turns)
 
-    def actuator_weights(self) -> dict[str, float]:
-        """Return the actuators and the weights of their squared torques."""
-        named = [text.partition("=") for text in self.actuators.split(",")] if self.actuators else []
-        require_once("--actuators", [name for name, _, _ in named])
-        return {
-            name: parse(weight, "1", f"the weight of {name}") if sign else 1.0 for name, sign, weight in named
-        }
-
     @property
     def rows(self) -> int:
         """Number of recorded instants."""
@@ -123,6 +114,12 @@ def inverse(
 def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> Result:
     """Return the result of a prescribed motion."""
     method: Any = options.method
+    named = [text.partition("=") for text in options.actuators.split(",")] if options.actuators else []
+    require_once("--actuators", [name for name, _, _ in named])
+    # actuators and the weights of their squared torques
+    weights = {
+        name: parse(weight, "1", f"the weight of {name}") if sign else 1.0 for name, sign, weight in named
+    }
     profile = profile_of(model.solver, options.speed, options.turns)
     model, compared = model.starting_at(profile.angles), method != "none"
     if compared:
@@ -133,9 +130,12 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
         names = ("formulas", "MuJoCo", "check") if compared else ("formulas",)
         steps = iter(sections(report, dict.fromkeys(names, 1.0)))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
-        study = actuated(study, weights) if (weights := options.actuator_weights()) else study
-        steady = _steady_turn(model, options.speed)
-        run, verdict = None, None
+        study = actuated(study, weights) if weights else study
+        run, verdict, steady = None, None, None
+        if model.solver.motion_laws.crank and model.solver.crank_range().full:
+            # a crank too slow for its springs or weight has no steady turn under a constant torque
+            with suppress(InputError):
+                steady = fluctuation(model, options.speed)
         if compared:
             run = driven(
                 model.mechanism,
@@ -180,16 +180,6 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
         **verdict_data(verdict, method),
     }
     return Result(data, text, verdict is None or verdict.passed)
-
-
-def _steady_turn(model: DynamicModel, speed: float) -> Fluctuation | None:
-    """Return a revolution under a constant torque; None without one."""
-    if not model.solver.motion_laws.crank or not model.solver.crank_range().full:
-        return None
-    # a crank too slow for its springs or weight has no steady revolution under a constant torque
-    with suppress(InputError):
-        return fluctuation(model, speed)
-    return None
 
 
 def _require_memory(mechanism: Mechanism, instants: int) -> None:

@@ -210,16 +210,15 @@ class ReleaseOptions(InitialOptions):
         """Whether a run or a mode is requested."""
         return bool(self.initial or self.until or self.mode is not None)
 
+    def exclude(self, stated: Stated) -> None:
+        """Raise InputError for options that do not change what is drawn of a run or a mode."""
+        if self.mode is None:
+            stated.exclude(["speed"], "in a run from an initial state")
+        else:
+            stated.exclude(["speed", "duration", "drive", "track"], "on a mode of vibration")
+
 
 def released_model(source: ModelOptions, loads: LoadOptions | None = None) -> DynamicModel:
     """Return the dynamic model of a mechanism; --duration sets the duration of its run."""
     loads = LoadOptions() if loads is None else loads
     return loads.dynamic_model(replace(source, duration=None).load(still=True))
-
-
-def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:
-    """Raise InputError for options that do not change what is drawn of a run or a mode."""
-    if release.mode is None:
-        stated.exclude(["speed"], "in a run from an initial state")
-    else:
-        stated.exclude(["speed", "duration", "drive", "track"], "on a mode of vibration")

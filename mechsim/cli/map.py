@@ -12,12 +12,7 @@ from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path, attributes
 from mechsim.simulation.joint_map import JointMap
-from mechsim.studies.robots.joint_map import (
-    TOLERANCE,
-    MapComparison,
-    compare_with_loop_equations,
-    joint_map,
-)
+from mechsim.studies.robots.joint_map import TOLERANCE, MapComparison, compare_with_loop_equations, joint_map
 from mechsim.units import option
 
 

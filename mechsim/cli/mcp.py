@@ -58,11 +58,10 @@ def run_tool(name: str, words: list[str], folder: Path, limit: float) -> dict[st
             time, an answer of too many characters.
     """
     require_confined(words, folder)
-    argv = [*TOOLS[name][0].split(), *words]
     has_json = name not in WITHOUT_JSON and "--help" not in words
-    argv += ["--json"] * (has_json and "--json" not in words) + ["--no-formula"] * (
-        name == "validate" and has_json
-    )
+    argv = [*TOOLS[name][0].split(), *words]
+    argv += ["--json"] * (has_json and "--json" not in words)
+    argv += ["--no-formula"] * (has_json and name == "validate")
     with tempfile.TemporaryDirectory() as scratch:
         try:
             ended = subprocess.run(
@@ -76,9 +75,8 @@ def run_tool(name: str, words: list[str], folder: Path, limit: float) -> dict[st
         except subprocess.TimeoutExpired:
             raise InputError(f"{name} took more than {limit:g} s and was stopped; ask for less") from None
     if ended.returncode not in (0, 1) or (has_json and not ended.stdout):
-        raise InputError(
-            ended.stderr.strip().removeprefix("mechsim: ") or f"{name} ended with {ended.returncode}"
-        )
+        reason = ended.stderr.strip().removeprefix("mechsim: ")
+        raise InputError(reason or f"{name} ended with {ended.returncode}")
     if len(ended.stdout) > MAX_CHARACTERS:
         raise InputError(
             f"the answer has {len(ended.stdout)} characters of at most {MAX_CHARACTERS}; write it with -o"

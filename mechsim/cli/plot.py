@@ -4,13 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from mechsim.cli.command import Result, Stated, Without, command, plot_file
-from mechsim.cli.load_options import (
-    LoadOptions,
-    ReleaseOptions,
-    masses_in_json,
-    print_masses,
-    released_model,
-)
+from mechsim.cli.load_options import LoadOptions, ReleaseOptions, masses_in_json, print_masses, released_model
 from mechsim.cli.options import SPEED, ModelOptions, Speed
 from mechsim.errors import InputError
 from mechsim.mechanism.quantities import quantity_names

@@ -10,13 +10,7 @@ import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.exit_codes import notes, print_stderr
-from mechsim.cli.load_options import (
-    ReleaseOptions,
-    exclude_without_effect,
-    masses_in_json,
-    print_masses,
-    released_model,
-)
+from mechsim.cli.load_options import ReleaseOptions, masses_in_json, print_masses, released_model
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import number
 from mechsim.cli.progress import progress
@@ -27,12 +21,7 @@ from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as, without_geoms
-from mechsim.pictures.render.frame_poses import (
-    PATH_POINTS,
-    VISIBLE_DIFFERENCE,
-    frame_indices,
-    returns_to_start,
-)
+from mechsim.pictures.render.frame_poses import frame_indices, returns_visibly, samples_in_frame
 from mechsim.pictures.render.gltf import write_gltf
 from mechsim.studies.drawn_motion import (
     MAX_SAMPLES,
@@ -76,30 +65,29 @@ class AnimationOptions:
 
     def samples(self, duration: float, picture: bool, positions: int, *, timed: bool) -> float:
         """Return the number of samples of a motion of `duration` [s]; a timed motion keeps its own time."""
-        if self.slow is not None:
-            return self._slowed(duration, self.slow)
-        if timed and not picture:
-            return max(1.0, self._slowed(duration, 1.0))
+        slow = 1.0 if self.slow is None and timed and not picture else self.slow
+        if slow is not None:
+            if self.frames_per_turn is not None:
+                raise InputError("--slow determines the number of frames; leave out --frames-per-turn")
+            if not 0.0 < slow < 1e6 or not 0.0 < self.fps <= 1000.0:
+                raise InputError(
+                    f"{slow:g} times slower at {self.fps:g} frames a second; give numbers above 0, --slow "
+                    "below 1e+06 and --fps up to 1000"
+                )
+            count = duration * slow * self.fps
+            return max(1.0, count) if self.slow is None else count
         # samples of a picture only define the paths; some of them are its positions
         if positions > 1:
-            return abs(self.turns) * positions * between(positions)
+            return abs(self.turns) * positions * samples_in_frame(positions)
         usual = 360 if picture else 72
         return abs(self.turns) * (usual if self.frames_per_turn is None else self.frames_per_turn)
 
     @property
     def caption(self) -> str:
-        """The caption of a slowed animation."""
+        """The caption of a slowed animation; empty for any other."""
+        if self.slow is None:
+            return ""
         return "true speed" if self.slow == 1.0 else f"1/{self.slow:g} of true speed"
-
-    def _slowed(self, duration: float, slow: float) -> float:
-        if self.frames_per_turn is not None:
-            raise InputError("--slow determines the number of frames; leave out --frames-per-turn")
-        if not 0.0 < slow < 1e6 or not 0.0 < self.fps <= 1000.0:
-            raise InputError(
-                f"{slow:g} times slower at {self.fps:g} frames a second; give numbers above 0, --slow below "
-                "1e+06 and --fps up to 1000"
-            )
-        return duration * slow * self.fps
 
 
 @command
@@ -132,7 +120,7 @@ def render(
     _check(stated, output, animation, look)
     resting = replace(source, duration=None).load(still=True)
     if release.requested or moved_by_forces(resting):
-        exclude_without_effect(stated, release)
+        release.exclude(stated)
         free = "on drivers that are free"
         stated.exclude(DRIVEN, free)
         stated.exclude(["arrows"], f"as force or moment {free}", {"force", "moment"} & set(look.arrows))
@@ -154,14 +142,14 @@ def render(
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
-    every = 1 if picture else between(samples)
+    every = 1 if picture else samples_in_frame(samples)
     motion = drawn_motion(solver, "simulated" if both else animation.method, profile, round(samples) * every)
     if animation.method != "closed" and solver.source is not None and not runs_as_published(solver):
         print_stderr(
             "mechsim: stepped with mechsim's settings: MuJoCo alone runs a file whose drivers are joints"
         )
     extra: dict[str, Any] = {}
-    captions = [] if animation.slow is None else [animation.caption]
+    captions = [animation.caption]
     masses: Sequence[LinkMass] = ()
     if {"force", "moment"} & set(look.arrows):
         extra |= joint_loads(solver, animation.method, profile, motion)
@@ -169,10 +157,10 @@ def render(
         captions.append("joint loads as they act on the driven link")
     if both:
         extra["exact"] = solver.solve_as(motion)
-    look = replace(look, caption="; ".join(captions))
+    look = replace(look, caption="; ".join(filter(None, captions)))
     if picture:
         return _written(output, solver, motion, look, masses, angle=angle, **extra)
-    periodic = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
+    periodic = returns_visibly(solver.mechanism, motion)
     tail = periodic and not timed and solver.crank_range().full
     look = replace(look, paths="tail" if tail else look.paths)
     extra |= {"fps": animation.fps, "every": every}
@@ -190,15 +178,13 @@ def _released(
     model = released_model(source)
     release = options.release(model, source)
     if options.mode is None:
-        (motion, every), caption = released_motion(release, animation.fps, animation.slow), ""
-        if animation.slow is not None:
-            caption = animation.caption
+        motion, every = released_motion(release, animation.fps, animation.slow)
+        caption = animation.caption
     else:
-        slow = animation.slow
         cycle = release.cycle(options.mode, 2)
-        seconds = CYCLE if slow is None else cycle.period * slow
+        seconds = CYCLE if animation.slow is None else cycle.period * animation.slow
         count = frame_count(seconds, animation.fps)
-        every = between(count)
+        every = samples_in_frame(count)
         motion = release.cycle(options.mode, count * every).motion
         caption = f"{cycle.title}; 1/{number(seconds / cycle.period, 3)} of true speed"
     look = replace(look, **drawn_as(model.solver), caption=caption)
@@ -211,18 +197,13 @@ def released_motion(release: Release, fps: float, slow: float | None) -> tuple[M
     """Return the motion of a run, and how many of its samples lead from one frame to the next."""
     slow = 1.0 if slow is None else slow
     count = frame_count(release.duration * slow, fps)
-    run = release.shown_run(count * between(count))
+    run = release.shown_run(count * samples_in_frame(count))
     duration = float(run.time[-1])
     if duration < release.duration:
         # the run ended at an event or at rest: repeat it with the frames for its actual duration
         count = frame_count(duration * slow, fps)
-        run = release.shown_run(count * between(count))
-    return run.motion, between(count)
-
-
-def between(frames: float) -> int:
-    """Return how many samples lead from one frame to the next, so that paths look smooth."""
-    return int(np.ceil(PATH_POINTS / frames)) if 1 <= frames < PATH_POINTS else 1
+        run = release.shown_run(count * samples_in_frame(count))
+    return run.motion, samples_in_frame(count)
 
 
 def frame_count(seconds: float, fps: float) -> int:

@@ -21,14 +21,14 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import number, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.verdict_text import headline, motion_law_of_crank
+from mechsim.cli.verdict_text import headline
 from mechsim.errors import AssemblyError, InputError
 from mechsim.io.driver_positions import Poses, driver_path
 from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.loops.record import with_all_joints
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import select_instants
-from mechsim.mechanism.motion_laws import CrankProfile, constant, interval_around
+from mechsim.mechanism.motion_laws import CrankProfile, constant, interval_around, make_motion_laws
 from mechsim.mechanism.scene import Scene
 from mechsim.simulation.run import Run
 from mechsim.simulation.run import simulate as run_in_mujoco
@@ -116,7 +116,11 @@ def simulate(
         run, laws = _poses(solver, options, model_scene), None
     else:
         run = _run(solver, motion, options, settings, model_scene)
-        laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
+        laws = None if solver.motion_laws.crank else solver.motion_laws
+        if solver.source is not None and laws is None:
+            # the motion of the crank of an MJCF file as a motion law
+            states = {solver.mechanism.drivers[0]: motion.state}
+            laws = make_motion_laws(solver.mechanism, states, motion.duration)
     findings = scene_findings(solver, laws)
     few = None if motion is None or run.motion.broken else loss_of_significance(solver, run.motion)
     # the file is written last, so that invalid input writes nothing

@@ -15,7 +15,6 @@ from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import DEGREES, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
-from mechsim.compare.checks import Verdict
 from mechsim.errors import InputError
 from mechsim.kinetics import (
     DynamicModel,
@@ -71,7 +70,12 @@ def statics(
     require_method(method, "pose", "none")
     model, state = loads.dynamic_model(source.load(still=True)), dict(initial.initial)
     mechanism, solutions = model.mechanism, equilibria(model, initial=state, assemblies=assemblies)
-    verdicts = {} if method == "none" else _verdicts(model, solutions)
+    verdicts = {
+        f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
+        for index, equilibrium in enumerate(solutions, start=1)
+        # a structure without degrees of freedom has nothing to compare
+        if method == "pose" and not equilibrium.singular and len(equilibrium.linear.roots.values)
+    }
     torques = holding(model, initial=state) if state else {}
     ranges = holding_range(model, initial=state) if state else {}
     loaded = None if curve is None else _load_curve(model, curve, state)
@@ -123,16 +127,6 @@ def _with_masses(model: DynamicModel, result: Result, verbose: bool | None = Non
             "integral keeps its initial value"
         )
     return with_masses(model, result, verbose)
-
-
-def _verdicts(model: DynamicModel, solutions: Sequence[Equilibrium]) -> dict[str, Verdict]:
-    """Return the checks of equilibria in MuJoCo."""
-    return {
-        f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
-        for index, equilibrium in enumerate(solutions, start=1)
-        # a structure without degrees of freedom has nothing to compare
-        if not equilibrium.singular and len(equilibrium.linear.roots.values)
-    }
 
 
 def _columns(solutions: Sequence[Equilibrium], curve: LoadCurve | None) -> dict[str, Array]:

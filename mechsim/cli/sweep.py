@@ -16,12 +16,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError, require_once
 from mechsim.mechanism.masses import masses_of, with_inertia
 from mechsim.studies.sweep.designs import declared_units, parsed_range
-from mechsim.studies.sweep.sweeping import (
-    built,
-    run_sweep,
-    swept_designs,
-    swept_task,
-)
+from mechsim.studies.sweep.sweeping import built, run_sweep, swept_designs, swept_task
 from mechsim.studies.sweep.table import SUFFIXES, design_columns, require_libraries
 from mechsim.studies.sweep.task import BUILT, SweptSubject
 from mechsim.units import crank_speed, option
@@ -132,10 +127,8 @@ def _print(result: "Dataset", title: str) -> None:
         values, unit = table[name], result[name].attrs.get("units", "1")
         for which, best in (("lowest", np.argmin), ("highest", np.argmax)):
             i = int(np.flatnonzero(valid)[best(values[valid])])
-            design = ", ".join(
-                f"{parameter} = {number(float(table[parameter][i]))}" for parameter in parameters
-            )
-            rows.append((name, which, float(values[i]), unit, design))
+            design = [f"{parameter} = {number(float(table[parameter][i]))}" for parameter in parameters]
+            rows.append((name, which, float(values[i]), unit, ", ".join(design)))
     typer.echo(title if valid.any() else f"FAILED: no design can be measured; {title}")
     print_table("", ("measure", "", "value", "unit", "at"), rows)
     if swings := int(np.count_nonzero(table["outcome"].astype(str) == "swings")):

@@ -83,12 +83,11 @@ def tune(
 def _print(result: Tuned, data: dict[str, Any]) -> None:
     """Print the result, the table of tried settings, and the changes of the file."""
     unit, after = result.unit, replace(result.best, errors=result.errors)
-    rows = [("as published", *_row(result.published, result))]
-    rows.append((f"written: {_summary(result, after)}", *_row(after, result)))
+    trials = {"as published": result.published, f"written: {_summary(result, after)}": after}
+    rows = [(name, *_row(trial, result)) for name, trial in trials.items()]
     shown = (PlainSettings(), result.best.settings)
     others = sorted(result.compared, key=lambda trial: trial.seconds)
-    listed = [trial for trial in others if trial.settings not in shown]
-    rows += [(_summary(result, trial), *_row(trial, result)) for trial in listed]
+    rows += [(_summary(result, own), *_row(own, result)) for own in others if own.settings not in shown]
     for sentence in result.sentences:
         print_text(sentence)
     if not result.reached:

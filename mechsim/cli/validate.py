@@ -148,7 +148,11 @@ def _validate(
         loaded = [*map(_without_formula, loaded)]
     solvers = [design.make({}) for design in loaded]
     _require_crank(stated, solvers)
-    report_code(solvers)
+    # the user's own code that runs for the formulas in files
+    code = dict.fromkeys(solver.formula.rpartition(":")[0] for solver in solvers)
+    own = [file for file in code if file and Path(file).resolve().parent != gallery.folder()]
+    if own:
+        print_stderr(f"mechsim: runs {', '.join(own)} (a formula is Python code)")
     # a mechanism has the name of its argument if several have the same name
     count = Counter(solver.name for solver in solvers)
     designs = {
@@ -298,14 +302,6 @@ def _against(
         _print_folders(chosen)
 
     return Result(data, text, agreement.passed)
-
-
-def report_code(solvers: Iterable[KinematicSolver]) -> None:
-    """Print on stderr the user's own code that runs for the formulas in files."""
-    files = [solver.formula.rpartition(":")[0] for solver in solvers]
-    own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
-    if own:
-        print_stderr(f"mechsim: runs {', '.join(own)} (a formula is Python code)")
 
 
 def _by_reference(models: Sequence[str], verbose: bool) -> Result:

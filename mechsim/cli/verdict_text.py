@@ -11,23 +11,14 @@ import typer
 
 from mechsim.cli.finding_text import kind, print_finding_lines
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
-from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.finding import Finding, counted_findings
 from mechsim.mechanism.masses import summary
-from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import quantity_text
 
 if TYPE_CHECKING:
     from mechsim.compare.checks import Check, Verdict
     from mechsim.studies.agreement.agreement import Agreement
     from mechsim.studies.validate import Validation
-
-
-def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> MotionLaws | None:
-    """Return the motion of the crank of an MJCF file as a motion law; None for any other mechanism."""
-    if solver.source is None:
-        return None
-    return make_motion_laws(solver.mechanism, {solver.mechanism.drivers[0]: motion.state}, motion.duration)
 
 
 # method of a verdict -> description of its comparison
@@ -255,22 +246,17 @@ def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> No
                 lines += labelled("remedy", finding.remedy, len("remedy"))
         findings = () if case.formula is None else case.formula.findings
         lines += failure_lines(case.verdict.checks, findings, case.verdict.reason)
-    lines += method_lines(case.verdict.checks, METHODS | {"step": _stepped(case, speed)})
+    if not case.solver.motion_laws.crank:
+        speed = "motion laws"
+    integrator = "" if case.run.settings is None else f", {case.run.settings.integrator}"
+    stepped = f"MuJoCo, {speed}{integrator}, {case.run.steps} steps"
+    lines += method_lines(case.verdict.checks, METHODS | {"step": stepped})
     lines += [line for note in _notes(case) for line in wrapped(note)]
     if verbose and case.formula is not None:
         lines += attribution_lines(case.formula)
     _echo(lines)
     if verbose:
         print_verdict(name, case.verdict)
-
-
-def _stepped(case: "Validation", speed: str) -> str:
-    """Return a description of a stepped run."""
-    if not case.solver.motion_laws.crank:
-        speed = "motion laws"
-    settings = case.run.settings
-    integrator = "" if settings is None else f", {settings.integrator}"
-    return f"MuJoCo, {speed}{integrator}, {case.run.steps} steps"
 
 
 def _notes(case: "Validation") -> list[str]:

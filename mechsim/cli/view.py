@@ -13,7 +13,7 @@ import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.load_options import ReleaseOptions, exclude_without_effect, released_model
+from mechsim.cli.load_options import ReleaseOptions, released_model
 from mechsim.cli.options import SPEED, ModelOptions, load_parametric
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
@@ -76,7 +76,7 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> 
 
     resting = replace(source, duration=None).load(still=True)
     if release.requested or (moved_by_forces(resting) and not resting.mechanism.drivers):
-        exclude_without_effect(stated, release)
+        release.exclude(stated)
         model = released_model(source)
         return release_view(release.release(model, source), release.mode)
     solver = source.load()

@@ -138,13 +138,11 @@ def _numbers(
             return json.dumps(own)
         return f"[{', '.join(formula.javascript for formula in formulas)}]"
 
-    def point(key: str, own: tuple[float, ...]) -> int | None:
-        return add(own, listed(key, "at", own)) if (key, "at") in geometry.vectors else None
-
     for joint in solved.source.mechanism.joints:
         for side, end in (("a", joint.a), ("b", joint.b)):
-            key = f"{joint.name}.{side}"
-            first, frame = point(key, end.point), None
+            key, first, frame = f"{joint.name}.{side}", None, None
+            if (key, "at") in geometry.vectors:
+                first = add(end.point, listed(key, "at", end.point))
             if any((key, quantity) in geometry.vectors for quantity in ("axis", "reference")):
                 reference = listed(key, "reference", end.reference if end.has_reference else None)
                 axis = listed(key, "axis", end.axis)
@@ -152,9 +150,9 @@ def _numbers(
             if first is not None or frame is not None:
                 sides[joint.name, side] = first, frame
     points = {
-        name: first
+        name: add(local, listed(name, "at", local))
         for name, (_, local) in solved.source.mechanism.points.items()
-        if (first := point(name, local)) is not None
+        if (name, "at") in geometry.vectors
     }
     return VaryingNumbers(sides, points), np.array(values), lines
 

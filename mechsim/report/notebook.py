@@ -230,7 +230,7 @@ def render(
     """
     from mechsim.pictures.render import Look, write_picture, write_video
     from mechsim.pictures.render.drawn_model import drawn_as
-    from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
+    from mechsim.pictures.render.frame_poses import returns_visibly
     from mechsim.pictures.render.gltf import write_gltf
     from mechsim.studies.drawn_motion import drawn_motion, initial_pose, is_undriven
     from mechsim.studies.motions import profile_of
@@ -253,8 +253,7 @@ def render(
             write_gltf(output, solver.mechanism, motion, look, fps=fps)
             return None
         # a repeated first frame is left out
-        again = returns_to_start(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
-        angles = motion.angle[:-1] if again else motion.angle
+        angles = motion.angle[:-1] if returns_visibly(solver.mechanism, motion) else motion.angle
         write_video(output, solver.mechanism, motion, look, angles=angles, fps=fps)
         return None
     look = replace(look, paths="whole" if look.paths else False)

@@ -118,13 +118,18 @@ _CASES: dict[str, Validation] = {}
 def _section(folder: Path, name: str) -> tuple[Section, list[str]]:
     """Return the section of a mechanism and its notes, and write its interactive view."""
     case, notes = _CASES[name], list[str]()
+    view, library, path = case_view(case), folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
+    # all views share one file of three.js
+    for file, text in ((library, three_js()), (path, page(view, library.name))) if view else ():
+        with atomic_path(file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     section = Section(
         name=name,
         title=name,
         about=about(case.solver),
         facts=_facts(case) | ({} if case.formula is None else error_of_a_run(case.formula)),
         picture=_picture(case.solver, case.run.motion, notes),
-        view=_write_view(folder, name, case),
+        view=path.name if view else "",
         plots=_plots(case),
         checks=case.verdict.checks,
         settings=_settings(case),
@@ -149,21 +154,6 @@ def _picture(
         return None
     Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY)
     return out.getvalue()
-
-
-def _write_view(folder: Path, name: str, case: Validation) -> str:
-    """Write the interactive 3-D view and return its file's name; empty where there is none.
-
-    All views share one file of three.js.
-    """
-    view = case_view(case)
-    if view is None:
-        return ""
-    library, path = folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
-    for file, text in ((library, three_js()), (path, page(view, library.name))):
-        with atomic_path(file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return path.name
 
 
 def _plots(case: Validation) -> list[tuple[str, bytes]]:

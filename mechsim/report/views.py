@@ -14,7 +14,7 @@ from mechsim.kinematics.loops.path import LoopPath
 from mechsim.kinematics.loops.start import start_poses
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.masses import summary
-from mechsim.mechanism.mechanism import Mechanism, Up
+from mechsim.mechanism.mechanism import Up
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import constant, interval_around, make_motion_laws, steady, within_range
 from mechsim.numerics.arrays import REVOLUTION, Array
@@ -215,38 +215,32 @@ def hand_grids(
         start: driver -> initial value, for drivers without a motion law.
     """
     solver.mechanism.require_driver()
-    begin = {**start, **solver.motion_laws.first}
-    return [
-        _hand_grid(solver.mechanism, name, begin, *_hand_range(solver, name, begin[name], limits))
-        for name in solver.mechanism.drivers
-    ]
-
-
-def _hand_range(
-    solver: KinematicSolver, name: str, first: float, limits: Mapping[str, tuple[float, float]]
-) -> tuple[float, float]:
-    """Return the range of a driver: half as large again as that of its motion law, within its limits."""
-    values, laws, angle = np.array([first]), solver.motion_laws, solver.mechanism.unit(name) == "rad"
-    if name in laws.by_name:
-        values = laws.by_name[name](np.linspace(0.0, laws.duration, 257))[0]
-    middle, reach = float(0.5 * (np.min(values) + np.max(values))), 0.75 * float(np.ptp(values))
-    least = MANUAL_ANGLE if angle else MANUAL_LENGTH * solver.mechanism.characteristic_length
-    reach = min(max(reach, least), np.pi if angle else np.inf)
-    low, high = limits.get(name, (-np.inf, np.inf))
-    return max(middle - reach, low), min(middle + reach, high)
+    begin, bounds = {**start, **solver.motion_laws.first}, (-np.inf, np.inf)
+    return [_hand_grid(solver, name, begin, limits.get(name, bounds)) for name in solver.mechanism.drivers]
 
 
 def _hand_grid(
-    mechanism: Mechanism, moved: str, start: Mapping[str, float], low: float, high: float
+    solver: KinematicSolver, moved: str, start: Mapping[str, float], limits: tuple[float, float]
 ) -> PoseGrid:
-    """Return the poses over one driver within a range, the others where they start."""
+    """Return the poses over one driver, the others where they start.
+
+    Its range is half as large again as that of its motion law, within its limits.
+    """
+    mechanism, laws, values = solver.mechanism, solver.motion_laws, np.array([start[moved]])
+    angle = mechanism.unit(moved) == "rad"
+    if moved in laws.by_name:
+        values = laws.by_name[moved](np.linspace(0.0, laws.duration, 257))[0]
+    middle, reach = float(0.5 * (np.min(values) + np.max(values))), 0.75 * float(np.ptp(values))
+    least = MANUAL_ANGLE if angle else MANUAL_LENGTH * mechanism.characteristic_length
+    reach = min(max(reach, least), np.pi if angle else np.inf)
     states = {driver: steady(start[driver], 1.0 if driver == moved else 0.0) for driver in mechanism.drivers}
     laws = make_motion_laws(mechanism, states, 1.0)
     path = driven_path(mechanism, laws)
+    low, high = max(middle - reach, limits[0]), min(middle + reach, limits[1])
     ends = [(end - start[moved]) * laws.rate for end in (low, high)]
     parameter = np.linspace(_reached(path, -1, ends[0]), _reached(path, 1, ends[1]), SAMPLES + 1)
     motion = solve_along(path, parameter, laws.rate, 0.0, laws)
-    unit, nodes = "m" if mechanism.unit(moved) == "m" else "rad", start[moved] + parameter / laws.rate
+    unit, nodes = "rad" if angle else "m", start[moved] + parameter / laws.rate
     grid = motion_grid(f"move {moved}", mechanism, motion, nodes=nodes, driver=moved, unit=unit, speeds=False)
     return replace(grid, slider=replace(grid.slider, start=start[moved]))
 

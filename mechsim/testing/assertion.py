@@ -15,13 +15,7 @@ from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
-from mechsim.studies.agreement.agreement import (
-    SPEED,
-    Agreement,
-    compare_model,
-    comparison_inputs,
-    parametric,
-)
+from mechsim.studies.agreement.agreement import SPEED, Agreement, compare_model, comparison_inputs, parametric
 from mechsim.studies.validate import validate
 from mechsim.testing.running import RUNNING, RunningTest
 
@@ -186,8 +180,5 @@ class ModelFolder:
         if not isinstance(source, str | Path):
             return source
         file, python, _ = str(source).rpartition(".py:")
-        return (
-            str(self.folder / source)
-            if (self.folder / (f"{file}.py" if python else source)).is_file()
-            else source
-        )
+        exists = (self.folder / (f"{file}.py" if python else source)).is_file()
+        return str(self.folder / source) if exists else source

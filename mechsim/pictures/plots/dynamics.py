@@ -13,7 +13,6 @@ from mechsim.pictures.plots.figure import (
     LEGEND_RIGHT,
     STYLES,
     along_axis,
-    angle_axis,
     blank,
     draw_curves,
     flattened,
@@ -81,7 +80,7 @@ def _torque(
     flattened(
         ax, max(float(np.abs(values).max(initial=0.0)) for values in components.values()) / factor, unit
     )
-    angle_axis(ax)
+    along_axis(ax)
     ax.legend(**LEGEND_RIGHT)
 
 
@@ -133,5 +132,5 @@ def _speeds(ax: "Axes", fluctuation: Fluctuation) -> None:
     ax.axhline(fluctuation.mean, color=RINGS, lw=0.8)
     flattened(ax, abs(float(fluctuation.mean)), "rad/s")
     ax.set_ylabel("crank speed [rad/s]")
-    angle_axis(ax)
+    along_axis(ax)
     ax.legend(**LEGEND_RIGHT)

@@ -194,16 +194,11 @@ def abscissa(motion: Motion) -> Array:
     return motion.time if motion.drivers and motion.time is not None else np.rad2deg(motion.angle)
 
 
-def along_axis(ax: Axes, timed: bool) -> None:
+def along_axis(ax: Axes, timed: bool = False) -> None:
     """Label the horizontal axis for times in seconds, or for crank angles in degrees."""
     if timed:
         ax.set_xlabel("time [s]")
-    else:
-        angle_axis(ax)
-
-
-def angle_axis(ax: Axes) -> None:
-    """Label the horizontal axis for crank angles in degrees."""
+        return
     with needs("pictures"):
         from matplotlib.ticker import MultipleLocator
 

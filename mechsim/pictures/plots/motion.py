@@ -19,7 +19,6 @@ from mechsim.pictures.plots.figure import (
     STYLES,
     abscissa,
     along_axis,
-    angle_axis,
     blank,
     decades,
     flattened,
@@ -99,7 +98,7 @@ def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> Figure:
     ax.set_ylim(0.0, 95.0)
     ax.set_yticks(range(0, 91, 30))
     ax.set_ylabel("transmission angle [°]")
-    angle_axis(ax)
+    along_axis(ax)
     return figure
 
 

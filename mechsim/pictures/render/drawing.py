@@ -53,19 +53,16 @@ class Trace:
         self.width = 2.4 * look.size[1] / 480.0 / drawn.camera.scale
         colours = point_colours(drawn.mechanism)
         self.paths: dict[str, Chain] = {}
-        self.fixed: list[Chain] = []
         for name, path in drawn.frames.paths.items():
             colour = np.array(colours[name])
             colour[:3] *= 0.9
             self.paths[name] = chain(path, self.width, colour)
-        if look.trace == "whole":
-            self.fixed.extend(self.paths.values())
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:
         """Add lines and arrows of a frame to a scene."""
         now, trace = self.drawn.frames, self.drawn.look.trace
-        for fixed in self.fixed:
-            fixed.put(scene)
+        for path in self.paths.values() if trace == "whole" else ():
+            path.put(scene)
         every = self.drawn.frames_shown(frame)
         frame = every[-1]
         for name in now.starts.keys() & {*self.drawn.look.closures}:

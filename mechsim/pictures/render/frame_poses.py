@@ -172,6 +172,16 @@ def returns_to_start(
     )
 
 
+def returns_visibly(mechanism: Mechanism, motion: Motion) -> bool:
+    """Return whether the last pose of a motion looks like the first."""
+    return returns_to_start(mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
+
+
+def samples_in_frame(frames: float) -> int:
+    """Return how many samples lead from one of several frames to the next, so that paths look smooth."""
+    return int(np.ceil(PATH_POINTS / frames)) if 1 <= frames < PATH_POINTS else 1
+
+
 def frame_poses(
     mechanism: Mechanism,
     motion: Motion,
@@ -264,7 +274,11 @@ def sample_indices(angles: Array, requested: Array) -> Array:
 
     Of a crank that swings to and fro the longest stretch in one direction counts.
     """
-    first, last = _longest_stretch(angles)
+    turns = np.sign(np.diff(angles))
+    ends = np.concatenate([[0], np.flatnonzero(turns[1:] != turns[:-1]) + 1, [len(angles) - 1]])
+    moving = np.where(turns[ends[:-1]] == 0.0, 0, np.diff(ends)) if len(turns) else np.zeros(1)
+    longest = int(np.argmax(moving))
+    first, last = (int(ends[longest]), int(ends[longest + 1])) if moving[longest] else (0, 0)
     direction = 1.0 if angles[last] >= angles[first] else -1.0
     rising, requested = direction * angles[first : last + 1], direction * requested
     if len(rising) < 2:
@@ -276,16 +290,6 @@ def sample_indices(angles: Array, requested: Array) -> Array:
             f"but the motion goes only from {rising[0]:.6g} to {rising[-1]:.6g} rad"
         )
     return np.interp(requested, rising, np.arange(first, last + 1, dtype=np.float64))
-
-
-def _longest_stretch(angles: Array) -> tuple[int, int]:
-    """Return the first and the last sample of the longest interval without a reversal."""
-    direction = np.sign(np.diff(angles))
-    breaks = np.flatnonzero(direction[1:] != direction[:-1]) + 1
-    ends = np.concatenate([[0], breaks, [len(angles) - 1]])
-    moving = np.where(direction[ends[:-1]] == 0.0, 0, np.diff(ends)) if len(direction) else np.zeros(1)
-    longest = int(np.argmax(moving))
-    return (int(ends[longest]), int(ends[longest + 1])) if moving[longest] else (0, 0)
 
 
 def _between(pose: Pose, indices: Array) -> Pose:

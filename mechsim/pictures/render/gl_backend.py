@@ -51,9 +51,6 @@ class Backend:
         """Whether the processor renders, not a graphics card."""
         return any(word in self.driver.lower() for word in SOFTWARE)
 
-    def __str__(self) -> str:
-        return f"{self.name}: {self.driver}, {'software' if self.software else 'hardware'}"
-
 
 def choose() -> Backend:
     """Return the back end for rendering: that of MUJOCO_GL, else the first of EGL and OSMesa that works.

@@ -23,7 +23,7 @@ from mechsim.files import atomic_path
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.pictures.render.drawing import frames, still
-from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, returns_to_start
+from mechsim.pictures.render.frame_poses import returns_visibly
 from mechsim.pictures.render.labels import Picture
 from mechsim.pictures.render.look import Look
 
@@ -133,7 +133,7 @@ def turn_angles(mechanism: Mechanism, motion: Motion, per_turn: int = 36) -> np.
     first, last = float(motion.angle[0]), float(motion.angle[-1])
     steps = abs(last - first) * per_turn / (2.0 * np.pi)
     whole = abs(steps - round(steps)) < 1e-6 and round(steps) % per_turn == 0 and round(steps) > 0
-    again = whole and returns_to_start(mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
+    again = whole and returns_visibly(mechanism, motion)
     count = round(steps) if again else int(np.floor(steps + 1e-6)) + 1
     return first + np.sign(last - first) * np.arange(count) * 2.0 * np.pi / per_turn
 

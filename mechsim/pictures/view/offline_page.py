@@ -200,7 +200,10 @@ def _cameras(view: View, balls: Array, radii: Array) -> list[dict[str, Any]]:
 
 
 def _grid(grid: PoseGrid) -> dict[str, Any]:
-    links, slider, ghost = list(grid.position), grid.slider, grid.ghost
+    links, slider, shown = list(grid.position), grid.slider, None
+    if ghost := grid.ghost:
+        differences = _by_link(links, ghost.shift, ghost.rotation)
+        shown = {"name": ghost.name, "nodes": _short(ghost.nodes, 15), "by": ghost.by, "values": differences}
     own = {"name": slider.name, "unit": slider.unit, "nodes": _short(slider.nodes, 15), "ring": slider.ring}
     landmarks = [asdict(landmark) for landmark in slider.landmarks]
     return {
@@ -218,14 +221,7 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
             }
             for readout in grid.readouts
         ],
-        "ghost": None
-        if ghost is None
-        else {
-            "name": ghost.name,
-            "nodes": _short(ghost.nodes, 15),
-            "by": ghost.by,
-            "values": _by_link(links, ghost.shift, ghost.rotation),
-        },
+        "ghost": shown,
     }
 
 
